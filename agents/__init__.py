@@ -1,0 +1,1 @@
+"""One process per vehicle: a thin shell around the pure pilot."""

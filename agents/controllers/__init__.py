@@ -1,0 +1,1 @@
+"""Interchangeable controllers, one file each."""

@@ -1,0 +1,1 @@
+"""Interchangeable estimators, one file each."""

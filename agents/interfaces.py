@@ -1,0 +1,119 @@
+"""What estimators and controllers promise each other and the pilot.
+
+Write a class with the methods of `Controller` (or `Estimator`), register it under the entry-point group
+`rcopterx.controllers` (or `rcopterx.estimators`), and it flies in the same fleet.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from agents.trajectory import Trajectory
+from vehicles.state import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One pose of the motion capture: position [m], shape (3,), and wrapped or unwrapped yaw [rad]."""
+
+    position_m: Array
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What an estimator knows of its vehicle at one instant.
+
+    Attributes
+    ----------
+    motion
+        Motion state of `vehicles.state`, shape (8,), yaw unwrapped.
+    actuator
+        Inputs after their lag, shape (4,).
+    disturbance
+        Unmodelled accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,); zeros where an
+        estimator does not tell.
+    """
+
+    motion: Array
+    actuator: Array
+    disturbance: Array
+
+
+class Estimator(Protocol):
+    """Turns poses and applied inputs into an estimate."""
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start at rest at a measured pose."""
+        ...
+
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """Move the estimate on by one period during which `applied_input`, shape (4,), acted."""
+        ...
+
+    def correct(self, measurement: Measurement) -> bool:
+        """Take in a pose; False if it was refused because the vehicle cannot have flown there."""
+        ...
+
+    @property
+    def estimate(self) -> Estimate:
+        """The current estimate."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ControlStep:
+    """Result of one control step.
+
+    Attributes
+    ----------
+    inputs
+        Planned inputs, shape (N - 1, 4); the first row is applied now. Always finite and within limits.
+    plan
+        Predicted trajectory from the compensated present on, N stages.
+    fallback
+        Why the optimum is not what is returned (`early_stop`, `shifted_plan`, `hover`), else None.
+    iterations
+        Solver iterations, summed over sub-problems.
+    """
+
+    inputs: Array
+    plan: Trajectory
+    fallback: str | None
+    iterations: int
+
+
+class Controller(Protocol):
+    """Computes inputs and a plan. Never raises in `step`, never returns a command outside the limits."""
+
+    @property
+    def horizon(self) -> int:
+        """Number of stages N of references it expects and plans it returns."""
+        ...
+
+    @property
+    def period_s(self) -> float:
+        """Control period T_s."""
+        ...
+
+    def reset(self, estimate: Estimate, last_input: Array) -> None:
+        """Start from a flying vehicle: integral states and warm starts are set for a bumpless first step."""
+        ...
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        """Compute one control step.
+
+        Parameters
+        ----------
+        estimate
+            State at the instant the new input begins to act (delay already compensated).
+        reference
+            N stages from that instant on.
+        last_input
+            Input commanded one period before, shape (4,).
+
+        Returns
+        -------
+        ControlStep
+            Inputs and plan.
+        """
+        ...

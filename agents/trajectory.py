@@ -1,0 +1,140 @@
+"""A sampled trajectory: what a plan is, and what a reference is.
+
+Everything is in the inertial frame and in SI units, so a trajectory means the same to every vehicle whatever
+its heading, type or scaling; the rotations of the formation law (6) happen where a controller needs
+body-frame quantities. Plans and references being the same thing is what makes following a mere subscription.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vehicles.state import Array
+
+POSITION: Final = slice(0, 3)
+YAW: Final = 3
+VELOCITY: Final = slice(4, 7)
+YAW_RATE: Final = 7
+ACCELERATION: Final = slice(8, 11)
+YAW_ACCELERATION: Final = 11
+COLUMNS: Final = 12
+COLUMN_NAMES: Final = (
+    "x_m", "y_m", "z_m", "yaw_rad",
+    "vx_m_s", "vy_m_s", "vz_m_s", "yaw_rate_rad_s",
+    "ax_m_s2", "ay_m_s2", "az_m_s2", "yaw_acceleration_rad_s2",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Stages of a trajectory, `period_s` apart.
+
+    Attributes
+    ----------
+    samples
+        Shape (N, 12): position [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration [m/s^2], yaw
+        acceleration [rad/s^2]; inertial frame, yaw unwrapped.
+    period_s
+        Time between stages.
+    """
+
+    samples: Array
+    period_s: float
+
+    @property
+    def stages(self) -> int:
+        """Number of stages N."""
+        return len(self.samples)
+
+    @property
+    def position_m(self) -> Array:
+        """Positions, shape (N, 3)."""
+        return self.samples[:, POSITION]
+
+    @property
+    def yaw_rad(self) -> Array:
+        """Headings, shape (N,)."""
+        return self.samples[:, YAW]
+
+    @property
+    def velocity_m_s(self) -> Array:
+        """Inertial velocities, shape (N, 3)."""
+        return self.samples[:, VELOCITY]
+
+    @property
+    def yaw_rate_rad_s(self) -> Array:
+        """Yaw rates, shape (N,)."""
+        return self.samples[:, YAW_RATE]
+
+    @property
+    def acceleration_m_s2(self) -> Array:
+        """Inertial accelerations, shape (N, 3)."""
+        return self.samples[:, ACCELERATION]
+
+    @property
+    def yaw_acceleration_rad_s2(self) -> Array:
+        """Yaw accelerations, shape (N,)."""
+        return self.samples[:, YAW_ACCELERATION]
+
+    def resampled(self, start_s: float, period_s: float, stages: int) -> "Trajectory":
+        """Read the trajectory at other instants.
+
+        Between stages values are interpolated linearly (exact on the stages themselves). Before the first
+        stage the first one is held at rest; beyond the last one the vehicle is taken to go on with the last
+        velocity, unaccelerated.
+
+        Parameters
+        ----------
+        start_s
+            Time of the first new stage, counted from the first stage of this trajectory.
+        period_s
+            Time between the new stages.
+        stages
+            Number of new stages.
+
+        Returns
+        -------
+        Trajectory
+            The new stages.
+        """
+        at = (start_s + period_s * np.arange(stages)) / self.period_s
+        nearest = np.round(at)
+        at = np.where(np.abs(at - nearest) < 1e-6, nearest, at)
+        last = self.stages - 1
+        inside = np.clip(at, 0, last)
+        lower = np.minimum(inside.astype(np.intp), max(last - 1, 0))
+        fraction = (inside - lower)[:, None]
+        upper = np.minimum(lower + 1, last)
+        samples = self.samples[lower] * (1 - fraction) + self.samples[upper] * fraction
+        beyond_s = np.maximum(at - last, 0.0) * self.period_s
+        if beyond_s[-1] > 0:
+            samples[:, :4] += beyond_s[:, None] * self.samples[-1, 4:8]
+            samples[beyond_s > 0, 8:] = 0.0
+        samples[at < 0, 4:] = 0.0
+        return Trajectory(samples, period_s)
+
+
+def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:
+    """Trajectory of a set point: rest at one place.
+
+    Parameters
+    ----------
+    position_m
+        Set point in the inertial frame, shape (3,).
+    yaw_rad
+        Heading, unwrapped.
+    period_s
+        Time between stages.
+    stages
+        Number of stages.
+
+    Returns
+    -------
+    Trajectory
+        The set point at every stage.
+    """
+    samples = np.zeros((stages, COLUMNS))
+    samples[:, POSITION] = position_m
+    samples[:, YAW] = yaw_rad
+    return Trajectory(samples, period_s)

@@ -1,0 +1,1 @@
+"""The channel table, the messages and the sessions every process talks through."""

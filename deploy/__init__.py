@@ -1,0 +1,1 @@
+"""The fleet file, the supervisor and the ready fleets."""

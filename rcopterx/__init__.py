@@ -1,0 +1,1 @@
+"""The command line `rcopterx` and the scripting interface."""

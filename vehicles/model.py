@@ -1,0 +1,131 @@
+"""The model every vehicle type shares, as data, and its continuous dynamics.
+
+Coaxial helicopters and quadrotors in attitude mode have the same structure seen from the sticks: every input
+passes an actuator lag and then acts as an acceleration. They differ in numbers (`vehicles.types`) and, in
+the simulator, in the tilt of their thrust.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from vehicles.state import (
+    INPUT_SIZE,
+    MOTION_SIZE,
+    U_PITCH,
+    U_ROLL,
+    U_THRUST,
+    U_YAW,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    ZD_BODY,
+    Array,
+    X,
+    Y,
+    Z,
+)
+
+Four = tuple[float, float, float, float]
+Seven = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Model:
+    """Parameters of equation (1) with actuator lag and delay, the limits and the scaling of one vehicle.
+
+    Four-vectors are ordered pitch (body x), roll (body y), thrust (z), yaw. State limits bound
+    x, y, z, xd_B, yd_B, zd_B, psid in this order (control.md section 3); yaw itself is free.
+    """
+
+    kind: str
+    input_gain: Four
+    """b_x, b_y, b_z [m/s^2 per unit], b_psi [rad/s^2 per unit]."""
+    damping: Four
+    """k_x, k_y, k_z, k_psi [1/s], negative for a stable vehicle."""
+    lag_s: Four
+    """First-order actuator lag of each input."""
+    delay_s: float
+    """Transport delay from a pose to the first effect of the command computed from it."""
+    hover_thrust: float
+    """Thrust input at which the vehicle was measured to hover."""
+    input_min: Four
+    input_max: Four
+    state_min: Seven
+    state_max: Seven
+    state_scale: tuple[float, ...]
+    """Diagonal of D_x, equation (5): eleven entries, integral states included."""
+    input_scale: Four
+    """Diagonal of D_u, equation (5)."""
+    state_shift: tuple[float, ...]
+    """s_x, equation (5), eleven entries."""
+    input_shift: Four
+    """s_u, equation (5)."""
+    gravity_m_s2: float = 9.81
+    integrator_gain: float = 2.0
+    """k_i of equation (1)."""
+
+    @cached_property
+    def b(self) -> Array:
+        """Input gains, shape (4,)."""
+        return np.array(self.input_gain)
+
+    @cached_property
+    def k(self) -> Array:
+        """Damping, shape (4,)."""
+        return np.array(self.damping)
+
+    @cached_property
+    def u_min(self) -> Array:
+        """Lower input limits, shape (4,)."""
+        return np.array(self.input_min)
+
+    @cached_property
+    def u_max(self) -> Array:
+        """Upper input limits, shape (4,)."""
+        return np.array(self.input_max)
+
+    @cached_property
+    def hover_input(self) -> Array:
+        """Input that keeps the model at rest, shape (4,): gravity over b_z, zeros else."""
+        hover = np.zeros(INPUT_SIZE)
+        hover[U_THRUST] = self.gravity_m_s2 / self.input_gain[U_THRUST]
+        return hover
+
+
+def motion_derivative(model: Model, motion: Array, actuator: Array, disturbance: Array) -> Array:
+    """Continuous dynamics (1) of the motion states under actuator states that already passed their lag.
+
+    Parameters
+    ----------
+    model
+        Vehicle parameters.
+    motion
+        Motion state, shape (8,).
+    actuator
+        Inputs after their lag, shape (4,).
+    disturbance
+        Accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,).
+
+    Returns
+    -------
+    Array
+        Time derivative, shape (8,).
+    """
+    c, s = np.cos(motion[YAW]), np.sin(motion[YAW])
+    xd, yd, zd, yaw_rate = motion[XD_BODY : YAW_RATE + 1]
+    b, k = model.input_gain, model.damping
+    derivative = np.empty(MOTION_SIZE)
+    derivative[X] = c * xd - s * yd
+    derivative[Y] = s * xd + c * yd
+    derivative[Z] = zd
+    derivative[YAW] = yaw_rate
+    derivative[XD_BODY] = b[U_PITCH] * actuator[U_PITCH] + k[U_PITCH] * xd + yaw_rate * yd + disturbance[0]
+    derivative[YD_BODY] = b[U_ROLL] * actuator[U_ROLL] + k[U_ROLL] * yd - yaw_rate * xd + disturbance[1]
+    derivative[ZD_BODY] = (
+        b[U_THRUST] * actuator[U_THRUST] + k[U_THRUST] * zd - model.gravity_m_s2 + disturbance[2]
+    )
+    derivative[YAW_RATE] = b[U_YAW] * actuator[U_YAW] + k[U_YAW] * yaw_rate + disturbance[3]
+    return derivative

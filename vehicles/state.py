@@ -1,0 +1,47 @@
+"""Index names of the motion state, the input and their units (control.md section 1).
+
+The motion state is x, y, z in the inertial frame [m], the yaw psi [rad, unwrapped], the body-frame velocity
+[m/s] and the yaw rate [rad/s]. Body x points to the nose, body z along the rotor axis. The input is
+normalised stick deflection: pitch, roll, thrust, yaw.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""An array of 64-bit floats; its shape is stated where it is used."""
+
+X: Final = 0
+Y: Final = 1
+Z: Final = 2
+YAW: Final = 3
+XD_BODY: Final = 4
+YD_BODY: Final = 5
+ZD_BODY: Final = 6
+YAW_RATE: Final = 7
+MOTION_SIZE: Final = 8
+
+U_PITCH: Final = 0
+U_ROLL: Final = 1
+U_THRUST: Final = 2
+U_YAW: Final = 3
+INPUT_SIZE: Final = 4
+
+
+def heading_matrix(yaw_rad: float) -> Array:
+    """Rotation from the body (heading) frame to the inertial frame.
+
+    Parameters
+    ----------
+    yaw_rad
+        Heading psi.
+
+    Returns
+    -------
+    Array
+        R(psi), shape (2, 2); its transpose maps inertial to body vectors.
+    """
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([[c, -s], [s, c]])
