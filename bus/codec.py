@@ -1,0 +1,85 @@
+"""MessagePack coding of messages. Anything that is not a valid message is refused with a reason."""
+
+import math
+from typing import TypeVar
+
+import msgpack
+import msgspec
+
+from bus.messages import InvalidMessageError, Message
+
+M = TypeVar("M", bound=Message)
+
+MAX_DEPTH = 8
+
+
+class RejectedError(ValueError):
+    """A payload that is not a valid message of its channel.
+
+    Attributes
+    ----------
+    kind
+        Short name to count by: `size`, `malformed`, `type`, `value`.
+    """
+
+    def __init__(self, kind: str, detail: str) -> None:
+        super().__init__(detail)
+        self.kind = kind
+
+
+def encode(message: Message) -> bytes:
+    """Pack a message as a MessagePack map of its fields."""
+    packed = msgpack.packb(msgspec.to_builtins(message, builtin_types=(bytes,)))
+    return bytes(packed)
+
+
+def decode(payload: bytes, message_type: type[M]) -> M:
+    """Unpack and validate a message.
+
+    Parameters
+    ----------
+    payload
+        Bytes from the bus.
+    message_type
+        Type the channel carries.
+
+    Returns
+    -------
+    M
+        The message; every number in it is finite.
+
+    Raises
+    ------
+    RejectedError
+        Too large, not MessagePack, wrong types or missing fields, or values that make no sense.
+    """
+    limit = message_type.MAX_BYTES
+    if len(payload) > limit:
+        raise RejectedError("size", f"{len(payload)} bytes, at most {limit} are allowed")
+    try:
+        plain = msgpack.unpackb(payload, max_bin_len=limit, max_str_len=limit, raw=False)
+    except Exception as error:  # noqa: BLE001 - msgpack raises many types for garbage; all mean the same
+        raise RejectedError("malformed", f"not MessagePack: {error}") from None
+    if not _finite(plain, MAX_DEPTH):
+        raise RejectedError("value", "a number is not finite, or the message is nested too deeply")
+    try:
+        message = msgspec.convert(plain, message_type)
+    except (msgspec.ValidationError, OverflowError) as error:
+        raise RejectedError("type", str(error)) from None
+    try:
+        message.check()
+    except InvalidMessageError as error:
+        raise RejectedError("value", str(error)) from None
+    return message
+
+
+def _finite(value: object, depth: int) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if depth == 0:
+        return not isinstance(value, dict | list)
+    if isinstance(value, dict):
+        return all(_finite(item, depth - 1) for item in value.values())
+    if isinstance(value, list):
+        return all(_finite(item, depth - 1) for item in value)
+    return True

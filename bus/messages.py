@@ -1,0 +1,313 @@
+"""The messages on the bus: typed, in SI units, valid on arrival or not at all.
+
+Every message carries `schema_version`. Fields are only ever appended, with defaults, so that old and new
+programs understand each other. Numbers are finite, names are key-safe, arrays state their shape; `check`
+holds what types cannot say. The table of channels is `bus.channels`, the coding `bus.codec`.
+"""
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+SCHEMA_VERSION = 1
+MAX_STAGES = 200
+PLAN_COLUMNS = 12
+MAX_NEXT_INPUTS = 16
+MAX_POSITION_M = 100.0
+
+Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
+Text = Annotated[str, Meta(max_length=400)]
+Count = Annotated[int, Meta(ge=0)]
+Seconds = Annotated[float, Meta(ge=0)]
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+
+
+class InvalidMessageError(ValueError):
+    """A message of valid types that makes no sense; says which field and what is allowed."""
+
+
+class FloatArray(Struct, frozen=True):
+    """A matrix of 64-bit floats as it travels: its shape and its little-endian bytes, row by row."""
+
+    shape: tuple[int, int]
+    data: bytes
+
+    @classmethod
+    def of(cls, values: NDArray[np.float64]) -> "FloatArray":
+        """Pack an array of shape (rows, columns)."""
+        rows, columns = values.shape
+        return cls((rows, columns), np.ascontiguousarray(values, dtype="<f8").tobytes())
+
+    def to_numpy(self) -> NDArray[np.float64]:
+        """Unpack into a read-only array of `shape`."""
+        return np.frombuffer(self.data, dtype="<f8").reshape(self.shape)
+
+    def check(self, field: str, columns: int, max_rows: int, min_rows: int = 0) -> None:
+        """Refuse wrong shapes before any array is built, then non-finite values.
+
+        Raises
+        ------
+        InvalidMessageError
+            Names `field` and what is allowed.
+        """
+        rows, actual_columns = self.shape
+        if actual_columns != columns or not min_rows <= rows <= max_rows:
+            raise InvalidMessageError(
+                f"{field}: shape {self.shape}, allowed is ({min_rows}..{max_rows}, {columns})"
+            )
+        if len(self.data) != 8 * rows * columns:
+            raise InvalidMessageError(
+                f"{field}: {len(self.data)} bytes for shape {self.shape}, needs {8 * rows * columns}"
+            )
+        if not np.isfinite(self.to_numpy()).all():
+            raise InvalidMessageError(f"{field}: not all values are finite")
+
+
+class Message(Struct, frozen=True, kw_only=True):
+    """What all messages share."""
+
+    MAX_BYTES: ClassVar[int] = 32768
+
+    schema_version: Annotated[int, Meta(ge=1)] = SCHEMA_VERSION
+
+    def check(self) -> None:
+        """Refuse contents that the types allow but the meaning forbids.
+
+        Raises
+        ------
+        InvalidMessageError
+            Names the field and what is allowed.
+        """
+
+
+class Pose(Message, frozen=True, kw_only=True):
+    """One frame of the motion capture for one vehicle, Z up, inertial frame."""
+
+    epoch: Count
+    """Identifies an uninterrupted stream of frames [ms of wall clock at its start]."""
+    frame: Count
+    """Raw frame number of the Tracker: the fleet's clock."""
+    period_s: Annotated[float, Meta(gt=0, le=1)]
+    """Time between frames."""
+    latency_s: Seconds
+    """From capture to arrival at the gateway, as far as the Tracker and the network tell."""
+    received_s: float
+    """Monotonic clock of the gateway's host at arrival; meaningless on other hosts."""
+    occluded: bool
+    """The Tracker does not see the vehicle in this frame: position and orientation are absent."""
+    position_m: Three | None = None
+    quaternion_xyzw: Four | None = None
+    quality: Annotated[float, Meta(ge=0, le=1)] | None = None
+    """0 (bad) to 1 (good); absent where the Tracker does not tell."""
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        if self.occluded:
+            if self.position_m is not None or self.quaternion_xyzw is not None:
+                raise InvalidMessageError("position_m: an occluded pose must not carry a position")
+            return
+        if self.position_m is None or self.quaternion_xyzw is None:
+            raise InvalidMessageError("position_m: missing in a pose that is not occluded")
+        if max(abs(v) for v in self.position_m) > MAX_POSITION_M:
+            raise InvalidMessageError(f"position_m: {self.position_m}, allowed is up to {MAX_POSITION_M} m")
+        norm = sum(v * v for v in self.quaternion_xyzw)
+        if abs(norm - 1) > 0.01:
+            raise InvalidMessageError(f"quaternion_xyzw: squared norm {norm:.3f}, must be 1")
+
+
+class Plan(Message, frozen=True, kw_only=True):
+    """Predicted trajectory of a vehicle; following it means subscribing to it."""
+
+    epoch: Count
+    frame: Count
+    """Frame of the pose it was computed from."""
+    source: Name
+    ancestors: Annotated[tuple[Name, ...], Meta(max_length=64)]
+    """Leaders of the source, nearest first: a vehicle in this list must not be followed by its followers."""
+    period_s: Annotated[float, Meta(gt=0, le=1)]
+    """Time between stages."""
+    start_s: float
+    """Time of the first stage after the capture of `frame`: the delay the source compensated."""
+    trajectory: FloatArray
+    """Stages x (x y z [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration [m/s^2], yaw
+    acceleration [rad/s^2]), inertial frame."""
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        self.trajectory.check("trajectory", PLAN_COLUMNS, MAX_STAGES, min_rows=2)
+        if abs(self.start_s) > 1:
+            raise InvalidMessageError(f"start_s: {self.start_s}, allowed is -1 to 1")
+
+
+class Command(Message, frozen=True, kw_only=True):
+    """Stick command of a vehicle, with the inputs to play if the next command is late."""
+
+    epoch: Count
+    frame: Count
+    source: Name
+    sequence: Count
+    """Strictly increasing, also over restarts of the source."""
+    input: Four
+    """Pitch, roll, thrust, yaw; normalised sticks."""
+    next_inputs: FloatArray
+    """The following planned inputs, `period_s` apart, shape (k, 4)."""
+    period_s: Annotated[float, Meta(gt=0, le=1)]
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        self.next_inputs.check("next_inputs", 4, MAX_NEXT_INPUTS)
+
+
+class SetPoint(Struct, frozen=True, kw_only=True):
+    """Where a vehicle shall be, inertial frame."""
+
+    position_m: Three
+    yaw_rad: float
+
+
+class Following(Struct, frozen=True, kw_only=True):
+    """Whom a vehicle follows and where it keeps itself."""
+
+    leader: Name
+    offset_m: Three = (0.0, 0.0, 0.0)
+    yaw_offset_rad: float = 0.0
+    frame: Annotated[str, Meta(pattern="^(inertial|heading)$")] = "inertial"
+    """Whether the offset is fixed in the room or turns with the leader's heading."""
+
+
+class AgentStatus(Message, frozen=True, kw_only=True):
+    """What an agent does and how well, for people, recorders and its own successor after a restart."""
+
+    phase: Name
+    controller: Name
+    estimator: Name
+    horizon: Count
+    epoch: Count
+    frame: Count
+    set_point: SetPoint
+    following: Following | None = None
+    position_m: Three | None = None
+    velocity_m_s: Three | None = None
+    yaw_rad: float | None = None
+    reference_position_m: Three | None = None
+    pose_age_s: Seconds | None = None
+    plan_age_s: Seconds | None = None
+    """Age of the leader's plan at the last step."""
+    ticks: Count = 0
+    missed_ticks: Count = 0
+    """Control periods in which no command was sent although the vehicle was to be controlled."""
+    solve_ms_p50: Seconds = 0.0
+    solve_ms_p99: Seconds = 0.0
+    solve_ms_max: Seconds = 0.0
+    fallbacks: dict[str, Count] = {}
+    """Steps that were not the optimum, by kind."""
+    estimator_events: dict[str, Count] = {}
+    rejected: dict[str, Count] = {}
+    """Refused messages by topic and reason."""
+    realtime: bool = False
+    """The process runs in a real-time scheduling class."""
+    process: Count = 0
+    """Process id."""
+
+
+class TransmitterStatus(Message, frozen=True, kw_only=True):
+    """State of one transmitter and of the arbiter in front of it."""
+
+    state: Name
+    """disarmed, armed, hold, descend, cut or killed."""
+    reason: Text
+    link: Name
+    """State of the serial port."""
+    module: Text
+    """What the radio module says of itself."""
+    ready: bool
+    lease: Name | None = None
+    """Source whose commands are accepted."""
+    command_age_s: Seconds | None = None
+    pose_age_s: Seconds | None = None
+    last_sequence: Count = 0
+    bridging: bool = False
+    counters: dict[str, Count] = {}
+    rejected: dict[str, Count] = {}
+    realtime: bool = False
+
+
+class Applied(Message, frozen=True, kw_only=True):
+    """What was written to a radio module: one message per serial frame."""
+
+    state: Name
+    input: Four
+    """Input after the arbiter, as calibrated to pulse widths."""
+    pulse_width_us: Annotated[tuple[float, ...], Meta(max_length=16)]
+    epoch: Count
+    frame: Count
+    sequence: Count
+    """Epoch, frame and sequence of the newest command when this frame was written."""
+    fresh: bool
+    """Written because this command arrived, not as a keep-alive."""
+    command_arrived_s: float | None = None
+    written_s: float = 0.0
+    """Monotonic clocks of the gateway's host."""
+
+
+class SubjectState(Struct, frozen=True, kw_only=True):
+    """One subject of the Tracker."""
+
+    subject: Text
+    vehicle: Name | None = None
+    """Absent for a subject that the fleet file does not name."""
+    occluded_s: Seconds | None = None
+    """How long the subject has been listed but not seen."""
+
+
+class TrackerStatus(Message, frozen=True, kw_only=True):
+    """State of the connection to the motion capture."""
+
+    state: Name
+    trying: Text
+    """What the gateway is doing to get a stream, in words."""
+    address: Text
+    epoch: Count = 0
+    frame: Count = 0
+    period_s: Seconds = 0.0
+    latency_s: Seconds = 0.0
+    subjects: tuple[SubjectState, ...] = ()
+    counters: dict[str, Count] = {}
+    realtime: bool = False
+
+
+class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
+    """True state of one simulated vehicle."""
+
+    position_m: Three
+    yaw_rad: float
+    velocity_m_s: Three
+    on_floor: bool
+    outside: bool
+    """Outside the flight volume."""
+    touchdown_speed_m_s: Seconds = 0.0
+    """Of the last touchdown."""
+    touchdowns: Count = 0
+    radio: tuple[tuple[float, ...], ...] = ()
+    """Serial frames the module accepted since the last message: arrival [monotonic s], pulse widths [us]."""
+
+
+class LaboratoryState(Message, frozen=True, kw_only=True):
+    """Truth of the simulated laboratory, for measurement only; no controller reads it."""
+
+    frame: Count
+    sent_s: float
+    """Monotonic clock when the Tracker emulator sent this frame."""
+    vehicles: dict[Name, LaboratoryVehicle]
+
+
+class Kill(Message, frozen=True, kw_only=True):
+    """Cut the motors now and stay cut. Repeated at 10 Hz while active."""
+
+    source: Name
+    reason: Text
+    vehicles: tuple[Name, ...] = ()
+    """Empty means every vehicle."""

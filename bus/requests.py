@@ -1,0 +1,124 @@
+"""Requests: what can be asked of a running process, and the typed answers.
+
+One table, as for the channels: the verb, who serves it, the request and the reply type.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from msgspec import Meta
+
+from bus.messages import (
+    Following,
+    InvalidMessageError,
+    Message,
+    Name,
+    Seconds,
+    SetPoint,
+    Text,
+)
+
+
+class Request(Message, frozen=True, kw_only=True):
+    """What all requests share."""
+
+    source: Name = "operator"
+
+
+class Reply(Message, frozen=True, kw_only=True):
+    """Answer to a request."""
+
+    accepted: bool
+    reason: Text = ""
+    """Why it was refused, or what will happen."""
+
+
+class Arm(Request, frozen=True, kw_only=True):
+    """Let commands of `lease` reach the transmitter."""
+
+    lease: Name
+    """Source whose commands are to be obeyed: the vehicle's own agent as a rule."""
+
+
+class Disarm(Request, frozen=True, kw_only=True):
+    """Throttle low; commands are ignored until armed again."""
+
+
+class KillVehicle(Request, frozen=True, kw_only=True):
+    """Cut the motors now, latching."""
+
+    cause: Text = "operator"
+
+
+class ResetKill(Request, frozen=True, kw_only=True):
+    """Leave KILLED for DISARMED."""
+
+
+class TakeOff(Request, frozen=True, kw_only=True):
+    """Climb to a height above the place where the vehicle stands."""
+
+    height_m: Annotated[float, Meta(gt=0.1, le=5)] = 1.0
+
+
+class Land(Request, frozen=True, kw_only=True):
+    """Descend where the vehicle is and switch the rotor off on the floor."""
+
+
+class GoTo(Request, frozen=True, kw_only=True):
+    """New set point of a leader."""
+
+    set_point: SetPoint
+
+
+class Follow(Request, frozen=True, kw_only=True):
+    """Follow another vehicle's plan, or change the offset to the present leader."""
+
+    following: Following
+    transition_s: Seconds = 0.0
+    """Time over which the offset moves from the present one to the new one."""
+
+
+class Lead(Request, frozen=True, kw_only=True):
+    """Follow nobody: hold the place where the vehicle is."""
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One row of the table: who serves the verb, and the types that travel."""
+
+    name: str
+    server: str
+    request: type[Request]
+    purpose: str
+    reply: type[Reply] = Reply
+
+
+VERBS: Final = {
+    verb.name: verb
+    for verb in (
+        Verb("arm", "transmitter_gateway", Arm, "let commands reach the transmitter"),
+        Verb("disarm", "transmitter_gateway", Disarm, "throttle low until armed again"),
+        Verb("kill", "transmitter_gateway", KillVehicle, "cut the motors, latching"),
+        Verb("reset", "transmitter_gateway", ResetKill, "leave KILLED while disarmed"),
+        Verb("take_off", "agent", TakeOff, "climb to a height"),
+        Verb("land", "agent", Land, "descend and switch the rotor off"),
+        Verb("go_to", "agent", GoTo, "new set point"),
+        Verb("follow", "agent", Follow, "follow another vehicle's plan"),
+        Verb("lead", "agent", Lead, "follow nobody"),
+    )
+}
+"""Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""
+
+
+def verb_of(request: Request) -> Verb:
+    """Row of the table a request belongs to.
+
+    Raises
+    ------
+    InvalidMessageError
+        The type is not in the table.
+    """
+    for verb in VERBS.values():
+        if verb.request is type(request):
+            return verb
+    raise InvalidMessageError(f"{type(request).__name__} is not a request of the table")

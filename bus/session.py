@@ -1,0 +1,209 @@
+"""A process's seat on the bus: publish, subscribe, ask, answer, be seen alive."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import TypeVar
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus import channels
+from bus.channels import Channel
+from bus.codec import RejectedError, decode, encode
+from bus.endpoints import client_config
+from bus.messages import Message
+from bus.requests import VERBS, Reply, Request, verb_of
+from bus.subscription import Subscription, UnitSubscriptions
+
+M = TypeVar("M", bound=Message)
+R = TypeVar("R", bound=Reply)
+
+_PRIORITIES = {
+    channels.REAL_TIME: zenoh.Priority.REAL_TIME,
+    channels.INTERACTIVE_HIGH: zenoh.Priority.INTERACTIVE_HIGH,
+    channels.DATA_HIGH: zenoh.Priority.DATA_HIGH,
+    channels.DATA_LOW: zenoh.Priority.DATA_LOW,
+}
+
+
+class BusUnreachableError(ConnectionError):
+    """No router answered at the endpoints within the time-out; says where and for how long was tried."""
+
+
+class RequestFailedError(RuntimeError):
+    """Nobody serves the request, or it was not answered in time or not understood."""
+
+
+@dataclass(frozen=True)
+class BusAddress:
+    """Where the bus is: router endpoints, namespace (tests only) and the fleet's name in the keys."""
+
+    endpoints: tuple[str, ...]
+    fleet: str
+    namespace: str | None = None
+
+
+@dataclass(frozen=True)
+class Incoming:
+    """A valid request that waits for its answer."""
+
+    unit: str
+    verb: str
+    request: Request
+    query: zenoh.Query
+
+    def answer(self, reply: Reply) -> None:
+        """Send the reply and close the request."""
+        with self.query:
+            self.query.reply(self.query.key_expr, encode(reply))
+
+
+class Session:
+    """One open connection to the bus.
+
+    Parameters
+    ----------
+    address
+        Endpoints, fleet and namespace.
+    wake
+        Called on receive threads whenever a message or request arrived.
+    clock
+        Monotonic clock [s].
+    timeout_s
+        How long to try to reach a router.
+
+    Raises
+    ------
+    BusUnreachableError
+        No router answered.
+    """
+
+    def __init__(
+        self,
+        address: BusAddress,
+        wake: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
+        timeout_s: float = 5.0,
+    ) -> None:
+        self.address = address
+        self.clock = clock
+        self._wake = wake
+        self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
+        self._queryables: list[zenoh.Queryable[None]] = []
+        self._tokens: list[zenoh.LivelinessToken] = []
+        self._incoming: SimpleQueue[Incoming] = SimpleQueue()
+        try:
+            self._zenoh = zenoh.open(client_config(list(address.endpoints), address.namespace, timeout_s))
+        except zenoh.ZError as error:
+            raise BusUnreachableError(
+                f"no router at {', '.join(address.endpoints)} after {timeout_s:g} s ({error})"
+            ) from None
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._zenoh.close()
+
+    def connected(self) -> bool:
+        """Whether a router is linked at this moment."""
+        return bool(list(self._zenoh.info.routers_zid()))
+
+    def publish(self, channel: Channel[M], unit: str, message: M) -> None:
+        """Send a message; never blocks, drops on congestion."""
+        publisher = self._publishers.get((unit, channel.topic))
+        if publisher is None:
+            publisher = self._publishers[unit, channel.topic] = self._zenoh.declare_publisher(
+                channels.key(self.address.fleet, unit, channel.topic),
+                encoding=channel.encoding,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=_PRIORITIES[channel.priority],
+                express=False,
+            )
+        publisher.put(encode(message))
+
+    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1) -> Subscription[M]:
+        """Receive a channel of one unit."""
+        full_key = channels.key(self.address.fleet, unit, channel.topic)
+        return Subscription(self._zenoh, channel, full_key, self.clock, self._wake, depth)
+
+    def subscribe_all(self, channel: Channel[M], depth: int = 1) -> UnitSubscriptions[M]:
+        """Receive a channel of every unit."""
+        pattern = channels.key(self.address.fleet, "*", channel.topic)
+        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, self._wake, depth)
+
+    def announce(self, unit: str, role: str) -> None:
+        """Hold a liveliness token for as long as the session lives."""
+        key = channels.alive_key(self.address.fleet, unit, role)
+        self._tokens.append(self._zenoh.liveliness().declare_token(key))
+
+    def alive_units(self) -> set[tuple[str, str]]:
+        """(unit, role) of every process whose token is seen now."""
+        pattern = channels.alive_key(self.address.fleet, "*", "*")
+        replies = self._zenoh.liveliness().get(pattern, timeout=0.5)
+        found = set()
+        for reply in replies:
+            if reply.ok is not None:
+                chunks = str(reply.ok.key_expr).split("/")
+                found.add((chunks[2], chunks[4]))
+        return found
+
+    def serve(self, unit: str, verbs: list[str]) -> None:
+        """Accept requests for a unit; they wait in `pending` until the loop answers them."""
+        for verb in verbs:
+            row = VERBS[verb]
+
+            def on_query(query: zenoh.Query, unit: str = unit, verb: str = row.name) -> None:
+                self._on_query(unit, verb, query)
+
+            key = channels.request_key(self.address.fleet, unit, verb)
+            self._queryables.append(
+                self._zenoh.declare_queryable(key, Callback(on_query, indirect=False), complete=True)
+            )
+
+    def _on_query(self, unit: str, verb: str, query: zenoh.Query) -> None:
+        payload = query.payload.to_bytes() if query.payload is not None else b""
+        try:
+            request = decode(payload, VERBS[verb].request)
+        except RejectedError as error:
+            with query:
+                query.reply_err(f"{verb}: {error}".encode())
+            return
+        self._incoming.put(Incoming(unit, verb, request, query))
+        self._wake()
+
+    def pending(self) -> list[Incoming]:
+        """Requests that arrived since the last call; each must be answered."""
+        incoming = []
+        while True:
+            try:
+                incoming.append(self._incoming.get_nowait())
+            except Empty:
+                return incoming
+
+    def request(self, unit: str, request: Request, timeout_s: float = 1.0) -> Reply:
+        """Ask a unit and wait for the typed answer.
+
+        Raises
+        ------
+        RequestFailedError
+            Nobody serves it, no answer in time, or refused as malformed.
+        """
+        verb = verb_of(request)
+        key = channels.request_key(self.address.fleet, unit, verb.name)
+        replies = self._zenoh.get(
+            key, payload=encode(request), timeout=timeout_s, target=zenoh.QueryTarget.BEST_MATCHING
+        )
+        problem = f"nobody serves {verb.name} for {unit}"
+        for reply in replies:
+            if reply.ok is not None:
+                return decode(reply.ok.payload.to_bytes(), verb.reply)
+            text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err is not None else ""
+            problem = f"{unit} did not answer {verb.name}: {text}"
+        raise RequestFailedError(problem)

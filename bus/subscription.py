@@ -1,0 +1,188 @@
+"""Subscribers that answer for themselves: newest message, its age, and whether the sender keeps its rate.
+
+A direct callback stores the payload and wakes the loop; nothing is decoded on Zenoh's thread and nothing ever
+queues up unread (zenoh_bus.md sections 1 and 6).
+"""
+
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.channels import Channel
+from bus.codec import RejectedError, decode
+from bus.messages import Message
+
+M = TypeVar("M", bound=Message)
+
+RATE_WINDOW = 10
+RATE_TOLERANCE = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Received(Generic[M]):
+    """A valid message and the local monotonic time of its arrival."""
+
+    message: M
+    arrived_s: float
+
+
+class Inbox(Generic[M]):
+    """Messages of one channel of one unit, newest first in importance; knows no bus.
+
+    Parameters
+    ----------
+    channel
+        Row of the channel table.
+    depth
+        How many undecoded payloads are kept; older ones are dropped and counted as `overrun`.
+    """
+
+    def __init__(self, channel: Channel[M], depth: int = 1) -> None:
+        self.channel = channel
+        self.rejected: Counter[str] = Counter()
+        self.reason = ""
+        self._payloads: deque[tuple[bytes, float]] = deque(maxlen=depth)
+        self._arrivals: deque[float] = deque(maxlen=RATE_WINDOW)
+        self._newest: Received[M] | None = None
+
+    def store(self, payload: bytes, arrived_s: float) -> None:
+        """Keep a payload for the loop. Called on the receive thread."""
+        if len(self._payloads) == self._payloads.maxlen and self._payloads.maxlen > 1:
+            self.rejected["overrun"] += 1
+        self._payloads.append((payload, arrived_s))
+        self._arrivals.append(arrived_s)
+
+    def drain(self) -> list[Received[M]]:
+        """Valid messages that arrived since the last call, oldest first."""
+        received = []
+        while self._payloads:
+            try:
+                payload, arrived_s = self._payloads.popleft()
+            except IndexError:
+                break
+            try:
+                message = decode(payload, self.channel.message)
+            except RejectedError as error:
+                self.reject(error.kind, str(error))
+                continue
+            self._newest = Received(message, arrived_s)
+            received.append(self._newest)
+        return received
+
+    def latest(self) -> Received[M] | None:
+        """Newest valid message, None before the first."""
+        self.drain()
+        return self._newest
+
+    def reject(self, kind: str, reason: str) -> None:
+        """Count a message that is not acceptable, here or to whoever reads the inbox."""
+        self.rejected[kind] += 1
+        self.reason = reason
+
+    def age_s(self, now_s: float) -> float | None:
+        """Age of the newest valid message on the local monotonic clock."""
+        newest = self.latest()
+        return None if newest is None else max(0.0, now_s - newest.arrived_s)
+
+    def alive(self, now_s: float) -> bool:
+        """Whether the newest valid message is younger than the channel's `stale_after_s`."""
+        age_s = self.age_s(now_s)
+        return age_s is not None and age_s <= self.channel.stale_after_s
+
+    def rate_hz(self) -> float:
+        """Rate of arrival over the last few messages; 0 before there are two."""
+        arrivals = tuple(self._arrivals)
+        if len(arrivals) < 2 or arrivals[-1] <= arrivals[0]:
+            return 0.0
+        return (len(arrivals) - 1) / (arrivals[-1] - arrivals[0])
+
+    def rate_ok(self, now_s: float, nominal_hz: float | None = None) -> bool:
+        """Whether the sender is alive and keeps at least 70 % of the nominal rate."""
+        nominal_hz = self.channel.rate_hz if nominal_hz is None else nominal_hz
+        return self.alive(now_s) and self.rate_hz() >= RATE_TOLERANCE * nominal_hz
+
+
+class Subscription(Inbox[M]):
+    """An inbox filled from the bus.
+
+    Parameters
+    ----------
+    session
+        Open Zenoh session.
+    channel
+        Row of the channel table.
+    full_key
+        Key of the unit subscribed to.
+    clock
+        Monotonic clock [s].
+    wake
+        Called on the receive thread after each message.
+    depth
+        See `Inbox`.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        channel: Channel[M],
+        full_key: str,
+        clock: Callable[[], float],
+        wake: Callable[[], None],
+        depth: int = 1,
+    ) -> None:
+        super().__init__(channel, depth)
+        self._key = full_key
+        self._clock = clock
+        self._wake = wake
+        self._subscriber = session.declare_subscriber(full_key, Callback(self._on_sample, indirect=False))
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        # A put on a wildcard key reaches everyone; only messages for exactly this key count.
+        if str(sample.key_expr) != self._key:
+            self.reject("key", f"sent to {sample.key_expr}, not to {self._key}")
+            return
+        self.store(sample.payload.to_bytes(), self._clock())
+        self._wake()
+
+    def close(self) -> None:
+        """Stop receiving."""
+        self._subscriber.undeclare()
+
+
+class UnitSubscriptions(Generic[M]):
+    """One channel of every unit of a fleet, an inbox each; for ground stations, recorders and gateways."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        channel: Channel[M],
+        pattern: str,
+        clock: Callable[[], float],
+        wake: Callable[[], None],
+        depth: int = 1,
+    ) -> None:
+        self.inboxes: dict[str, Inbox[M]] = {}
+        self._channel = channel
+        self._depth = depth
+        self._clock = clock
+        self._wake = wake
+        self._unit_at = pattern.split("/").index("*")
+        self._subscriber = session.declare_subscriber(pattern, Callback(self._on_sample, indirect=False))
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        unit = str(sample.key_expr).split("/")[self._unit_at]
+        if "*" in unit:
+            return
+        inbox = self.inboxes.get(unit)
+        if inbox is None:
+            inbox = self.inboxes[unit] = Inbox(self._channel, self._depth)
+        inbox.store(sample.payload.to_bytes(), self._clock())
+        self._wake()
+
+    def close(self) -> None:
+        """Stop receiving."""
+        self._subscriber.undeclare()
