@@ -1,0 +1,1 @@
+"""The simulated laboratory: plants, a Tracker emulator, radio module and receiver emulators."""
