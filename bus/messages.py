@@ -131,8 +131,10 @@ class Plan(Message, frozen=True, kw_only=True):
     """Time between stages."""
     start_s: float
     """Time of the first stage after the capture of `frame`: the delay the source compensated."""
+    airborne: bool = True
+    """False while the source stands on the floor: followers then keep their own place."""
     trajectory: FloatArray
-    """Stages x (x y z [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration [m/s^2], yaw
+    """Stages times (x y z [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration [m/s^2], yaw
     acceleration [rad/s^2]), inertial frame."""
 
     def check(self) -> None:
@@ -176,6 +178,8 @@ class Following(Struct, frozen=True, kw_only=True):
     yaw_offset_rad: float = 0.0
     frame: Annotated[str, Meta(pattern="^(inertial|heading)$")] = "inertial"
     """Whether the offset is fixed in the room or turns with the leader's heading."""
+    weight: Annotated[float, Meta(gt=0)] = 1.0
+    """Share of this leader among several; only ratios count."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):
@@ -188,7 +192,8 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     epoch: Count
     frame: Count
     set_point: SetPoint
-    following: Following | None = None
+    following: tuple[Following, ...] = ()
+    """Leaders; empty for a vehicle that follows nobody."""
     position_m: Three | None = None
     velocity_m_s: Three | None = None
     yaw_rad: float | None = None

@@ -13,7 +13,6 @@ from bus.messages import (
     InvalidMessageError,
     Message,
     Name,
-    Seconds,
     SetPoint,
     Text,
 )
@@ -71,11 +70,11 @@ class GoTo(Request, frozen=True, kw_only=True):
 
 
 class Follow(Request, frozen=True, kw_only=True):
-    """Follow another vehicle's plan, or change the offset to the present leader."""
+    """Follow other vehicles' plans, or change the offsets to the present leaders."""
 
-    following: Following
-    transition_s: Seconds = 0.0
-    """Time over which the offset moves from the present one to the new one."""
+    following: Annotated[tuple[Following, ...], Meta(min_length=1, max_length=8)]
+    transition_s: Annotated[float, Meta(ge=0, le=60)] | None = None
+    """Time over which the offset moves from the present place to the new one; absent: at a fair speed."""
 
 
 class Lead(Request, frozen=True, kw_only=True):

@@ -1,0 +1,117 @@
+"""The Tracker's frame number as a clock, and the inputs on their way to the vehicle on that clock."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from vehicles.state import Array
+
+HISTORY_LENGTH = 64
+TIME_TOLERANCE_S = 1e-6
+
+
+class FleetClock:
+    """Turns frame numbers into periods that have passed, also over periods in which no frame came.
+
+    Frames that were bridged by coasting are not counted a second time when the Tracker resumes.
+    """
+
+    def __init__(self) -> None:
+        self.epoch = 0
+        self.frame = 0
+        self.period_s = 0.0
+        self.coasted = 0
+        self.time_s = 0.0
+        """Time since the first frame."""
+        self.started = False
+
+    def frames_until(self, epoch: int, frame: int, period_s: float) -> int:
+        """Frame periods that pass up to a newly received frame; negative for an old frame.
+
+        Parameters
+        ----------
+        epoch, frame, period_s
+            Stamp of the received pose.
+
+        Returns
+        -------
+        int
+            Number of periods still to be predicted before the pose counts: 0 where coasting already covered
+            them, 1 in undisturbed flight.
+        """
+        if not self.started or epoch != self.epoch:
+            elapsed = 0 if not self.started else 1
+        elif frame <= self.frame:
+            return -1
+        else:
+            elapsed = frame - self.frame
+        self.epoch, self.frame, self.period_s, self.started = epoch, frame, period_s, True
+        pending = max(0, elapsed - self.coasted)
+        self.coasted = 0
+        return pending
+
+    def pass_period(self) -> None:
+        """One frame period has passed."""
+        self.time_s += self.period_s
+
+    def coast(self) -> None:
+        """One frame period has passed without a frame."""
+        self.coasted += 1
+        self.pass_period()
+
+    @property
+    def current_frame(self) -> int:
+        """Number of the frame that belongs to the present, coasted ones included."""
+        return self.frame + self.coasted
+
+
+@dataclass(slots=True)
+class _Entry:
+    effect_from_s: float
+    sequence: int
+    input: Array
+
+
+class InputHistory:
+    """Inputs sent and not yet, or just, acting; ordered by the time their effect begins."""
+
+    def __init__(self, initial_input: Array) -> None:
+        self._entries: deque[_Entry] = deque([_Entry(-1.0, 0, initial_input)], maxlen=HISTORY_LENGTH)
+
+    @property
+    def newest(self) -> Array:
+        """Input sent last, shape (4,)."""
+        return self._entries[-1].input
+
+    def append(self, effect_from_s: float, sequence: int, value: Array) -> None:
+        """Record an input that acts from a time on."""
+        self._entries.append(_Entry(effect_from_s, sequence, value))
+
+    def correct(self, sequence: int, value: Array) -> None:
+        """Replace what was sent under a sequence number by what the transmitter gateway applied."""
+        for entry in reversed(self._entries):
+            if entry.sequence == sequence:
+                entry.input = value
+                return
+            if entry.sequence < sequence:
+                return
+
+    def between(self, start_s: float, end_s: float) -> list[tuple[Array, float]]:
+        """Inputs acting in an interval.
+
+        Returns
+        -------
+        list
+            (input, duration [s]) in order; the durations add up to the interval.
+        """
+        pieces: list[tuple[Array, float]] = []
+        cursor_s, acting = start_s, self._entries[0].input
+        for entry in self._entries:
+            if entry.effect_from_s > cursor_s + TIME_TOLERANCE_S:
+                if entry.effect_from_s >= end_s - TIME_TOLERANCE_S:
+                    break
+                pieces.append((acting, entry.effect_from_s - cursor_s))
+                cursor_s = entry.effect_from_s
+            acting = entry.input
+        if end_s - cursor_s > TIME_TOLERANCE_S:
+            pieces.append((acting, end_s - cursor_s))
+        return pieces

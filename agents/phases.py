@@ -1,0 +1,81 @@
+"""Flight phases of a vehicle as a table: phase x event -> phase."""
+
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
+
+class Phase(StrEnum):
+    """What a vehicle is doing."""
+
+    GROUND = "ground"
+    """Not armed; thrust zero."""
+    ARMED = "armed"
+    """Commands reach the transmitter; standing, thrust zero."""
+    TAKEOFF = "takeoff"
+    FLYING = "flying"
+    LANDING = "landing"
+    EMERGENCY = "emergency"
+    """In the air, but the transmitter gateway brings the vehicle down by itself."""
+
+
+class Event(StrEnum):
+    """What can happen to a vehicle."""
+
+    ARM = "arm"
+    """The transmitter gateway obeys our commands."""
+    DISARM = "disarm"
+    """The transmitter gateway keeps the throttle low."""
+    TAKE_OFF = "take_off"
+    CLIMBED = "climbed"
+    LAND = "land"
+    TOUCHED_DOWN = "touched_down"
+    OVERRIDE = "override"
+    """The transmitter gateway flies by itself."""
+    RESUME = "resume"
+    """An agent that restarts finds its vehicle in the air."""
+
+
+TRANSITIONS: Final = MappingProxyType(
+    {
+        (Phase.GROUND, Event.ARM): Phase.ARMED,
+        (Phase.GROUND, Event.RESUME): Phase.FLYING,
+        (Phase.ARMED, Event.RESUME): Phase.FLYING,
+        (Phase.ARMED, Event.DISARM): Phase.GROUND,
+        (Phase.ARMED, Event.TAKE_OFF): Phase.TAKEOFF,
+        (Phase.TAKEOFF, Event.CLIMBED): Phase.FLYING,
+        (Phase.TAKEOFF, Event.LAND): Phase.LANDING,
+        (Phase.TAKEOFF, Event.DISARM): Phase.GROUND,
+        (Phase.TAKEOFF, Event.OVERRIDE): Phase.EMERGENCY,
+        (Phase.FLYING, Event.LAND): Phase.LANDING,
+        (Phase.FLYING, Event.DISARM): Phase.GROUND,
+        (Phase.FLYING, Event.OVERRIDE): Phase.EMERGENCY,
+        (Phase.LANDING, Event.TOUCHED_DOWN): Phase.ARMED,
+        (Phase.LANDING, Event.DISARM): Phase.GROUND,
+        (Phase.LANDING, Event.OVERRIDE): Phase.EMERGENCY,
+        (Phase.EMERGENCY, Event.ARM): Phase.FLYING,
+        (Phase.EMERGENCY, Event.DISARM): Phase.GROUND,
+        (Phase.EMERGENCY, Event.LAND): Phase.LANDING,
+    }
+)
+"""Pairs that are not listed leave the phase as it is."""
+
+AIRBORNE: Final = frozenset({Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.EMERGENCY})
+
+
+def next_phase(phase: Phase, event: Event) -> Phase:
+    """Phase after an event.
+
+    Parameters
+    ----------
+    phase
+        Present phase.
+    event
+        What happened.
+
+    Returns
+    -------
+    Phase
+        By `TRANSITIONS`; unchanged where the event means nothing in this phase.
+    """
+    return TRANSITIONS.get((phase, event), phase)

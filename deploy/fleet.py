@@ -1,0 +1,328 @@
+"""The fleet file: one TOML document that describes everything, refused as a whole if any field is wrong.
+
+A file without a `[simulator]` table flies hardware: that table, the Tracker's address and the serial ports
+are the only difference.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+Positive = Annotated[float, Meta(gt=0)]
+
+DEFAULT_HOST = "main"
+
+
+class FleetError(ValueError):
+    """The fleet file cannot be used; names the file, the field and what is allowed."""
+
+
+class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the fleet file."""
+
+
+class Host(Table, frozen=True, kw_only=True):
+    """A computer that runs part of the fleet."""
+
+    address: str = "127.0.0.1"
+    """Where other hosts reach it."""
+    router_port: Annotated[int, Meta(ge=1, le=65535)] = 7447
+
+
+class Bus(Table, frozen=True, kw_only=True):
+    """How processes talk and how they are scheduled."""
+
+    namespace: str | None = None
+    """Keeps fleets of tests apart; leave it out in a laboratory."""
+    realtime_priority: Annotated[int, Meta(ge=0, le=90)] = 20
+    """SCHED_FIFO priority where the operating system permits it; 0 for none."""
+
+
+class Volume(Table, frozen=True, kw_only=True):
+    """Flight volume in the inertial frame."""
+
+    min_m: Three = (-1.2, -1.2, 0.0)
+    max_m: Three = (1.2, 1.2, 2.0)
+
+
+class Tracker(Table, frozen=True, kw_only=True):
+    """The motion capture."""
+
+    host: Name = DEFAULT_HOST
+    """Host that runs the gateway."""
+    address: str = "127.0.0.1:801"
+    """Address and port of the Tracker's data stream."""
+
+
+class Simulator(Table, frozen=True, kw_only=True):
+    """The fake laboratory. Leave this table out to fly hardware."""
+
+    host: Name = DEFAULT_HOST
+    rate_hz: Annotated[float, Meta(ge=20, le=400)] = 50.0
+    profile: Literal["tracker1", "tracker2", "tracker3"] = "tracker3"
+    seed: int = 0
+    conditions: str = "laboratory"
+    """Name of a preset: `ideal` or `laboratory`."""
+    condition_overrides: dict[str, Any] = {}
+    """Single values that differ from the preset."""
+    start: dict[Name, Four] = {}
+    """Where vehicles stand at first: x, y, z [m], yaw [rad]. Default: their place in the formation."""
+
+
+class Gateway(Table, frozen=True, kw_only=True):
+    """A transmitter gateway process."""
+
+    host: Name = DEFAULT_HOST
+
+
+class Transmitter(Table, frozen=True, kw_only=True):
+    """A vehicle's transmitter."""
+
+    port: str
+    """Serial device; with a `[simulator]` a relative path is created in the fleet's run directory."""
+    gateway: Name = "transmitters"
+    protocol: Literal["multi", "dsm2_serial", "dsmp", "ppm"] = "multi"
+    model_match: Annotated[int, Meta(ge=0, le=63)] = 0
+    settings: dict[str, Any] = {}
+    """Settings of the protocol."""
+    calibration: dict[str, Any] = {}
+    """From normalised input to pulse width, by channel."""
+
+
+class Control(Table, frozen=True, kw_only=True):
+    """Controller and estimator of a vehicle."""
+
+    controller: str = "paper"
+    estimator: str = "extended_kalman"
+    horizon: Annotated[int, Meta(ge=2, le=200)] = 50
+    period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.02
+    settings: dict[str, Any] = {}
+    """Settings of the controller: weights, constraints, options."""
+    estimator_settings: dict[str, Any] = {}
+
+
+class Leader(Table, frozen=True, kw_only=True):
+    """Whom a vehicle follows from the start."""
+
+    leader: Name
+    offset_m: Three
+    yaw_offset_rad: float = 0.0
+    frame: Literal["inertial", "heading"] = "inertial"
+    weight: Positive = 1.0
+
+
+class Vehicle(Table, frozen=True, kw_only=True):
+    """One vehicle."""
+
+    transmitter: Transmitter
+    type: str = "coaxial"
+    host: Name = DEFAULT_HOST
+    subject: str
+    """Name of the vehicle's subject in the Tracker."""
+    control: Control = field(default_factory=Control)
+    follow: list[Leader] = []
+    model: dict[str, Any] = {}
+    """Parameters that differ from those of the type."""
+
+
+class Safety(Table, frozen=True, kw_only=True):
+    """Limits the transmitter gateway enforces by itself."""
+
+    geofence: bool = True
+    settings: dict[str, Any] = {}
+
+
+class Fleet(Table, frozen=True, kw_only=True):
+    """The whole fleet."""
+
+    name: Name
+    hosts: dict[Name, Host] = field(default_factory=lambda: {DEFAULT_HOST: Host()})
+    bus: Bus = field(default_factory=Bus)
+    volume: Volume = field(default_factory=Volume)
+    tracker: Tracker = field(default_factory=Tracker)
+    simulator: Simulator | None = None
+    gateways: dict[Name, Gateway] = field(default_factory=lambda: {"transmitters": Gateway()})
+    safety: Safety = field(default_factory=Safety)
+    vehicles: dict[Name, Vehicle]
+
+    def endpoint(self, host: str) -> str:
+        """Zenoh endpoint of the router of a host."""
+        return f"tcp/{self.hosts[host].address}:{self.hosts[host].router_port}"
+
+
+def load_fleet(path: Path) -> Fleet:
+    """Read and validate a fleet file.
+
+    Parameters
+    ----------
+    path
+        A TOML file.
+
+    Returns
+    -------
+    Fleet
+        Consistent in itself: names, hosts, leaders and devices refer to each other correctly.
+
+    Raises
+    ------
+    FleetError
+        Names the file, the path of the bad field, and what is allowed.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FleetError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise FleetError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+    try:
+        return parse_fleet(text)
+    except FleetError as error:
+        raise FleetError(f"{path}: {error}") from None
+
+
+def parse_fleet(text: str) -> Fleet:
+    """As `load_fleet`, from text."""
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise FleetError(f"not TOML: {error}") from None
+    defaults = raw.pop("defaults", {})
+    vehicles = raw.get("vehicles")
+    if isinstance(defaults, dict) and isinstance(vehicles, dict):
+        raw["vehicles"] = {
+            name: merged(defaults, table) if isinstance(table, dict) else table
+            for name, table in vehicles.items()
+        }
+    elif defaults:
+        raise FleetError("defaults: must be a table of vehicle fields")
+    try:
+        fleet = msgspec.convert(raw, Fleet)
+    except msgspec.ValidationError as error:
+        raise FleetError(_readable(str(error))) from None
+    _check_vehicles(fleet)
+    _check_hosts(fleet)
+    _check_leaders(fleet)
+    return fleet
+
+
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables laid over each other, deeply; values of `over` win."""
+    result = dict(base)
+    for key, value in over.items():
+        present = result.get(key)
+        both = isinstance(present, dict) and isinstance(value, dict)
+        result[key] = merged(present, value) if both and isinstance(present, dict) else value
+    return result
+
+
+def _readable(message: str) -> str:
+    """`Expected `int` - at `$.bus.x`` becomes `bus.x: expected `int``."""
+    what, separator, where = message.rpartition(" - at `")
+    if not separator:
+        return message
+    path = where.rstrip("`").removeprefix("key in ").removeprefix("$").removeprefix(".")
+    return f"{path or 'top level'}: {what[0].lower()}{what[1:]}"
+
+
+def _check_vehicles(fleet: Fleet) -> None:
+    if not fleet.vehicles:
+        raise FleetError("vehicles: at least one vehicle is needed")
+    _check_unique("subject", {name: vehicle.subject for name, vehicle in fleet.vehicles.items()})
+    _check_unique(
+        "transmitter.port", {name: vehicle.transmitter.port for name, vehicle in fleet.vehicles.items()}
+    )
+    low, high = fleet.volume.min_m, fleet.volume.max_m
+    for axis, (a, b) in enumerate(zip(low, high, strict=True)):
+        if not a < b:
+            raise FleetError(f"volume.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
+
+
+def _check_unique(field_name: str, values: Mapping[str, str]) -> None:
+    seen: dict[str, str] = {}
+    for name, value in values.items():
+        if value in seen:
+            raise FleetError(
+                f"vehicles.{name}.{field_name}: {value!r} is already that of vehicles.{seen[value]}"
+            )
+        seen[value] = name
+
+
+def _check_hosts(fleet: Fleet) -> None:
+    uses = {"tracker.host": fleet.tracker.host}
+    if fleet.simulator is not None:
+        uses["simulator.host"] = fleet.simulator.host
+    uses |= {f"gateways.{name}.host": gateway.host for name, gateway in fleet.gateways.items()}
+    uses |= {f"vehicles.{name}.host": vehicle.host for name, vehicle in fleet.vehicles.items()}
+    for where, host in uses.items():
+        if host not in fleet.hosts:
+            raise FleetError(f"{where}: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
+    for name, vehicle in fleet.vehicles.items():
+        gateway = vehicle.transmitter.gateway
+        if gateway not in fleet.gateways:
+            known = ", ".join(fleet.gateways)
+            raise FleetError(
+                f"vehicles.{name}.transmitter.gateway: unknown gateway {gateway!r}, known are {known}"
+            )
+        if fleet.simulator is not None and fleet.gateways[gateway].host != fleet.simulator.host:
+            raise FleetError(
+                f"gateways.{gateway}.host: simulated radios are on the simulator's host "
+                f"{fleet.simulator.host!r}, not on {fleet.gateways[gateway].host!r}"
+            )
+    for name in () if fleet.simulator is None else fleet.simulator.start:
+        if name not in fleet.vehicles:
+            known = ", ".join(fleet.vehicles)
+            raise FleetError(f"simulator.start.{name}: unknown vehicle, known are {known}")
+
+
+def _check_leaders(fleet: Fleet) -> None:
+    for name, vehicle in fleet.vehicles.items():
+        for number, link in enumerate(vehicle.follow):
+            where = f"vehicles.{name}.follow[{number}].leader"
+            if link.leader not in fleet.vehicles:
+                raise FleetError(
+                    f"{where}: unknown vehicle {link.leader!r}, known are {', '.join(fleet.vehicles)}"
+                )
+    for name in fleet.vehicles:
+        cycle = _cycle_from(fleet, name)
+        if cycle:
+            raise FleetError(f"vehicles.{name}.follow: a cycle of leaders: {' -> '.join(cycle)}")
+
+
+def _cycle_from(fleet: Fleet, start: str) -> list[str]:
+    stack = [[start]]
+    while stack:
+        path = stack.pop()
+        for link in fleet.vehicles[path[-1]].follow:
+            if link.leader == start:
+                return [*path, start]
+            if link.leader not in path:
+                stack.append([*path, link.leader])
+    return []
+
+
+def leader_generations(fleet: Fleet, name: str) -> int:
+    """Levels of vehicles below a vehicle in the tree of leaders; 0 for one nobody follows."""
+    followers = [
+        other
+        for other, vehicle in fleet.vehicles.items()
+        if any(link.leader == name for link in vehicle.follow)
+    ]
+    return 0 if not followers else 1 + max(leader_generations(fleet, other) for other in followers)
+
+
+def formation_place(fleet: Fleet, name: str) -> Four:
+    """Place of a vehicle in the formation with the first leader at the origin: x, y, z [m], yaw [rad]."""
+    x = y = z = yaw = 0.0
+    while fleet.vehicles[name].follow:
+        link = fleet.vehicles[name].follow[0]
+        x, y, z = x + link.offset_m[0], y + link.offset_m[1], z + link.offset_m[2]
+        yaw += link.yaw_offset_rad
+        name = link.leader
+    return (x, y, z, yaw)
