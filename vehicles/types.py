@@ -4,6 +4,7 @@ from types import MappingProxyType
 from typing import Final
 
 from vehicles.model import Model
+from vehicles.quadrotor import QUADROTOR
 
 COAXIAL: Final = Model(
     kind="coaxial",
@@ -23,5 +24,5 @@ COAXIAL: Final = Model(
 )
 """Blade mCX2: parameters of [11], limits and scaling of the paper's section VI-A (control.md 2, 3, 6)."""
 
-TYPES: Final = MappingProxyType({model.kind: model for model in (COAXIAL,)})
+TYPES: Final = MappingProxyType({model.kind: model for model in (COAXIAL, QUADROTOR)})
 """Vehicle types by name."""
