@@ -1,0 +1,129 @@
+"""How real the simulated laboratory is: every switch and number in one validated object, with presets."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import Any, Final
+
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """What distinguishes the simulated laboratory from equation (1). Zero switches an effect off.
+
+    The defaults are the `ideal` preset: vehicles behave exactly as their models say, lag and delay included.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite or out of its range; the message names the field and what is allowed.
+    """
+
+    turbulence_rms: Four = (0.0, 0.0, 0.0, 0.0)
+    """Coloured-noise accelerations: inertial x, y, z [m/s^2] and yaw [rad/s^2], root mean square."""
+    turbulence_correlation_s: float = 0.5
+    """Correlation time of the turbulence (autocorrelation exp(-t / correlation time))."""
+    actuator_lag: bool = True
+    """Whether inputs pass the first-order lags of the vehicle's model."""
+    lag_mismatch: float = 0.0
+    """True lags are drawn per vehicle within this fraction of the model's."""
+    transport_delay_s: float | None = None
+    """Delay of every input; None takes the `delay_s` of the vehicle's model. A simulation that emulates the
+    radio link needs 0 here, because the delay then comes from the emulated link."""
+    parameter_mismatch: float = 0.0
+    """Every true b and k is drawn per vehicle within this fraction of the model's."""
+    trim_offset: float = 0.0
+    """Every input is offset by a constant drawn per vehicle between minus and plus this value."""
+    battery_sag: float = 0.0
+    """Fraction of the thrust gain that is lost when the battery is empty."""
+    battery_endurance_s: float = 480.0
+    """Time of hover thrust that empties the battery; more thrust empties it faster."""
+    position_noise_m: float = 0.0
+    """Measurement noise per position axis, root mean square."""
+    angle_noise_rad: float = 0.0
+    """Measurement noise of yaw, roll and pitch, root mean square."""
+    volume_min_m: Three = (-2.5, -2.5, -0.1)
+    volume_max_m: Three = (2.5, 2.5, 3.0)
+    """Corners of the flight volume. Leaving it is flagged and has no other effect."""
+    substep_s: float = 0.002
+    """Longest integration step, at most 2 ms."""
+
+    def __post_init__(self) -> None:
+        for name in ("lag_mismatch", "parameter_mismatch", "battery_sag"):
+            _require_between(name, getattr(self, name), 0.0, 0.9)
+        for name in ("position_noise_m", "angle_noise_rad", "trim_offset"):
+            _require_between(name, getattr(self, name), 0.0, 1.0)
+        _require_between("turbulence_correlation_s", self.turbulence_correlation_s, 1e-3, 1e3)
+        _require_between("battery_endurance_s", self.battery_endurance_s, 1.0, 1e6)
+        _require_between("substep_s", self.substep_s, 1e-5, 0.002)
+        if self.transport_delay_s is not None:
+            _require_between("transport_delay_s", self.transport_delay_s, 0.0, 1.0)
+        if not isinstance(self.actuator_lag, bool):
+            raise ValueError(f"actuator_lag: {self.actuator_lag!r} is neither true nor false")
+        for name, size in (("turbulence_rms", 4), ("volume_min_m", 3), ("volume_max_m", 3)):
+            value = getattr(self, name)
+            if not isinstance(value, tuple | list) or len(value) != size:
+                raise ValueError(f"{name}: {value!r} is not a list of {size} numbers")
+            object.__setattr__(self, name, tuple(value))
+        for axis, rms in enumerate(self.turbulence_rms):
+            _require_between(f"turbulence_rms[{axis}]", rms, 0.0, 20.0)
+        for axis, (low, high) in enumerate(zip(self.volume_min_m, self.volume_max_m, strict=True)):
+            _require_between(f"volume_min_m[{axis}]", low, -1e3, 1e3)
+            _require_between(f"volume_max_m[{axis}]", high, -1e3, 1e3)
+            if low >= high:
+                raise ValueError(f"volume_max_m[{axis}]: {high} is not above volume_min_m[{axis}] = {low}")
+
+
+def _require_between(name: str, value: object, low: float, high: float) -> None:
+    allowed = isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
+    if not allowed:
+        raise ValueError(f"{name}: {value!r} is not a number between {low:g} and {high:g}")
+
+
+IDEAL: Final = Conditions()
+"""Vehicles are their models: nominal lag and delay, no disturbance, no noise, no mismatch."""
+
+LABORATORY: Final = Conditions(
+    turbulence_rms=(0.15, 0.15, 0.1, 0.5),
+    turbulence_correlation_s=0.5,
+    lag_mismatch=0.25,
+    parameter_mismatch=0.08,
+    trim_offset=0.02,
+    position_noise_m=0.0003,
+    angle_noise_rad=0.002,
+)
+"""The laboratory that figures are stated for: turbulence, mismatch of b, k and lags, trim, noise."""
+
+PRESETS: Final = MappingProxyType({"ideal": IDEAL, "laboratory": LABORATORY})
+"""Conditions by name."""
+
+
+def conditions_from(preset: str, overrides: Mapping[str, Any] = MappingProxyType({})) -> Conditions:
+    """Conditions of a named preset with some numbers changed.
+
+    Parameters
+    ----------
+    preset
+        A name of `PRESETS`.
+    overrides
+        Fields of `Conditions` to change.
+
+    Returns
+    -------
+    Conditions
+        The changed preset.
+
+    Raises
+    ------
+    ValueError
+        On an unknown preset or field (the message lists what is allowed) or a value out of range.
+    """
+    if preset not in PRESETS:
+        raise ValueError(f"conditions: unknown preset {preset!r}; allowed: {', '.join(PRESETS)}")
+    allowed = [field.name for field in fields(Conditions)]
+    for name in overrides:
+        if name not in allowed:
+            raise ValueError(f"conditions: unknown field {name!r}; allowed: {', '.join(allowed)}")
+    return replace(PRESETS[preset], **overrides)

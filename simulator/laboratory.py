@@ -1,0 +1,112 @@
+"""The fake laboratory without its wires: vehicles flying together, and what the Tracker would see of them.
+
+No sockets and no clock: whoever holds it decides how time passes.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from simulator.conditions import Conditions
+from simulator.disturbance import NOISE, NormalSource, random_stream
+from simulator.plant import Plant, Pose
+from vehicles.model import Model
+from vehicles.state import Array
+
+
+class Laboratory:
+    """Plants that advance together.
+
+    Parameters
+    ----------
+    models
+        Vehicle model by name. Order and number do not change what happens to each vehicle.
+    start
+        Start pose of each vehicle; on the floor (z = 0) it stands with motors stopped, else it hovers.
+    conditions
+        How real the laboratory is.
+    seed
+        Seed of all randomness, not negative.
+
+    Raises
+    ------
+    ValueError
+        If a vehicle has no start pose, a start pose no vehicle, or the seed is negative.
+    """
+
+    def __init__(
+        self, models: Mapping[str, Model], start: Mapping[str, Pose], conditions: Conditions, seed: int = 0
+    ) -> None:
+        if seed < 0:
+            raise ValueError(f"laboratory: seed {seed} is negative")
+        odd = sorted(models.keys() ^ start.keys())
+        if odd:
+            raise ValueError(f"laboratory: {', '.join(odd)}: each vehicle needs a model and a start pose")
+        self._models = dict(models)
+        self._start = dict(start)
+        self._conditions = conditions
+        self._seed = seed
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew at time 0: the same inputs then lead to exactly the same flight."""
+        self._plants = {
+            name: Plant(name, model, self._conditions, self._seed, self._start[name])
+            for name, model in self._models.items()
+        }
+        self._noise = {name: NormalSource(random_stream(self._seed, name, NOISE)) for name in self._models}
+        self._time_s = 0.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the vehicles."""
+        return tuple(self._plants)
+
+    @property
+    def time_s(self) -> float:
+        """Time flown since the start."""
+        return self._time_s
+
+    def plant(self, name: str) -> Plant:
+        """Vehicle `name`, with its contact state, touchdown speed and true parameters.
+
+        Raises
+        ------
+        ValueError
+            If there is no such vehicle.
+        """
+        try:
+            return self._plants[name]
+        except KeyError:
+            allowed = ", ".join(self._plants)
+            raise ValueError(f"laboratory: no vehicle {name!r}; there are: {allowed}") from None
+
+    def advance(self, duration_s: float) -> None:
+        """Let all vehicles fly on for a duration that is not negative."""
+        for plant in self._plants.values():
+            plant.advance(duration_s)
+        self._time_s += duration_s
+
+    def set_input(self, name: str, inputs: Sequence[float] | Array) -> None:
+        """Give vehicle `name` new stick positions: pitch, roll, thrust, yaw, normalised. Motors run."""
+        self.plant(name).set_input(inputs)
+
+    def stop_motors(self, name: str) -> None:
+        """Cut the motors of vehicle `name` (throttle pulse at its low end)."""
+        self.plant(name).stop_motors()
+
+    def true_pose(self, name: str) -> Pose:
+        """Pose of vehicle `name` without measurement noise, yaw unwrapped."""
+        return self.plant(name).pose
+
+    def measured_pose(self, name: str) -> Pose:
+        """Pose of vehicle `name` as the Tracker measures it now: with fresh noise, yaw wrapped."""
+        pose = self.plant(name).pose
+        noise = self._noise[name]
+        position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
+        x, y, z = pose.position_m
+        return Pose(
+            (x + position_m * noise(), y + position_m * noise(), z + position_m * noise()),
+            math.remainder(pose.yaw_rad + angle_rad * noise(), math.tau),
+            pose.pitch_rad + angle_rad * noise(),
+            pose.roll_rad + angle_rad * noise(),
+        )

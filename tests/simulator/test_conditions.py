@@ -1,0 +1,69 @@
+"""Promises of the laboratory's conditions."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simulator.conditions import IDEAL, LABORATORY, Conditions, conditions_from
+
+
+def test_presets_are_reachable_by_name() -> None:
+    assert conditions_from("ideal") == IDEAL
+    assert conditions_from("laboratory") == LABORATORY
+
+
+def test_laboratory_has_the_numbers_that_results_are_stated_for() -> None:
+    assert LABORATORY.turbulence_rms == (0.15, 0.15, 0.1, 0.5)
+    assert LABORATORY.turbulence_correlation_s == 0.5
+    assert (LABORATORY.lag_mismatch, LABORATORY.parameter_mismatch) == (0.25, 0.08)
+    assert (LABORATORY.position_noise_m, LABORATORY.angle_noise_rad) == (0.0003, 0.002)
+    assert LABORATORY.trim_offset == 0.02
+
+
+def test_overrides_change_only_what_they_name() -> None:
+    changed = conditions_from("laboratory", {"transport_delay_s": 0.0, "turbulence_rms": [0, 0, 0, 1]})
+    assert changed.transport_delay_s == 0.0
+    assert changed.turbulence_rms == (0, 0, 0, 1)
+    assert changed.trim_offset == LABORATORY.trim_offset
+
+
+def test_unknown_preset_and_field_are_refused_with_what_is_allowed() -> None:
+    with pytest.raises(ValueError, match=r"'storm'; allowed: ideal, laboratory"):
+        conditions_from("storm")
+    with pytest.raises(ValueError, match=r"unknown field 'turbulence'; allowed: turbulence_rms, "):
+        conditions_from("ideal", {"turbulence": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("substep_s", 0.003),
+        ("substep_s", 0.0),
+        ("parameter_mismatch", -0.1),
+        ("lag_mismatch", 1.0),
+        ("position_noise_m", math.nan),
+        ("position_noise_m", "small"),
+        ("trim_offset", True),
+        ("actuator_lag", 1),
+        ("transport_delay_s", math.inf),
+        ("turbulence_rms", (1.0, 1.0)),
+        ("turbulence_rms", 1.0),
+        ("turbulence_rms", (0.1, 0.1, -0.1, 0.1)),
+        ("volume_max_m", (1.0, 1.0, -2.0)),
+    ],
+)
+def test_wrong_values_are_refused_with_the_name_of_the_field(field: str, value: Any) -> None:
+    with pytest.raises(ValueError, match=f"^{field}"):
+        conditions_from("laboratory", {field: value})
+
+
+@given(st.floats())
+def test_no_number_makes_conditions_non_finite(value: float) -> None:
+    try:
+        conditions = Conditions(battery_sag=value)
+    except ValueError:
+        return
+    assert 0.0 <= conditions.battery_sag <= 0.9
