@@ -1,0 +1,64 @@
+"""Which objects are valid after a packet (vicon_datastream.md section 5)."""
+
+from collections.abc import Iterable
+
+from vicon_gateway.control_objects import DYNAMIC_TYPES, STATIC_TYPES, Contents, ObjectType
+
+_CONTENTS = int(ObjectType.CONTENTS)
+_NOTHING: frozenset[int] = frozenset()
+
+
+class CarryOver:
+    """Applies packets to the two classes of objects, each with its own rule.
+
+    Static objects stay until a packet carries any static object; then the types named as unchanged are kept
+    and all others become empty. Dynamic objects are built afresh by every packet that carries one; types
+    named as unchanged are copied from the previous frame. Types are carried over as a whole.
+
+    Attributes
+    ----------
+    payloads : dict of type to list of payloads
+        The objects that are valid now.
+    contents : Contents or None
+        Of the last packet, None when it had none.
+    """
+
+    def __init__(self) -> None:
+        self.payloads: dict[int, list[bytes]] = {}
+        self.contents: Contents | None = None
+        self._contents_payload = b""
+
+    def apply(self, objects: Iterable[tuple[int, bytes]]) -> bool:
+        """Apply one packet's objects; True when it makes a frame, that is, carries a dynamic object.
+
+        Raises
+        ------
+        WireError
+            The Contents object is malformed.
+        """
+        present: dict[int, list[bytes]] = {}
+        for kind, payload in objects:
+            if kind in present:
+                present[kind].append(payload)
+            else:
+                present[kind] = [payload]
+        unchanged = self._unchanged(present.pop(_CONTENTS, None))
+        is_frame = not DYNAMIC_TYPES.isdisjoint(present)
+        kept = self.payloads
+        if is_frame:
+            kept = {kind: was for kind, was in kept.items() if kind in unchanged or kind in STATIC_TYPES}
+        if not STATIC_TYPES.isdisjoint(present):
+            kept = {kind: was for kind, was in kept.items() if kind in unchanged or kind in DYNAMIC_TYPES}
+        known = {kind: new for kind, new in present.items() if kind in STATIC_TYPES or kind in DYNAMIC_TYPES}
+        self.payloads = {**kept, **known}
+        return is_frame
+
+    def _unchanged(self, payloads: list[bytes] | None) -> frozenset[int]:
+        if payloads is None:
+            self.contents = None
+            return _NOTHING
+        # Contents is the same in nearly every packet of a steady stream.
+        if self.contents is None or payloads[0] != self._contents_payload:
+            self.contents = Contents.parse(payloads[0])
+            self._contents_payload = payloads[0]
+        return self.contents.unchanged

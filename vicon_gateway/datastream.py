@@ -1,0 +1,340 @@
+"""The client's side of a DataStream connection as a pure state machine (vicon_datastream.md sections 4 to 6).
+
+Bytes and the time of their arrival go in, frames and bytes to send come out. No socket, no clock.
+"""
+
+import statistics
+import struct
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from vicon_gateway.carry_over import CarryOver
+from vicon_gateway.control_objects import ObjectEnums, ObjectType, Ping, RequestFrame, packet
+from vicon_gateway.frame import Frame, Position, Quaternion, SubjectPose
+from vicon_gateway.objects import ApplicationInfo, LatencyInfo, StreamInfo, SubjectInfo
+from vicon_gateway.rotations import quaternion_from_matrix, z_up_from_y_up
+from vicon_gateway.wire import PacketReader, WireError, split_objects
+
+REQUIRED_TYPES = {
+    int(ObjectType.STREAM_INFO): "the frame period",
+    int(ObjectType.SUBJECT_INFO): "the subjects",
+    int(ObjectType.FRAME_INFO): "the frame id",
+    int(ObjectType.GLOBAL_SEGMENTS): "the poses",
+}
+"""Without these no pose can be delivered."""
+
+WANTED_TYPES = frozenset(REQUIRED_TYPES) | {
+    int(kind)
+    for kind in (
+        ObjectType.LATENCY_INFO,
+        ObjectType.APPLICATION_INFO,
+        ObjectType.FRAME_RATE_INFO,
+        ObjectType.OBJECT_QUALITY,
+        ObjectType.CONTENTS,
+    )
+}
+
+PING_PERIOD_S = 1.0
+NETWORK_LATENCY = "Network Transmission"
+MAX_LATENCY_S = 10.0
+MAX_POSITION_MM = 1e6
+MAX_PERIOD_S = 10.0
+_NO_FRAME_ID = 0xFFFFFFFF
+
+_PING = int(ObjectType.PING)
+_ENUMS = int(ObjectType.OBJECT_ENUMS)
+_STREAM_INFO = int(ObjectType.STREAM_INFO)
+_SUBJECT_INFO = int(ObjectType.SUBJECT_INFO)
+_FRAME_INFO = int(ObjectType.FRAME_INFO)
+_GLOBAL_SEGMENTS = int(ObjectType.GLOBAL_SEGMENTS)
+_LATENCY_INFO = int(ObjectType.LATENCY_INFO)
+_APPLICATION_INFO = int(ObjectType.APPLICATION_INFO)
+_OBJECT_QUALITY = int(ObjectType.OBJECT_QUALITY)
+
+_U32 = struct.Struct("<I")
+_SUBJECT_AND_COUNT = struct.Struct("<II")
+_SEGMENT = struct.Struct("<I12d")
+_QUALITY = struct.Struct("<Id")
+
+
+@dataclass(slots=True)
+class StreamCounters:
+    """What happened to frames; one object outlives the sessions of a client.
+
+    Attributes
+    ----------
+    frames : int
+        Delivered.
+    skipped : int
+        Received, but a newer one was there before the caller asked.
+    lost : int
+        Missing frame ids within a connection.
+    repeated : int
+        Frames with the id of the frame before; not delivered.
+    restarts : int
+        Jumps of the frame id back.
+    rejected : int
+        Malformed packets, and values refused: not finite, out of range, not a rotation.
+    """
+
+    frames: int = 0
+    skipped: int = 0
+    lost: int = 0
+    repeated: int = 0
+    restarts: int = 0
+    rejected: int = 0
+
+
+class _Subject(NamedTuple):
+    id: int
+    name: str
+    root_segment: int | None
+
+
+class DataStreamSession:
+    """One connection to a DataStream server, from the offer to the last frame.
+
+    Parameters
+    ----------
+    connection : int
+        Number written into the frames.
+    counters : StreamCounters, optional
+        Where to count; a new object when not given.
+    """
+
+    def __init__(self, connection: int = 1, counters: StreamCounters | None = None) -> None:
+        self.counters = StreamCounters() if counters is None else counters
+        self.offer: frozenset[int] | None = None
+        self.selection: frozenset[int] = frozenset()
+        self.period_s: float | None = None
+        self.unanswered_pings = 0
+        self._connection = connection
+        self._reader = PacketReader()
+        self._carry_over = CarryOver()
+        self._outgoing = bytearray()
+        self._segments_selected = False
+        self._last_frame: int | None = None
+        self._pending: tuple[int, float] | None = None
+        self._decoded: dict[int, list[bytes]] = {}
+        self._subjects: tuple[_Subject, ...] = ()
+        self._segments: dict[int, bytes] = {}
+        self._qualities: dict[int, float] = {}
+        self._latency_samples: tuple[tuple[str, float], ...] = ()
+        self._y_up = False
+        self._decoders: dict[int, Callable[[list[bytes]], None]] = {
+            _STREAM_INFO: self._update_period,
+            _SUBJECT_INFO: self._update_subjects,
+            _APPLICATION_INFO: self._update_axes,
+            _LATENCY_INFO: self._update_latency,
+            _OBJECT_QUALITY: self._update_qualities,
+            _GLOBAL_SEGMENTS: self._update_segments,
+        }
+        self._ping_number = 0
+        self._ping_sent_s: float | None = None
+        self._ping_due_s = float("-inf")
+        self._round_trips_s: deque[float] = deque(maxlen=20)
+
+    @property
+    def network_latency_s(self) -> float | None:
+        """Half of the median round trip of the last 20 answered pings."""
+        return statistics.median(self._round_trips_s) / 2.0 if self._round_trips_s else None
+
+    def take_outgoing(self) -> bytes:
+        """Return the bytes to send now, and forget them."""
+        data = bytes(self._outgoing)
+        self._outgoing.clear()
+        return data
+
+    def feed(self, data: bytes, now_s: float) -> None:
+        """Take in received bytes; frames wait for `take_frame`.
+
+        Raises
+        ------
+        WireError
+            Not a DataStream server, an offer without poses, or a malformed packet. The session is of no use
+            afterwards: a packet left out would break the carry-over of the following ones.
+        """
+        self._reader.feed(data)
+        while (body := self._next_body()) is not None:
+            self._accept(body, now_s)
+
+    def take_frame(self) -> Frame | None:
+        """Return the newest frame not delivered yet; older ones have been counted as skipped."""
+        if self._pending is None or self.period_s is None:
+            return None
+        frame, received_s = self._pending
+        self._pending = None
+        self.counters.frames += 1
+        samples = self._latency_samples
+        if (network := self.network_latency_s) is not None:
+            samples = (*samples, (NETWORK_LATENCY, network))
+        latency_s = sum(seconds for _, seconds in samples)
+        subjects = tuple(self._subject_pose(subject) for subject in self._subjects)
+        return Frame(frame, self._connection, self.period_s, received_s, latency_s, samples, subjects)
+
+    def _next_body(self) -> bytes | None:
+        try:
+            return self._reader.next_body()
+        except WireError as error:
+            if self.offer is None:
+                raise WireError(f"not a DataStream server: {error}") from error
+            raise
+
+    def _accept(self, body: bytes, now_s: float) -> None:
+        objects = split_objects(body)
+        for kind, payload in objects:
+            if kind == _ENUMS:
+                self._select(ObjectEnums.parse(payload).types)
+            elif kind == _PING:
+                self._answered(Ping.parse(payload).number, now_s)
+        if self.offer is None:
+            raise WireError("not a DataStream server: the first packet holds no offer")
+        if self._carry_over.apply(objects):
+            self._update(now_s)
+
+    def _select(self, offer: frozenset[int]) -> None:
+        missing = [f"{what} (type {kind})" for kind, what in REQUIRED_TYPES.items() if kind not in offer]
+        if missing:
+            raise WireError(f"the server does not offer {', '.join(missing)}")
+        self.offer = offer
+        self.selection = WANTED_TYPES & offer
+        self._outgoing += packet(ObjectEnums(self.selection), RequestFrame(streaming=True))
+
+    def _update(self, now_s: float) -> None:
+        """Decode a frame; malformed objects show here even in frames nobody takes."""
+        for kind, decode in self._decoders.items():
+            payloads = self._carry_over.payloads.get(kind, [])
+            # Most objects are the same in nearly every frame.
+            if payloads != self._decoded.get(kind):
+                decode(payloads)
+                self._decoded[kind] = payloads
+        self._segments_selected = self._segments_selected or self._carries_segments()
+        if self._segments_selected:
+            self._update_frame(self._carry_over.payloads.get(_FRAME_INFO), now_s)
+            self._ping(now_s)
+
+    def _carries_segments(self) -> bool:
+        """Tell frames captured before our selection arrived, which show every subject as occluded, apart."""
+        contents = self._carry_over.contents
+        if contents is None or self._segments:
+            return True
+        return _GLOBAL_SEGMENTS in contents.counts or _GLOBAL_SEGMENTS in contents.unchanged
+
+    def _update_period(self, payloads: list[bytes]) -> None:
+        if not payloads:
+            return  # a period once known stays known, even where the carry-over rule drops the object
+        period_s = StreamInfo.parse(payloads[0]).period_s
+        if 0.0 < period_s <= MAX_PERIOD_S:
+            self.period_s = period_s
+        else:
+            self.counters.rejected += 1
+
+    def _update_subjects(self, payloads: list[bytes]) -> None:
+        subjects = []
+        for info in map(SubjectInfo.parse, payloads):
+            root = info.root_segment
+            subjects.append(_Subject(info.id, info.name, None if root is None else root.id))
+        self._subjects = tuple(subjects)
+
+    def _update_axes(self, payloads: list[bytes]) -> None:
+        self._y_up = bool(payloads) and ApplicationInfo.parse(payloads[0]).y_up
+
+    def _update_latency(self, payloads: list[bytes]) -> None:
+        samples = LatencyInfo.parse(payloads[0]).samples if payloads else ()
+        self._latency_samples = tuple(sample for sample in samples if 0.0 <= sample[1] <= MAX_LATENCY_S)
+        self.counters.rejected += len(samples) - len(self._latency_samples)
+
+    def _update_qualities(self, payloads: list[bytes]) -> None:
+        self._qualities = {}
+        for payload in payloads:
+            if len(payload) < _QUALITY.size:
+                raise WireError(f"ObjectQuality of {len(payload)} bytes, {_QUALITY.size} are needed")
+            subject, quality = _QUALITY.unpack_from(payload)
+            if 0.0 <= quality <= 1.0:
+                self._qualities[subject] = quality
+            else:
+                self.counters.rejected += 1
+
+    def _update_segments(self, payloads: list[bytes]) -> None:
+        self._segments = {}
+        for payload in payloads:
+            if len(payload) < _SUBJECT_AND_COUNT.size:
+                raise WireError(f"GlobalSegments of {len(payload)} bytes, at least 8 are needed")
+            subject, number = _SUBJECT_AND_COUNT.unpack_from(payload)
+            if _SUBJECT_AND_COUNT.size + number * _SEGMENT.size > len(payload):
+                raise WireError(f"GlobalSegments claims {number} segments in {len(payload)} bytes")
+            self._segments[subject] = payload
+
+    def _update_frame(self, payloads: list[bytes] | None, now_s: float) -> None:
+        if payloads is None:
+            self.counters.rejected += 1
+            return
+        if len(payloads[0]) < _U32.size:
+            raise WireError(f"FrameInfo of {len(payloads[0])} bytes, 4 are needed")
+        frame: int = _U32.unpack_from(payloads[0])[0]
+        if frame == _NO_FRAME_ID or self.period_s is None:
+            self.counters.rejected += 1
+            return
+        if self._last_frame is not None:
+            missing = frame - self._last_frame - 1
+            if missing == -1:
+                self.counters.repeated += 1
+                return
+            if missing < -1:
+                self.counters.restarts += 1
+            else:
+                self.counters.lost += missing
+        if self._pending is not None:
+            self.counters.skipped += 1
+        self._last_frame = frame
+        self._pending = (frame, now_s)
+
+    def _subject_pose(self, subject: _Subject) -> SubjectPose:
+        quality = self._qualities.get(subject.id)
+        values = self._root_segment(subject)
+        if values is None:
+            return SubjectPose(subject.name, True, None, None, quality)
+        pose = _pose(values, self._y_up)
+        if pose is None:
+            self.counters.rejected += 1
+            return SubjectPose(subject.name, True, None, None, quality)
+        return SubjectPose(subject.name, False, *pose, quality)
+
+    def _root_segment(self, subject: _Subject) -> tuple[float, ...] | None:
+        payload = self._segments.get(subject.id)
+        if payload is None:
+            return None
+        number: int = _SUBJECT_AND_COUNT.unpack_from(payload)[1]
+        for start in range(8, 8 + number * _SEGMENT.size, _SEGMENT.size):
+            values = _SEGMENT.unpack_from(payload, start)
+            if values[0] == subject.root_segment:
+                return values
+        return None
+
+    def _ping(self, now_s: float) -> None:
+        if self.offer is None or _PING not in self.offer or now_s < self._ping_due_s:
+            return
+        self.unanswered_pings += self._ping_sent_s is not None
+        self._ping_number += 1
+        self._ping_sent_s, self._ping_due_s = now_s, now_s + PING_PERIOD_S
+        self._outgoing += packet(Ping(self._ping_number))
+
+    def _answered(self, number: int, now_s: float) -> None:
+        if self._ping_sent_s is not None and number == self._ping_number:
+            self._round_trips_s.append(max(0.0, now_s - self._ping_sent_s))
+            self._ping_sent_s = None
+
+
+def _pose(values: tuple[float, ...], y_up: bool) -> tuple[Position, Quaternion] | None:
+    """Convert a segment of the wire (id, translation in mm, rotation) to metres and a quaternion, Z up."""
+    _, x, y, z = values[:4]
+    quaternion = quaternion_from_matrix(values[4:])
+    within = abs(x) <= MAX_POSITION_MM and abs(y) <= MAX_POSITION_MM and abs(z) <= MAX_POSITION_MM
+    if quaternion is None or not within:
+        return None
+    position = (x / 1000.0, y / 1000.0, z / 1000.0)
+    if y_up:
+        return z_up_from_y_up(position), (*z_up_from_y_up(quaternion[:3]), quaternion[3])
+    return position, quaternion

@@ -1,0 +1,67 @@
+"""Rotation matrices and quaternions as they appear in the DataStream protocol."""
+
+import math
+
+from vicon_gateway.frame import Position, Quaternion
+
+NORM_TOLERANCE = 1e-3
+"""A matrix whose quaternion's squared norm is further from one is not a rotation."""
+
+
+def quaternion_from_matrix(matrix: tuple[float, ...]) -> Quaternion | None:
+    """Convert a row-major rotation matrix to a unit quaternion x, y, z, w with w >= 0 (Shepperd's method).
+
+    Returns None where the matrix is not a rotation: not finite, all zeros, scaled or mirrored.
+    """
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = matrix
+    trace = m00 + m11 + m22
+    # The largest of the four squared components is the divisor, so that nothing is lost to cancellation.
+    largest = max(trace, m00, m11, m22)
+    if largest == trace:
+        root = 1.0 + trace
+        x, y, z, w = m21 - m12, m02 - m20, m10 - m01, root
+    elif largest == m00:
+        root = 1.0 + m00 - m11 - m22
+        x, y, z, w = root, m01 + m10, m02 + m20, m21 - m12
+    elif largest == m11:
+        root = 1.0 + m11 - m00 - m22
+        x, y, z, w = m01 + m10, root, m12 + m21, m02 - m20
+    else:
+        root = 1.0 + m22 - m00 - m11
+        x, y, z, w = m02 + m20, m12 + m21, root, m10 - m01
+    if not root > 0.0:
+        return None
+    # The components so far are 2 sqrt(root) times the quaternion of a proper rotation.
+    squared = x * x + y * y + z * z + w * w
+    if not abs(squared - 4.0 * root) <= NORM_TOLERANCE * 4.0 * root:
+        return None
+    scale = math.copysign(1.0 / math.sqrt(squared), w)
+    return x * scale, y * scale, z * scale, w * scale
+
+
+def matrix_from_quaternion(quaternion: Quaternion) -> tuple[float, ...]:
+    """Convert a unit quaternion x, y, z, w to the row-major rotation matrix."""
+    x, y, z, w = quaternion
+    return (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - z * w),
+        2.0 * (x * z + y * w),
+        2.0 * (x * y + z * w),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - x * w),
+        2.0 * (x * z - y * w),
+        2.0 * (y * z + x * w),
+        1.0 - 2.0 * (x * x + y * y),
+    )
+
+
+def z_up_from_y_up(vector: Position) -> Position:
+    """Convert a vector, or a quaternion's vector part, from a Y-up world to Z up (section 6.3)."""
+    x, y, z = vector
+    return x, -z, y
+
+
+def y_up_from_z_up(vector: Position) -> Position:
+    """Convert a vector, or a quaternion's vector part, from a Z-up world to Y up (section 6.3)."""
+    x, y, z = vector
+    return x, z, -y
