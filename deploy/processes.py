@@ -1,0 +1,62 @@
+"""The list of processes of a fleet, as data."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from deploy.fleet import Fleet, FleetError
+
+
+@dataclass(frozen=True)
+class ProcessSpec:
+    """One process to keep running.
+
+    Attributes
+    ----------
+    name
+        Unique on its host; also the name of its log file.
+    role
+        `router`, `simulator`, `tracker`, `transmitters` or `agent`.
+    unit
+        What the role is for: a host, a gateway or a vehicle.
+    stop_order
+        Processes with lower numbers are stopped first.
+    """
+
+    name: str
+    role: str
+    unit: str
+    stop_order: int
+
+    def command(self, fleet_path: Path) -> list[str]:
+        """Command line that starts the process."""
+        return [sys.executable, "-m", "deploy.roles", self.role, self.unit, str(fleet_path)]
+
+
+def processes_of(fleet: Fleet, host: str) -> list[ProcessSpec]:
+    """Processes of one host in the order they are started.
+
+    Raises
+    ------
+    FleetError
+        Unknown host.
+    """
+    if host not in fleet.hosts:
+        raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
+    specs = [ProcessSpec("router", "router", host, 4)]
+    if fleet.simulator is not None and fleet.simulator.host == host:
+        specs.append(ProcessSpec("simulator", "simulator", host, 3))
+    if fleet.tracker.host == host:
+        specs.append(ProcessSpec("tracker", "tracker", host, 2))
+    specs += [
+        ProcessSpec(name, "transmitters", name, 1)
+        for name, gateway in fleet.gateways.items()
+        if gateway.host == host
+        and any(vehicle.transmitter.gateway == name for vehicle in fleet.vehicles.values())
+    ]
+    specs += [
+        ProcessSpec(f"agent-{name}", "agent", name, 0)
+        for name, vehicle in fleet.vehicles.items()
+        if vehicle.host == host
+    ]
+    return specs

@@ -1,0 +1,28 @@
+"""Where a running fleet keeps its logs and its simulated serial ports."""
+
+import os
+import tempfile
+from pathlib import Path
+
+
+def run_directory(fleet_name: str, namespace: str | None) -> Path:
+    """Directory of a fleet on this host, created if missing.
+
+    `RCOPTERX_RUN` overrides the place; else `XDG_RUNTIME_DIR` is used where it exists, else the directory for
+    temporary files.
+    """
+    base = os.environ.get("RCOPTERX_RUN")
+    if base is None:
+        runtime = os.environ.get("XDG_RUNTIME_DIR")
+        if runtime and os.access(runtime, os.W_OK):
+            base = str(Path(runtime) / "rcopterx")
+        else:
+            base = str(Path(tempfile.gettempdir()) / f"rcopterx-{os.getuid()}")
+    path = Path(base) / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
+    (path / "log").mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def serial_path(port: str, directory: Path) -> Path:
+    """Serial device of a transmitter: relative ones live in the run directory."""
+    return Path(port) if Path(port).is_absolute() else directory / port

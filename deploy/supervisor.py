@@ -1,0 +1,173 @@
+"""Keeps the processes of a host running: starts them in order, restarts what dies, stops them in order."""
+
+import os
+import selectors
+import signal
+import subprocess
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from deploy.processes import ProcessSpec
+
+STABLE_AFTER_S = 2.0
+QUICK_RESTARTS = 3
+MAX_PAUSE_S = 5.0
+STOP_LIMIT_S = 6.0
+
+
+def restart_pause_s(quick_deaths: int) -> float:
+    """Pause before a restart, by the number of deaths shortly after a start in a row.
+
+    The first few restarts are immediate, for a crash in flight; a process that cannot even start is not
+    retried at full speed.
+    """
+    if quick_deaths < QUICK_RESTARTS:
+        return 0.0
+    return float(min(MAX_PAUSE_S, 0.2 * 2 ** (quick_deaths - QUICK_RESTARTS)))
+
+
+@dataclass
+class Child:
+    """One supervised process."""
+
+    spec: ProcessSpec
+    process: subprocess.Popen[bytes] | None = None
+    started_s: float = 0.0
+    restart_at_s: float = 0.0
+    restarts: int = 0
+    quick_deaths: int = 0
+    pidfd: int = -1
+    last_exit: int | None = None
+    events: Counter[str] = field(default_factory=Counter)
+
+
+class Supervisor:
+    """Runs the processes of one host.
+
+    Parameters
+    ----------
+    specs
+        Processes in starting order.
+    fleet_path
+        Fleet file handed to each.
+    log_directory
+        One log file per process goes here.
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(
+        self,
+        specs: list[ProcessSpec],
+        fleet_path: Path,
+        log_directory: Path,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.children = {spec.name: Child(spec) for spec in specs}
+        self._fleet_path = fleet_path.resolve()
+        self._logs = log_directory
+        self._clock = clock
+        self._selector = selectors.DefaultSelector()
+
+    def start(self, name: str) -> None:
+        """Start one process."""
+        child = self.children[name]
+        with (self._logs / f"{name}.log").open("ab") as log:
+            child.process = subprocess.Popen(
+                child.spec.command(self._fleet_path),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env=os.environ
+                | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "RCOPTERX_PARENT": str(os.getpid())},
+            )
+        child.started_s = self._clock()
+        child.restart_at_s = 0.0
+        child.pidfd = os.pidfd_open(child.process.pid)
+        self._selector.register(child.pidfd, selectors.EVENT_READ, name)
+
+    def start_all(self) -> None:
+        """Start every process in order."""
+        for name in self.children:
+            self.start(name)
+
+    def watch(self, timeout_s: float) -> list[str]:
+        """Wait for deaths and restart what died.
+
+        Parameters
+        ----------
+        timeout_s
+            How long to wait at most; a death ends the wait at once.
+
+        Returns
+        -------
+        list of str
+            A line per event, for the user.
+        """
+        now = self._clock()
+        due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
+        wait_s = max(0.0, min([timeout_s, *due]))
+        if self._selector.get_map():
+            lines = [self._on_death(str(key.data)) for key, _ in self._selector.select(wait_s)]
+        else:
+            time.sleep(wait_s)
+            lines = []
+        for name, child in self.children.items():
+            if child.restart_at_s > 0 and self._clock() >= child.restart_at_s:
+                child.restarts += 1
+                self.start(name)
+                lines.append(f"{name}: started again (restart {child.restarts})")
+        return lines
+
+    def _on_death(self, name: str) -> str:
+        child = self.children[name]
+        code = self._reap(child)
+        now = self._clock()
+        quick = now - child.started_s < STABLE_AFTER_S
+        child.quick_deaths = child.quick_deaths + 1 if quick else 0
+        child.restart_at_s = now + restart_pause_s(child.quick_deaths)
+        cause = f"killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        return f"{name}: {cause}; log: {self._logs / (name + '.log')}"
+
+    def _reap(self, child: Child) -> int:
+        self._selector.unregister(child.pidfd)
+        os.close(child.pidfd)
+        child.pidfd = -1
+        code = child.process.wait() if child.process is not None else 0
+        child.last_exit = code
+        child.process = None
+        return code
+
+    def running(self) -> list[str]:
+        """Names of the processes that run now."""
+        return [name for name, child in self.children.items() if child.process is not None]
+
+    def pid(self, name: str) -> int | None:
+        """Process id, None while the process is down."""
+        process = self.children[name].process
+        return None if process is None else process.pid
+
+    def stop_all(self) -> None:
+        """Ask every process to end, in stopping order, and end those that do not."""
+        for order in sorted({child.spec.stop_order for child in self.children.values()}):
+            group = [child for child in self.children.values() if child.spec.stop_order == order]
+            self._stop_group([child for child in group if child.process is not None])
+
+    def _stop_group(self, group: list[Child]) -> None:
+        for child in group:
+            if child.process is not None:
+                child.process.terminate()
+        deadline_s = self._clock() + STOP_LIMIT_S
+        for child in group:
+            if child.process is None:
+                continue
+            try:
+                child.process.wait(max(0.01, deadline_s - self._clock()))
+            except subprocess.TimeoutExpired:
+                child.events["killed_at_stop"] += 1
+                child.process.kill()
+            self._reap(child)

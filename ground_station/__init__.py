@@ -1,0 +1,1 @@
+"""Watching and steering a fleet: the scripting interface, recorder, reports."""
