@@ -1,0 +1,1 @@
+"""Commands to radio bytes: safety arbiter, calibration, serial port and one codec per radio."""

@@ -1,0 +1,223 @@
+"""The interface every radio protocol implements, in pulse widths and flags."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+THROTTLE, AILERON, ELEVATOR, RUDDER, GEAR, AUX1 = range(6)
+CHANNEL_NAMES = ("throttle", "aileron", "elevator", "rudder", "gear", "aux1")
+CENTER_US = 1500.0
+
+
+class ProtocolError(ValueError):
+    """A frame or a setting that the radio protocol does not allow."""
+
+
+class PulseRangeError(ProtocolError):
+    """A pulse width outside what the protocol can carry."""
+
+
+class ForbiddenInFlightError(ProtocolError):
+    """A change that interrupts the radio link was asked for while the vehicle may be flying."""
+
+
+class FrameDecodeError(ProtocolError):
+    """Bytes that are not a frame of the protocol."""
+
+
+@dataclass(frozen=True, slots=True)
+class SerialLine:
+    """Settings of a serial line.
+
+    Parameters
+    ----------
+    baud : int
+        Bits per second.
+    parity : {"N", "E"}
+        None or even. A pseudo-terminal drops parity, so simulations configure "N".
+    stop_bits : {1, 2}
+        Number of stop bits.
+    """
+
+    baud: int
+    parity: Literal["N", "E"] = "N"
+    stop_bits: Literal[1, 2] = 1
+
+    def __post_init__(self) -> None:
+        if self.baud <= 0:
+            raise ProtocolError(f"line.baud: {self.baud} must be positive")
+        if self.parity not in ("N", "E"):
+            raise ProtocolError(f"line.parity: {self.parity!r} must be 'N' or 'E'")
+        if self.stop_bits not in (1, 2):
+            raise ProtocolError(f"line.stop_bits: {self.stop_bits!r} must be 1 or 2")
+
+    def duration_s(self, byte_count: int) -> float:
+        """Time on the wire of `byte_count` bytes sent without gaps [s]."""
+        bits = 1 + 8 + (self.parity == "E") + self.stop_bits
+        return byte_count * bits / self.baud
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFlags:
+    """What a frame asks of the radio besides the channel values."""
+
+    bind: bool = False
+    range_check: bool = False
+    kill: bool = False
+    low_power: bool = False
+
+
+NO_FLAGS = FrameFlags()
+
+
+@dataclass(frozen=True, slots=True)
+class DecodedFrame:
+    """Channel pulse widths [us] in the order throttle, aileron, elevator, rudder, ..., and the flags."""
+
+    pulses_us: tuple[float, ...]
+    flags: FrameFlags = NO_FLAGS
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleStatus:
+    """What is known of the radio module: readiness, binding, and one line for people."""
+
+    ready: bool
+    binding: bool
+    text: str
+
+
+class RadioProtocol(ABC):
+    """One radio: how pulse widths become bytes, when frames may be sent, what the module answers.
+
+    A protocol object belongs to one serial port. It knows no port and no clock; times are passed in.
+
+    Attributes
+    ----------
+    line : SerialLine
+        Serial line the radio expects.
+    channel_count : int
+        Number of channels a frame carries.
+    pulse_range_us : tuple of float
+        Shortest and longest pulse width that can be encoded [us].
+    minimum_interval_s : float
+        Shortest time between the starts of two frames [s].
+    keepalive_s : float
+        Longest wanted time between the starts of two frames [s].
+    """
+
+    name: ClassVar[str]
+    line: SerialLine
+    channel_count: int
+    pulse_range_us: tuple[float, float]
+    minimum_interval_s: float
+    keepalive_s: float
+
+    @abstractmethod
+    def encode(
+        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
+    ) -> bytes:
+        """Build the next frame.
+
+        Parameters
+        ----------
+        pulses_us : sequence of float
+            Pulse widths [us], throttle, aileron, elevator, rudder, gear, aux1, ...; channels not given are
+            sent centred.
+        flags : FrameFlags
+            What the frame asks for besides the channel values.
+        disarmed : bool
+            True when the caller knows that the vehicle is not flying; binding needs it.
+
+        Raises
+        ------
+        PulseRangeError
+            A pulse width is not finite, outside `pulse_range_us`, or there are too many of them.
+        ForbiddenInFlightError
+            `flags.bind` without `disarmed`.
+        """
+
+    @abstractmethod
+    def decode(self, frame: bytes) -> DecodedFrame:
+        """Read a channel frame back.
+
+        Raises
+        ------
+        FrameDecodeError
+            `frame` is not a complete channel frame of this protocol.
+        """
+
+    @abstractmethod
+    def link_opened(self, now_s: float) -> None:
+        """Forget everything about the module; the port was (re)opened at `now_s`."""
+
+    @abstractmethod
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Take bytes the module sent; incomplete answers are kept until the rest arrives."""
+
+    @abstractmethod
+    def status(self, now_s: float) -> ModuleStatus:
+        """Judge the module at `now_s` from what it answered."""
+
+    def _checked(self, pulses_us: Sequence[float]) -> list[float]:
+        """Complete `pulses_us` to `channel_count` channels after checking every one."""
+        if len(pulses_us) > self.channel_count:
+            raise PulseRangeError(
+                f"{self.name}: {len(pulses_us)} channels given, {self.channel_count} are possible"
+            )
+        low, high = self.pulse_range_us
+        for index, pulse in enumerate(pulses_us):
+            if not (math.isfinite(pulse) and low <= pulse <= high):
+                name = CHANNEL_NAMES[index] if index < len(CHANNEL_NAMES) else f"channel {index + 1}"
+                raise PulseRangeError(f"{self.name}: {name} pulse {pulse} us is outside {low:g}..{high:g} us")
+        return [*pulses_us, *([CENTER_US] * (self.channel_count - len(pulses_us)))]
+
+    def _refuse_bind_in_flight(self, flags: FrameFlags, disarmed: bool) -> None:
+        if flags.bind and not disarmed:
+            raise ForbiddenInFlightError(f"{self.name}: binding interrupts the radio link; disarm first")
+
+
+class OneWayRadio(RadioProtocol):
+    """A radio that never answers: taken as ready after it was fed for a settling time.
+
+    Attributes
+    ----------
+    settling_s : float
+        Time from opening the port until the radio counts as ready [s].
+    """
+
+    settling_s: float = 1.0
+    _opened_s: float | None = None
+
+    def link_opened(self, now_s: float) -> None:
+        """Start the settling time."""
+        self._opened_s = now_s
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Ignore the bytes: this radio has no answers to understand."""
+
+    def status(self, now_s: float) -> ModuleStatus:
+        """Ready once the settling time has passed."""
+        if self._opened_s is None:
+            return ModuleStatus(False, False, "port not open")
+        if now_s - self._opened_s < self.settling_s:
+            return ModuleStatus(False, False, "settling")
+        return ModuleStatus(True, False, "no answer line, assumed ready")
+
+
+def ten_bit_count(pulse_us: float) -> int:
+    """Spektrum 10-bit value of a pulse width (dsm2_transmitters.md section 2)."""
+    return min(max(round(512 + (pulse_us - CENTER_US) / TEN_BIT_US), 0), 1023)
+
+
+def ten_bit_pulse_us(count: int) -> float:
+    """Pulse width [us] of a Spektrum 10-bit value."""
+    return CENTER_US + (count - 512) * TEN_BIT_US
+
+
+TEN_BIT_US = 1.1661
+TEN_BIT_RANGE_US = (903.0, 2097.0)

@@ -1,0 +1,272 @@
+"""Multiprotocol serial protocol (dsm2_transmitters.md section 3): 27-byte frames, TLV answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from transmitter_gateway.protocols.base import (
+    CENTER_US,
+    NO_FLAGS,
+    DecodedFrame,
+    ForbiddenInFlightError,
+    FrameDecodeError,
+    FrameFlags,
+    ModuleStatus,
+    ProtocolError,
+    PulseRangeError,
+    RadioProtocol,
+    SerialLine,
+)
+from transmitter_gateway.protocols.multi_answers import AnswerParser, MultiStatus
+
+FRAME_LENGTH = 27
+CHANNEL_COUNT = 16
+DSM = 6
+CENTER_COUNT = 1024
+KILL_CHANNEL = 13
+KILL_COUNT = 204
+COUNTS_PER_US = 820 / 400
+
+LINE = SerialLine(100_000, parity="E", stop_bits=2)
+SHORTEST_GAP_S = 1e-3
+MODULE_SILENT_S = 2.0
+
+
+def count_of(pulse_us: float) -> int:
+    """11-bit value of a pulse width [us] (section 2)."""
+    return min(max(round(CENTER_COUNT + (pulse_us - CENTER_US) * COUNTS_PER_US), 0), 2047)
+
+
+def pulse_of(count: int) -> float:
+    """Pulse width [us] of an 11-bit value."""
+    return CENTER_US + (count - CENTER_COUNT) / COUNTS_PER_US
+
+
+def pack_channels(counts: Sequence[int]) -> bytes:
+    """Pack 16 values of 11 bits into 22 bytes, first channel in the lowest bits.
+
+    Raises
+    ------
+    PulseRangeError
+        Not exactly 16 values, or one outside 0..2047.
+    """
+    if len(counts) != CHANNEL_COUNT:
+        raise PulseRangeError(f"multi: {len(counts)} channel values given, exactly 16 are needed")
+    stream = 0
+    for index, count in enumerate(counts):
+        if not 0 <= count <= 2047:
+            raise PulseRangeError(f"multi: channel {index + 1} value {count} is outside 0..2047")
+        stream |= count << (11 * index)
+    return stream.to_bytes(22, "little")
+
+
+def unpack_channels(packed: bytes) -> tuple[int, ...]:
+    """Read 16 values of 11 bits from 22 bytes."""
+    stream = int.from_bytes(packed, "little")
+    return tuple((stream >> (11 * index)) & 0x7FF for index in range(CHANNEL_COUNT))
+
+
+@dataclass(frozen=True, slots=True)
+class MultiFrame:
+    """Every field of a frame on the wire (table of section 3), `counts` being the 16 channel values."""
+
+    counts: tuple[int, ...]
+    protocol: int = DSM
+    sub_protocol: int = 0
+    rx_num: int = 0
+    option: int = 6
+    bind: bool = False
+    autobind: bool = False
+    range_check: bool = False
+    low_power: bool = False
+    failsafe: bool = False
+    inverted_line: bool = True
+    telemetry_off: bool = False
+    mapping_off: bool = True
+
+    def to_bytes(self) -> bytes:
+        """Encode as the 27 bytes of the wire format."""
+        header = (0x54 if self.protocol & 0x20 else 0x55) | (0x02 if self.failsafe else 0)
+        first = (
+            self.protocol & 0x1F
+            | (0x20 if self.range_check else 0)
+            | (0x40 if self.autobind else 0)
+            | (0x80 if self.bind else 0)
+        )
+        second = self.rx_num & 0x0F | (self.sub_protocol & 0x07) << 4 | (0x80 if self.low_power else 0)
+        last = (
+            self.protocol & 0xC0
+            | self.rx_num & 0x30
+            | (0x08 if self.inverted_line else 0)
+            | (0x02 if self.telemetry_off else 0)
+            | (0x01 if self.mapping_off else 0)
+        )
+        return bytes((header, first, second, self.option)) + pack_channels(self.counts) + bytes((last,))
+
+    @classmethod
+    def from_bytes(cls, frame: bytes) -> MultiFrame:
+        """Decode a frame of 26 to 36 bytes; bytes after the 27th are protocol data and ignored.
+
+        Raises
+        ------
+        FrameDecodeError
+            Wrong length or header.
+        """
+        if not 26 <= len(frame) <= 36:
+            raise FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")
+        if frame[0] & 0xFC != 0x54:
+            raise FrameDecodeError(f"multi: header 0x{frame[0]:02X}, expected 0x54 to 0x57")
+        last = frame[26] if len(frame) > 26 else 0
+        return cls(
+            counts=unpack_channels(frame[4:26]),
+            protocol=frame[1] & 0x1F | (0 if frame[0] & 0x01 else 0x20) | last & 0xC0,
+            sub_protocol=frame[2] >> 4 & 0x07,
+            rx_num=frame[2] & 0x0F | last & 0x30,
+            option=frame[3],
+            bind=bool(frame[1] & 0x80),
+            autobind=bool(frame[1] & 0x40),
+            range_check=bool(frame[1] & 0x20),
+            low_power=bool(frame[2] & 0x80),
+            failsafe=bool(frame[0] & 0x02),
+            inverted_line=bool(last & 0x08),
+            telemetry_off=bool(last & 0x02),
+            mapping_off=bool(last & 0x01),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MultiSettings:
+    """How the module is to transmit.
+
+    Parameters
+    ----------
+    rx_num : int
+        Model match number, 0..63; each vehicle has its own.
+    sub_protocol : int
+        0 DSM2_1F (22 ms, 1024), 1 DSM2_2F (2048), 2 DSMX_1F (22 ms, 2048), 3 DSMX_2F.
+    channels : int
+        Number of channels on air, 3..12.
+    eleven_ms : bool
+        Send data every 11 ms (sub-protocols 1 and 3).
+    inverted_line : bool
+        Polarity bit: True for a JR-bay module on an inverted line, False for an internal one. A wrong value
+        makes the module deaf until it is power cycled.
+    answers_wired : bool
+        False when the module's return line is not connected; readiness is then assumed.
+    """
+
+    rx_num: int = 0
+    sub_protocol: int = 0
+    channels: int = 6
+    eleven_ms: bool = False
+    inverted_line: bool = True
+    answers_wired: bool = True
+
+    def __post_init__(self) -> None:
+        for field, low, high in (("rx_num", 0, 63), ("sub_protocol", 0, 3), ("channels", 3, 12)):
+            value = getattr(self, field)
+            if not low <= value <= high:
+                raise ProtocolError(f"multi.{field}: {value} is outside {low}..{high}")
+
+    @property
+    def option(self) -> int:
+        """The option byte for DSM: number of channels and the 11 ms bit."""
+        return self.channels | (0x40 if self.eleven_ms else 0)
+
+
+class MultiProtocol(RadioProtocol):
+    """Driver of a Multiprotocol module; never asks for autobind and keeps the channel mapping off."""
+
+    name: ClassVar[str] = "multi"
+
+    def __init__(self, settings: MultiSettings | None = None, line: SerialLine = LINE) -> None:
+        self.settings = settings or MultiSettings()
+        self.line = line
+        self.channel_count = CHANNEL_COUNT
+        self.pulse_range_us = (1000.0, 2000.0)
+        self.minimum_interval_s = line.duration_s(FRAME_LENGTH) + SHORTEST_GAP_S
+        # A little above the command period of 20 ms: a keep-alive just before a late command delays it by
+        # the time of a frame. The module's dead-man's stop is at 70 ms, section 8.2 allows 40 ms.
+        self.keepalive_s = 0.025
+        self._parser = AnswerParser()
+        self._opened_s: float | None = None
+        self._status_s: float | None = None
+        self._last_status: MultiStatus | None = None
+
+    def reconfigure(self, settings: MultiSettings, *, disarmed: bool) -> None:
+        """Change the transmission settings.
+
+        Raises
+        ------
+        ForbiddenInFlightError
+            The change restarts the radio part (section 3.2) and `disarmed` is False.
+        """
+        kept_in_flight = replace(settings, channels=self.settings.channels, eleven_ms=self.settings.eleven_ms)
+        if kept_in_flight != self.settings and not disarmed:
+            raise ForbiddenInFlightError(
+                "multi: model match, sub-protocol, polarity and answer line change only while disarmed"
+            )
+        self.settings = settings
+
+    def encode(
+        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
+    ) -> bytes:
+        """Build a frame; see `RadioProtocol.encode`. Kill puts channel 14 to -100 %."""
+        self._refuse_bind_in_flight(flags, disarmed)
+        counts = [count_of(pulse) for pulse in self._checked(pulses_us)]
+        if flags.kill:
+            counts[KILL_CHANNEL] = KILL_COUNT
+        settings = self.settings
+        return MultiFrame(
+            counts=tuple(counts),
+            sub_protocol=settings.sub_protocol,
+            rx_num=settings.rx_num,
+            option=settings.option,
+            bind=flags.bind,
+            range_check=flags.range_check,
+            low_power=flags.low_power,
+            inverted_line=settings.inverted_line,
+            telemetry_off=not settings.answers_wired,
+        ).to_bytes()
+
+    def decode(self, frame: bytes) -> DecodedFrame:
+        """Read a frame back; see `RadioProtocol.decode`."""
+        fields = MultiFrame.from_bytes(frame)
+        return DecodedFrame(
+            tuple(pulse_of(count) for count in fields.counts),
+            FrameFlags(
+                bind=fields.bind,
+                range_check=fields.range_check,
+                kill=fields.counts[KILL_CHANNEL] <= KILL_COUNT,
+                low_power=fields.low_power,
+            ),
+        )
+
+    def link_opened(self, now_s: float) -> None:
+        """Wait for a new status answer."""
+        self._parser = AnswerParser()
+        self._opened_s = now_s
+        self._status_s = None
+        self._last_status = None
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Parse answers and keep the newest status."""
+        for answer in self._parser.feed(data):
+            if isinstance(answer, MultiStatus):
+                self._last_status = answer
+                self._status_s = now_s
+
+    def status(self, now_s: float) -> ModuleStatus:
+        """Ready when the module says so and has been heard within 2 s (section 3.6)."""
+        if self._opened_s is None:
+            return ModuleStatus(False, False, "port not open")
+        if not self.settings.answers_wired:
+            settled = now_s - self._opened_s >= MODULE_SILENT_S
+            return ModuleStatus(settled, False, "no answer line, assumed ready" if settled else "settling")
+        if self._last_status is None or self._status_s is None:
+            return ModuleStatus(False, False, "no answer from the module yet")
+        if now_s - self._status_s > MODULE_SILENT_S:
+            return ModuleStatus(False, False, f"module gone: silent for {now_s - self._status_s:.1f} s")
+        return ModuleStatus(self._last_status.ready, self._last_status.binding, self._last_status.describe())
