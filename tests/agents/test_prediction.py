@@ -1,0 +1,119 @@
+"""Promises of the model prediction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.integrate import solve_ivp
+
+from agents.interfaces import Estimate
+from agents.prediction import compensate_delay, predict
+from vehicles.model import Model, motion_derivative
+from vehicles.state import Array
+from vehicles.types import COAXIAL, TYPES
+
+models = st.sampled_from(list(TYPES.values()))
+periods_s = st.sampled_from([0.005, 0.01, 0.02, 0.04])
+
+
+def vectors(size: int, low: float, high: float) -> st.SearchStrategy[Array]:
+    return arrays(np.float64, size, elements=st.floats(low, high, allow_subnormal=False))
+
+
+estimates = st.builds(Estimate, vectors(8, -2, 2), vectors(4, -0.5, 0.8), vectors(4, -1, 1))
+inputs = vectors(4, -0.4, 0.8)
+
+
+def fine_integration(model: Model, estimate: Estimate, applied_input: Array, duration_s: float) -> Array:
+    lag_s = np.array(model.lag_s)
+
+    def derivative(time_s: float, motion: Array) -> Array:
+        decay = np.exp(-time_s / lag_s)
+        actuator = applied_input + (estimate.actuator - applied_input) * decay
+        return motion_derivative(model, motion, actuator, estimate.disturbance)
+
+    solution = solve_ivp(
+        derivative, (0, duration_s), estimate.motion, method="DOP853", rtol=1e-11, atol=1e-12
+    )
+    return np.asarray(solution.y[:, -1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(model=models, estimate=estimates, applied_input=inputs, period_s=periods_s)
+def test_prediction_agrees_with_fine_integration(
+    model: Model, estimate: Estimate, applied_input: Array, period_s: float
+) -> None:
+    predicted = predict(model, estimate, applied_input, period_s)
+    expected = fine_integration(model, estimate, applied_input, period_s)
+    assert np.allclose(predicted.motion[:3], expected[:3], atol=1e-5)
+    assert np.allclose(predicted.motion[3:], expected[3:], atol=2e-4)
+
+
+@settings(deadline=None)
+@given(model=models, estimate=estimates, applied_input=inputs, period_s=periods_s)
+def test_actuators_follow_their_exact_pole(
+    model: Model, estimate: Estimate, applied_input: Array, period_s: float
+) -> None:
+    predicted = predict(model, estimate, applied_input, period_s)
+    pole = np.exp(-period_s / np.array(model.lag_s))
+    assert np.allclose(predicted.actuator, applied_input + pole * (estimate.actuator - applied_input))
+    assert np.array_equal(predicted.disturbance, estimate.disturbance)
+
+
+@settings(max_examples=60, deadline=None)
+@given(estimate=estimates, applied_input=inputs, turn_rad=st.floats(-7, 7))
+def test_prediction_is_the_same_in_every_heading(
+    estimate: Estimate, applied_input: Array, turn_rad: float
+) -> None:
+    turn = np.eye(8)
+    turn[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
+    offset = np.zeros(8)
+    offset[3] = turn_rad
+    turned = replace(estimate, motion=turn @ estimate.motion + offset)
+    predicted = predict(COAXIAL, estimate, applied_input, 0.02).motion
+    assert np.allclose(predict(COAXIAL, turned, applied_input, 0.02).motion, turn @ predicted + offset)
+
+
+def test_two_half_periods_are_one_period() -> None:
+    start = Estimate(np.linspace(-1, 1, 8), np.array([0.1, -0.2, 0.5, 0.05]), np.array([0.1, 0.2, 0.3, 1.0]))
+    applied_input = np.array([0.3, 0.4, 0.6, -0.1])
+    once = predict(COAXIAL, start, applied_input, 0.02)
+    twice = predict(COAXIAL, predict(COAXIAL, start, applied_input, 0.01), applied_input, 0.01)
+    assert np.allclose(once.motion, twice.motion, atol=1e-4)
+    assert np.allclose(once.actuator, twice.actuator)
+
+
+def test_hover_input_holds_a_hovering_vehicle() -> None:
+    start = Estimate(np.array([0.1, 0.2, 1.0, 9.0, 0, 0, 0, 0]), COAXIAL.hover_input, np.zeros(4))
+    end = start
+    for _ in range(100):
+        end = predict(COAXIAL, end, COAXIAL.hover_input, 0.02)
+    assert np.allclose(end.motion, start.motion)
+
+
+def test_vehicle_without_lag_takes_its_input_at_once() -> None:
+    model = replace(COAXIAL, lag_s=(0.0, 0.0, 0.0, 0.0))
+    start = Estimate(np.zeros(8), np.zeros(4), np.zeros(4))
+    applied_input = np.array([0.5, 0.0, 0.545, 0.0])
+    predicted = predict(model, start, applied_input, 0.02)
+    assert np.array_equal(predicted.actuator, applied_input)
+    assert predicted.motion[4] == pytest.approx(0.5 * 2.0 * (1 - np.exp(-0.5 * 0.02)) / 0.5)
+
+
+def test_delay_is_bridged_through_the_inputs_under_way() -> None:
+    start = Estimate(np.zeros(8), COAXIAL.hover_input, np.zeros(4))
+    first, second = np.array([1.0, 0.0, 0.6, 0.0]), np.array([-1.0, 0.0, 0.5, 0.1])
+    expected = predict(COAXIAL, predict(COAXIAL, start, first, 0.02), second, 0.02)
+    bridged = compensate_delay(COAXIAL, start, [first, second], 0.02)
+    assert np.array_equal(bridged.motion, expected.motion)
+    assert compensate_delay(COAXIAL, start, [], 0.02) is start
+
+
+def test_prediction_leaves_its_arguments_alone() -> None:
+    start = Estimate(np.zeros(8), np.zeros(4), np.zeros(4))
+    predict(COAXIAL, start, np.ones(4), 0.02)
+    assert not start.motion.any()
+    assert not start.actuator.any()
