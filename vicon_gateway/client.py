@@ -1,0 +1,350 @@
+"""DataStream client over TCP: connects, watches, reconnects by itself (vicon_datastream.md section 11).
+
+Non-blocking; `next_frame` never raises for trouble with the network, `state` tells what is going on.
+"""
+
+import contextlib
+import errno
+import math
+import os
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import BinaryIO, Literal, NamedTuple, Self
+
+from vicon_gateway.datastream import DataStreamSession, StreamCounters
+from vicon_gateway.frame import Frame
+from vicon_gateway.recording import RawRecorder
+from vicon_gateway.wire import WireError
+
+DEFAULT_PORT = 801
+RECEIVE_BYTES = 256 * 1024
+MAX_DRAIN_BYTES = 8 * 1024 * 1024
+
+StateName = Literal["waiting", "resolving", "connecting", "negotiating", "up", "closed"]
+
+
+class ClientState(NamedTuple):
+    """What a client is doing, for people and for status messages.
+
+    Attributes
+    ----------
+    name : str
+        waiting (pause before the next try), resolving (host name), connecting (TCP), negotiating (offer and
+        first frame), up (frames with segments arrive), closed (by the caller).
+    doing : str
+        The same as a sentence with addresses and times.
+    last_error : str or None
+        Why the last connection failed or ended.
+    connects : int
+        TCP connections established so far.
+    frames, skipped, lost, repeated, restarts, rejected : int
+        See `StreamCounters`.
+    received_bytes : int
+    """
+
+    name: StateName
+    doing: str
+    last_error: str | None
+    connects: int
+    frames: int
+    skipped: int
+    lost: int
+    repeated: int
+    restarts: int
+    rejected: int
+    received_bytes: int
+
+
+class ClientLimits(NamedTuple):
+    """Time limits of a client.
+
+    Attributes
+    ----------
+    connect_s : float
+        For the host name, for TCP connect plus offer, and then once more for the first frame.
+    silence_periods, silence_min_s : float
+        A connection without frames for that many periods, but at least that long, is closed.
+    retry_min_s, retry_max_s : float
+        Pause before the next try: doubles from the first to the second, starts again once frames arrived.
+    """
+
+    connect_s: float = 3.0
+    silence_periods: float = 5.0
+    silence_min_s: float = 0.1
+    retry_min_s: float = 0.1
+    retry_max_s: float = 2.0
+
+
+class _LinkError(Exception):
+    """The connection is of no use any more; the text says why."""
+
+
+class DataStreamClient:
+    """Frames of a Tracker, newest first, for as long as the caller asks.
+
+    Parameters
+    ----------
+    host, port : str, int
+        The Tracker PC. A host name is looked up in a thread of its own, because the look-up cannot be timed.
+    clock : callable
+        Monotonic seconds.
+    limits : ClientLimits
+    record_raw : BinaryIO, optional
+        Where to store all received bytes (`recording`). The caller closes it.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int = DEFAULT_PORT,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        limits: ClientLimits | None = None,
+        record_raw: BinaryIO | None = None,
+    ) -> None:
+        self._host, self._port = host, port
+        self._clock = clock
+        self._limits = ClientLimits() if limits is None else limits
+        self._recorder = None if record_raw is None else RawRecorder(record_raw, clock)
+        self._counters = StreamCounters()
+        self._name: StateName = "waiting"
+        self._socket: socket.socket | None = None
+        self._lookup: _Lookup | None = None
+        self._session = DataStreamSession()
+        self._unsent = b""
+        self._tries = 0
+        self._connects = 0
+        self._received_bytes = 0
+        self._last_error: str | None = None
+        self._pause_s = self._limits.retry_min_s
+        self._deadline_s = clock()
+
+    @property
+    def state(self) -> ClientState:
+        """What the client is doing now."""
+        counters = self._counters
+        return ClientState(
+            self._name,
+            self._sentence(),
+            self._last_error,
+            self._connects,
+            counters.frames,
+            counters.skipped,
+            counters.lost,
+            counters.repeated,
+            counters.restarts,
+            counters.rejected,
+            self._received_bytes,
+        )
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        """Wait for the next frame and return the newest; None when `timeout_s` is over.
+
+        Older frames that arrived meanwhile are counted as skipped. Connecting happens in here, too.
+        """
+        give_up_s = self._clock() + timeout_s
+        while self._name != "closed":
+            frame = self._step(give_up_s)
+            if frame is not None:
+                return frame
+            if self._clock() >= give_up_s:
+                return None
+        return None
+
+    def close(self) -> None:
+        """End the connection; `next_frame` returns None from now on."""
+        self._hang_up("closed by the user")
+        self._name = "closed"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _step(self, give_up_s: float) -> Frame | None:
+        """Wait for one event at most until `give_up_s` and handle it."""
+        try:
+            if self._name == "waiting":
+                self._wait(give_up_s)
+            elif self._name == "resolving":
+                self._resolve(give_up_s)
+            elif self._name == "connecting":
+                self._connect(give_up_s)
+            else:
+                return self._exchange(give_up_s)
+        except (_LinkError, WireError, OSError) as error:
+            self._fail(error)
+        return None
+
+    def _timeout_s(self, give_up_s: float) -> float:
+        return max(0.0, min(give_up_s, self._deadline_s) - self._clock())
+
+    def _wait(self, give_up_s: float) -> None:
+        if (pause_s := self._timeout_s(give_up_s)) > 0.0:
+            time.sleep(pause_s)
+        if self._clock() >= self._deadline_s:
+            self._tries += 1
+            self._lookup = _Lookup(self._host, self._port)
+            self._name = "resolving"
+            self._deadline_s = self._clock() + self._limits.connect_s
+
+    def _resolve(self, give_up_s: float) -> None:
+        assert self._lookup is not None
+        address = self._lookup.wait(self._timeout_s(give_up_s))
+        if address is None:
+            if self._clock() >= self._deadline_s:
+                raise _LinkError(f"host {self._host!r}: no answer to the look-up")
+            return
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._name = "connecting"
+        self._deadline_s = self._clock() + self._limits.connect_s
+        code = self._socket.connect_ex(address)
+        if code not in (0, errno.EINPROGRESS):
+            raise OSError(code, os.strerror(code))
+
+    def _connect(self, give_up_s: float) -> None:
+        assert self._socket is not None
+        if not _poll(self._socket, select.POLLOUT, self._timeout_s(give_up_s)):
+            if self._clock() >= self._deadline_s:
+                raise _LinkError(
+                    f"no answer within {self._limits.connect_s} s (wrong address? firewall?)"
+                )
+            return
+        code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if code != 0:
+            raise OSError(code, os.strerror(code))
+        self._connects += 1
+        self._session = DataStreamSession(self._connects, self._counters)
+        self._unsent = b""
+        self._name = "negotiating"
+        if self._recorder is not None:
+            self._recorder.opened()
+
+    def _exchange(self, give_up_s: float) -> Frame | None:
+        assert self._socket is not None
+        events = select.POLLIN | (select.POLLOUT if self._unsent else 0)
+        _poll(self._socket, events, self._timeout_s(give_up_s))
+        had_offer = self._session.offer is not None
+        self._receive(self._socket)
+        self._send(self._socket)
+        now_s = self._clock()
+        frame = self._session.take_frame()
+        if frame is not None:
+            self._name = "up"
+            self._pause_s = self._limits.retry_min_s
+            self._deadline_s = now_s + self._silence_limit_s(frame.period_s)
+        elif self._session.offer is not None and not had_offer:
+            self._deadline_s = now_s + self._limits.connect_s
+        elif now_s >= self._deadline_s:
+            raise _LinkError(self._silence())
+        return frame
+
+    def _receive(self, link: socket.socket) -> None:
+        """Read all that is there, so that only the newest frame is delivered."""
+        drained = 0
+        while drained < MAX_DRAIN_BYTES:
+            try:
+                data = link.recv(RECEIVE_BYTES)
+            except BlockingIOError:
+                return
+            if not data:
+                if drained:
+                    return  # what came before the end is delivered first; the next call meets the end again
+                raise _LinkError("the server closed the connection")
+            drained += len(data)
+            self._received_bytes += len(data)
+            if self._recorder is not None:
+                self._recorder.received(data)
+            self._session.feed(data, self._clock())
+
+    def _send(self, link: socket.socket) -> None:
+        self._unsent += self._session.take_outgoing()
+        if self._unsent:
+            with contextlib.suppress(BlockingIOError):
+                self._unsent = self._unsent[link.send(self._unsent) :]
+
+    def _silence_limit_s(self, period_s: float) -> float:
+        return max(self._limits.silence_periods * period_s, self._limits.silence_min_s)
+
+    def _silence(self) -> str:
+        if self._session.offer is None:
+            return f"connected, but no offer within {self._limits.connect_s} s: not a DataStream server?"
+        if self._name == "negotiating" or self._session.period_s is None:
+            return f"no frame with segments within {self._limits.connect_s} s after the selection"
+        return f"no frame for {self._silence_limit_s(self._session.period_s):.3g} s"
+
+    def _fail(self, error: Exception) -> None:
+        if isinstance(error, WireError):
+            self._counters.rejected += 1
+        self._last_error = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        self._hang_up(self._last_error)
+        self._name = "waiting"
+        self._deadline_s = self._clock() + self._pause_s
+        self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)
+
+    def _hang_up(self, reason: str) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+            if self._recorder is not None and self._name in ("negotiating", "up"):
+                self._recorder.ended(reason)
+
+    def _sentence(self) -> str:
+        where = f"{self._host}:{self._port}"
+        period_s = self._session.period_s
+        if self._name == "waiting":
+            pause_s = max(0.0, self._deadline_s - self._clock())
+            text = f"trying {where} again in {pause_s:.1f} s (try {self._tries + 1})"
+        elif self._name == "resolving":
+            text = f"looking up host {self._host} (try {self._tries})"
+        elif self._name == "connecting":
+            text = f"connecting to {where} (try {self._tries})"
+        elif self._name == "negotiating":
+            waiting_for = "the offer" if self._session.offer is None else "the first frame with segments"
+            text = f"connected to {where}, waiting for {waiting_for}"
+        elif self._name == "up" and period_s is not None:
+            text = f"receiving {1.0 / period_s:.4g} Hz from {where}"
+        else:
+            text = f"closed, was {where}"
+        recording_error = None if self._recorder is None else self._recorder.error
+        return text if recording_error is None else f"{text}; {recording_error}"
+
+
+class _Lookup:
+    """A host name look-up that can be waited for with a limit, unlike getaddrinfo."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._host, self._port = host, port
+        self._address: tuple[str, int] | None = None
+        self._error: OSError | UnicodeError | None = None
+        self._done = threading.Event()
+        threading.Thread(target=self._run, name="tracker-look-up", daemon=True).start()
+
+    def _run(self) -> None:
+        try:
+            found = socket.getaddrinfo(self._host, self._port, socket.AF_INET, socket.SOCK_STREAM)
+            self._address = str(found[0][4][0]), self._port
+        except (OSError, UnicodeError) as error:  # UnicodeError: a label of the name is empty or too long
+            self._error = error
+        self._done.set()
+
+    def wait(self, timeout_s: float) -> tuple[str, int] | None:
+        """Return the address, None when it is not known yet; raises `_LinkError` when there is none."""
+        if not self._done.wait(timeout_s):
+            return None
+        if self._error is not None:
+            raise _LinkError(f"host {self._host!r}: {self._error}")
+        return self._address
+
+
+def _poll(link: socket.socket, events: int, timeout_s: float) -> bool:
+    """Wait until the socket is ready; True when it is."""
+    poller = select.poll()
+    poller.register(link, events)
+    return bool(poller.poll(math.ceil(timeout_s * 1000.0)))
