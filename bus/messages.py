@@ -118,6 +118,25 @@ class Pose(Message, frozen=True, kw_only=True):
             raise InvalidMessageError(f"quaternion_xyzw: squared norm {norm:.3f}, must be 1")
 
 
+class SetPoint(Struct, frozen=True, kw_only=True):
+    """Where a vehicle shall be, inertial frame."""
+
+    position_m: Three
+    yaw_rad: float
+
+
+class Following(Struct, frozen=True, kw_only=True):
+    """Whom a vehicle follows and where it keeps itself."""
+
+    leader: Name
+    offset_m: Three = (0.0, 0.0, 0.0)
+    yaw_offset_rad: float = 0.0
+    frame: Annotated[str, Meta(pattern="^(inertial|heading)$")] = "inertial"
+    """Whether the offset is fixed in the room or turns with the leader's heading."""
+    weight: Annotated[float, Meta(gt=0)] = 1.0
+    """Share of this leader among several; only ratios count."""
+
+
 class Plan(Message, frozen=True, kw_only=True):
     """Predicted trajectory of a vehicle; following it means subscribing to it."""
 
@@ -136,6 +155,10 @@ class Plan(Message, frozen=True, kw_only=True):
     trajectory: FloatArray
     """Stages times (x y z [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration [m/s^2], yaw
     acceleration [rad/s^2]), inertial frame."""
+    reference: Four | None = None
+    """Reference of the first stage: x, y, z [m], yaw [rad]; absent on the floor."""
+    following: tuple[Following, ...] = ()
+    """Leaders with the offsets of this moment, also while an offset moves to a new value."""
 
     def check(self) -> None:
         """See `Message.check`."""
@@ -161,25 +184,6 @@ class Command(Message, frozen=True, kw_only=True):
     def check(self) -> None:
         """See `Message.check`."""
         self.next_inputs.check("next_inputs", 4, MAX_NEXT_INPUTS)
-
-
-class SetPoint(Struct, frozen=True, kw_only=True):
-    """Where a vehicle shall be, inertial frame."""
-
-    position_m: Three
-    yaw_rad: float
-
-
-class Following(Struct, frozen=True, kw_only=True):
-    """Whom a vehicle follows and where it keeps itself."""
-
-    leader: Name
-    offset_m: Three = (0.0, 0.0, 0.0)
-    yaw_offset_rad: float = 0.0
-    frame: Annotated[str, Meta(pattern="^(inertial|heading)$")] = "inertial"
-    """Whether the offset is fixed in the room or turns with the leader's heading."""
-    weight: Annotated[float, Meta(gt=0)] = 1.0
-    """Share of this leader among several; only ratios count."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):

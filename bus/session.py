@@ -92,6 +92,7 @@ class Session:
         self._wake = wake
         self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
+        self._taps: list[zenoh.Subscriber[None]] = []
         self._tokens: list[zenoh.LivelinessToken] = []
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
         try:
@@ -137,6 +138,22 @@ class Session:
         """Receive a channel of every unit."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
         return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, self._wake, depth)
+
+    def tap(self, store: Callable[[str, str, bytes, float], None]) -> None:
+        """Hear every message of the fleet undecoded, for recorders.
+
+        Parameters
+        ----------
+        store
+            Called on the receive thread with unit, topic, payload and arrival time [monotonic s].
+        """
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            _, _, unit, topic = str(sample.key_expr).split("/", 3)
+            store(unit, topic, sample.payload.to_bytes(), self.clock())
+
+        pattern = channels.key(self.address.fleet, "*", "*")
+        self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
 
     def announce(self, unit: str, role: str) -> None:
         """Hold a liveliness token for as long as the session lives."""

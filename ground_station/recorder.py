@@ -1,0 +1,69 @@
+"""Keeps what travels on the bus during a flight, undecoded until the flight is over."""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TypeVar
+
+from bus.channels import CHANNELS, Channel
+from bus.codec import RejectedError, decode
+from bus.messages import Message
+from bus.session import Session
+
+M = TypeVar("M", bound=Message)
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One payload as it arrived."""
+
+    unit: str
+    topic: str
+    payload: bytes
+    arrived_s: float
+
+
+class Recording:
+    """Messages of a flight by channel and unit; decoding happens on reading."""
+
+    def __init__(self, records: list[Record]) -> None:
+        self._records = records
+        self.rejected: Counter[str] = Counter()
+
+    def messages(self, channel: Channel[M], unit: str) -> list[tuple[M, float]]:
+        """Valid messages of a channel and unit with their arrival times, in order."""
+        found = []
+        for record in self._records:
+            if record.topic != channel.topic or record.unit != unit:
+                continue
+            try:
+                found.append((decode(record.payload, channel.message), record.arrived_s))
+            except RejectedError as error:
+                self.rejected[f"{channel.topic}.{error.kind}"] += 1
+        return found
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+
+class Recorder:
+    """Records everything on the bus between `start` and `stop`."""
+
+    def __init__(self, session: Session) -> None:
+        self._records: list[Record] = []
+        self._topics = {channel.topic for channel in CHANNELS if channel.recorded}
+        self._active = False
+        session.tap(self._store)
+
+    def _store(self, unit: str, topic: str, payload: bytes, arrived_s: float) -> None:
+        if self._active and topic in self._topics:
+            self._records.append(Record(unit, topic, payload, arrived_s))
+
+    def start(self) -> None:
+        """Begin anew."""
+        self._records.clear()
+        self._active = True
+
+    def stop(self) -> Recording:
+        """End and hand the recording over."""
+        self._active = False
+        return Recording(list(self._records))

@@ -1,0 +1,187 @@
+"""Figures of a flight from its recording: latencies, errors, ticks, fallbacks."""
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bus import channels
+from bus.messages import AgentStatus, Applied, LaboratoryState, LaboratoryVehicle, Plan, Pose
+from ground_station.recorder import Recording
+
+Array = NDArray[np.float64]
+
+PULSE_TOLERANCE_US = 1.0
+MATCH_LIMIT_S = 0.1
+
+
+def percentiles(values: Sequence[float]) -> dict[str, float] | None:
+    """p50, p99 and maximum, rounded to a microsecond if these are milliseconds; None without values."""
+    if not len(values):
+        return None
+    array = np.asarray(values)
+    p50, p99 = np.percentile(array, [50, 99])
+    return {"p50": round(float(p50), 3), "p99": round(float(p99), 3), "max": round(float(array.max()), 3)}
+
+
+def rms_and_max(errors_m: Array) -> dict[str, float] | None:
+    """Root mean square and maximum in millimetres of error norms in metres; None without errors."""
+    if not len(errors_m):
+        return None
+    return {
+        "rms": round(1000 * float(np.sqrt(np.mean(errors_m**2))), 2),
+        "max": round(1000 * float(errors_m.max()), 2),
+    }
+
+
+class FlightFigures:
+    """Everything `report.json` says about the vehicles of a recorded flight.
+
+    Parameters
+    ----------
+    recording
+        The flight.
+    vehicles
+        Names of the vehicles.
+
+    Notes
+    -----
+    Positions are the true ones of the simulated laboratory where there is one, else those of the motion
+    capture. Latencies compare monotonic clocks and are only told where both ends ran on one host.
+    """
+
+    def __init__(self, recording: Recording, vehicles: Sequence[str]) -> None:
+        self._vehicles = list(vehicles)
+        self._laboratory = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
+        self._poses: dict[str, list[Pose]] = {}
+        self._plans: dict[str, list[Plan]] = {}
+        self._applied: dict[str, list[Applied]] = {}
+        self._status: dict[str, list[AgentStatus]] = {}
+        for name in self._vehicles:
+            self._poses[name] = [m for m, _ in recording.messages(channels.POSE, name)]
+            self._plans[name] = [m for m, _ in recording.messages(channels.PLAN, name)]
+            self._applied[name] = [m for m, _ in recording.messages(channels.APPLIED, name)]
+            self._status[name] = [m for m, _ in recording.messages(channels.AGENT_STATUS, name)]
+        self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
+
+    @property
+    def laboratory(self) -> list[LaboratoryState]:
+        """Truth of the simulated laboratory; empty with hardware."""
+        return self._laboratory
+
+    def truth(self, name: str) -> list[LaboratoryVehicle]:
+        """True states of one vehicle."""
+        return [state.vehicles[name] for state in self._laboratory if name in state.vehicles]
+
+    def _position_by_frame(self, name: str) -> dict[int, Array]:
+        if self._laboratory:
+            return {
+                state.frame: np.array(state.vehicles[name].position_m)
+                for state in self._laboratory
+                if name in state.vehicles
+            }
+        return {
+            pose.frame: np.array(pose.position_m) for pose in self._poses[name] if pose.position_m is not None
+        }
+
+    def pose_to_command_ms(self) -> list[float]:
+        """From the arrival of a frame at the Vicon gateway to that of its command at the transmitter's."""
+        values = []
+        for name in self._vehicles:
+            received = {(pose.epoch, pose.frame): pose.received_s for pose in self._poses[name]}
+            for applied in self._applied[name]:
+                start_s = received.get((applied.epoch, applied.frame))
+                if applied.fresh and start_s is not None and applied.command_arrived_s is not None:
+                    values.append(1000 * (applied.command_arrived_s - start_s))
+        return [value for value in values if 0 <= value < 1000]
+
+    def frame_to_radio_ms(self) -> list[float]:
+        """From the simulator's send of a frame to the arrival of the first radio frame computed from it."""
+        sent = {state.frame: state.sent_s for state in self._laboratory}
+        values = []
+        for name in self._vehicles:
+            arrivals = [radio for vehicle in self.truth(name) for radio in vehicle.radio]
+            times = [radio[0] for radio in arrivals]
+            seen: set[int] = set()
+            for applied in self._applied[name]:
+                if not applied.fresh or applied.frame in seen or applied.frame not in sent:
+                    continue
+                seen.add(applied.frame)
+                arrived_s = _arrival_of(applied, arrivals, times)
+                if arrived_s is not None:
+                    values.append(1000 * (arrived_s - sent[applied.frame]))
+        return values
+
+    def formation_error_m(self, name: str) -> Array:
+        """Norm of p_F - p_L - d at every frame in which the vehicle followed, shape (n,)."""
+        errors = []
+        own = self._positions[name]
+        for plan in self._plans[name]:
+            if not plan.following or plan.reference is None or plan.frame not in own:
+                continue
+            total = sum(link.weight for link in plan.following)
+            place = np.zeros(3)
+            complete = True
+            for link in plan.following:
+                leader = self._positions.get(link.leader, {}).get(plan.frame)
+                if leader is None or link.frame != "inertial":
+                    complete = False
+                    break
+                place += link.weight / total * (leader + np.array(link.offset_m))
+            if complete:
+                errors.append(float(np.linalg.norm(own[plan.frame] - place)))
+        return np.array(errors)
+
+    def tracking_error_m(self, name: str) -> Array:
+        """Norm of the distance to the reference at every frame in which there was one, shape (n,)."""
+        own = self._positions[name]
+        frame_period_s = self._poses[name][0].period_s if self._poses[name] else 1.0
+        errors = []
+        for plan in self._plans[name]:
+            if plan.reference is None:
+                continue
+            position = own.get(plan.frame + round(plan.start_s / frame_period_s))
+            if position is not None:
+                errors.append(float(np.linalg.norm(position - np.array(plan.reference[:3]))))
+        return np.array(errors)
+
+    def vehicle(self, name: str) -> dict[str, Any]:
+        """The report's table of one vehicle."""
+        status = self._status[name]
+        first, last = (status[0], status[-1]) if status else (None, None)
+        table: dict[str, Any] = {
+            "formation_error_mm": rms_and_max(self.formation_error_m(name)),
+            "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
+        }
+        if first is None or last is None:
+            return table | {"ticks": 0, "missed_ticks": 0, "fallbacks": {}, "solve_ms": None}
+        return table | {
+            "ticks": last.ticks - first.ticks,
+            "missed_ticks": last.missed_ticks - first.missed_ticks,
+            "fallbacks": {
+                kind: count - first.fallbacks.get(kind, 0)
+                for kind, count in last.fallbacks.items()
+                if count > first.fallbacks.get(kind, 0)
+            },
+            "solve_ms": {
+                "p50": round(float(np.median([s.solve_ms_p50 for s in status])), 3),
+                "p99": round(max(s.solve_ms_p99 for s in status), 3),
+                "max": round(max(s.solve_ms_max for s in status), 3),
+            },
+        }
+
+
+def _arrival_of(
+    applied: Applied, arrivals: Sequence[Sequence[float]], times: Sequence[float]
+) -> float | None:
+    """Arrival of the serial frame with the pulse widths that were written."""
+    for index in range(bisect_left(times, applied.written_s - 0.001), len(arrivals)):
+        radio = arrivals[index]
+        if radio[0] > applied.written_s + MATCH_LIMIT_S:
+            return None
+        pairs = zip(radio[1:5], applied.pulse_width_us[:4], strict=False)
+        if all(abs(a - b) <= PULSE_TOLERANCE_US for a, b in pairs):
+            return radio[0]
+    return None
