@@ -1,0 +1,151 @@
+"""Settings every controller shares, and how they are read from plain data.
+
+A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a request's body becomes one
+through `parse_settings`, which names the field and what is allowed when something is wrong.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, TypeVar
+
+import msgspec
+import numpy as np
+
+from vehicles.model import Model
+from vehicles.state import INPUT_SIZE, Array
+
+PositiveFloat = Annotated[float, msgspec.Meta(gt=0.0)]
+NonNegativeFloat = Annotated[float, msgspec.Meta(ge=0.0)]
+Fraction = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+Horizon = Annotated[int, msgspec.Meta(ge=2, le=200)]
+TimeLimit = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+
+FourFloats = tuple[float, float, float, float]
+SevenFloats = tuple[float, float, float, float, float, float, float]
+FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
+
+INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
+BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
+
+
+class SettingsError(ValueError):
+    """A setting is missing, of the wrong type, or outside what is allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds a controller plans with.
+
+    Attributes
+    ----------
+    input_min, input_max
+        Hard input limits, shape (4,).
+    state_min, state_max
+        Bounds of x, y, z, xd_B, yd_B, zd_B, psid, shape (7,).
+    """
+
+    input_min: Array
+    input_max: Array
+    state_min: Array
+    state_max: Array
+
+
+class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Settings common to all controllers; a limit left out is the vehicle's own."""
+
+    horizon: Horizon = 50
+    """Number of stages N."""
+    input_min: FourFloats | None = None
+    input_max: FourFloats | None = None
+    state_min: SevenFloats | None = None
+    state_max: SevenFloats | None = None
+
+    def limits(self, model: Model) -> Limits:
+        """Resolve the bounds for a vehicle.
+
+        Parameters
+        ----------
+        model
+            The vehicle, whose own limits are the widest inputs allowed.
+
+        Returns
+        -------
+        Limits
+            Bounds to plan with.
+
+        Raises
+        ------
+        SettingsError
+            An interval is empty, leaves the vehicle's input range, or excludes hovering.
+        """
+        limits = Limits(
+            np.array(self.input_min or model.input_min, dtype=float),
+            np.array(self.input_max or model.input_max, dtype=float),
+            np.array(self.state_min or model.state_min, dtype=float),
+            np.array(self.state_max or model.state_max, dtype=float),
+        )
+        _check_intervals("input", INPUT_NAMES, limits.input_min, limits.input_max)
+        _check_intervals("state", BOUNDED_STATE_NAMES, limits.state_min, limits.state_max)
+        for i in range(INPUT_SIZE):
+            low, high = limits.input_min[i], limits.input_max[i]
+            field = f"input_min/input_max of {INPUT_NAMES[i]}: [{low:g}, {high:g}]"
+            if low < model.input_min[i] or high > model.input_max[i]:
+                own = f"[{model.input_min[i]:g}, {model.input_max[i]:g}]"
+                raise SettingsError(f"{field} leaves the vehicle's range {own}")
+            if not low < model.hover_input[i] < high:
+                raise SettingsError(
+                    f"{field} must contain {model.hover_input[i]:.3f}, which keeps it at rest"
+                )
+        return limits
+
+
+def _check_intervals(kind: str, names: Iterable[str], lower: Array, upper: Array) -> None:
+    for name, low, high in zip(names, lower, upper, strict=True):
+        if not low < high:
+            raise SettingsError(f"{kind}_min of {name} must be below {kind}_max, got {low:g} and {high:g}")
+
+
+Settings = TypeVar("Settings", bound=ControllerSettings)
+
+
+def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settings:
+    """Read settings from plain data.
+
+    Parameters
+    ----------
+    kind
+        The controller's settings type.
+    values
+        Names and values as a fleet file or a request gives them.
+
+    Returns
+    -------
+    ControllerSettings
+        Settings of that type.
+
+    Raises
+    ------
+    SettingsError
+        Unknown name, wrong type, value outside its range or not finite.
+    """
+    unknown = sorted(set(values) - set(kind.__struct_fields__))
+    if unknown:
+        raise SettingsError(
+            f"unknown setting {unknown[0]!r}; allowed are {', '.join(kind.__struct_fields__)}"
+        )
+    for name, value in values.items():
+        if not _all_finite(value):
+            raise SettingsError(f"{name}: every number must be finite, got {value}")
+    try:
+        return msgspec.convert(dict(values), kind)
+    except msgspec.ValidationError as error:
+        raise SettingsError(str(error)) from error
+
+
+def _all_finite(value: object) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, list | tuple):
+        return all(_all_finite(item) for item in value)
+    return True
