@@ -1,0 +1,378 @@
+"""Safety arbiter of one vehicle (dsm2_transmitters.md section 8.3).
+
+What may follow what is the table in `transitions.py`; here are its conditions and the outputs. Every input
+first lets the time pass (`Arbiter.step`), then takes effect; so nothing that arrives after a limit was passed
+can hide that it was passed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from transmitter_gateway.admission import AcceptedCommand, Admission, Stream
+from transmitter_gateway.inputs import (
+    FLYING,
+    NEUTRAL,
+    Action,
+    Answer,
+    ArbiterOutput,
+    CommandInput,
+    Input,
+    LinkState,
+    PoseInput,
+    Request,
+    State,
+)
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.surveillance import Surveillance
+from transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
+
+LONGEST_SLEW_STEP_S = 0.04
+BRIDGE_DELAY = 1.5
+ROUNDING = 1e-9
+THRUST = 2
+
+
+class Arbiter:
+    """Decides what one vehicle does from commands, raw poses, requests, link state and time.
+
+    Parameters
+    ----------
+    vehicle : str
+        Name of the vehicle, as in the poses.
+    limits : ArbiterLimits
+        All limits.
+    u_hover : float
+        Thrust at which the vehicle hovers.
+    slew_per_s : tuple of float
+        Fastest change of each input while ARMED [1/s].
+
+    Attributes
+    ----------
+    state, reason
+        Current state and why.
+    counters : Counter
+        Rejections, state entries and planned inputs played, by name.
+    holder : str or None
+        Source with the control lease.
+    """
+
+    def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
+        self.limits = limits
+        self.state = State.DISARMED
+        self.reason = "started"
+        self.counters: Counter[str] = Counter()
+        self.holder: str | None = None
+        self.surveillance = Surveillance(vehicle, limits.surveillance, self.counters)
+        self._admission = Admission(limits, self.counters)
+        self._u_hover = u_hover
+        self._slew_per_s = slew_per_s
+        self._link = LinkState.LOST
+        self._requested: set[Condition] = set()
+        self._candidate: str | None = None
+        self._shutdown = False
+        self._u: Input = NEUTRAL
+        self._now_s = -math.inf
+        self._entered_s = -math.inf
+        self._low_since_s: float | None = None
+        self._thrust_time_s = 0.0
+        self._bridging_step = 0
+        self._details: dict[Condition, str] = {}
+
+    # Inputs -------------------------------------------------------------------------------------------
+
+    def command(self, command: CommandInput, now_s: float) -> Answer:
+        """Take a command; a rejected one changes nothing but a counter."""
+        self.step(now_s)
+        rejection = self._admission.consider(
+            command, now_s, pose_epoch=self.surveillance.epoch, holder=self.holder
+        )
+        return Answer(rejection is None, rejection or "accepted")
+
+    def pose(self, pose: PoseInput, now_s: float) -> None:
+        """Take a raw pose of the own or another vehicle."""
+        self.surveillance.pose(pose, now_s, airborne=self.state in FLYING and not self._grounded(now_s))
+
+    def link(self, link: LinkState) -> None:
+        """Take the state of port and module; it takes effect with the next step."""
+        self._link = link
+
+    def request(self, request: Request, now_s: float) -> Answer:
+        """Carry out or refuse a request.
+
+        Arming is for an operator or the source itself, disarming for the lease holder or an operator, reset
+        for an operator, hand-over for the holder or an operator; kill and shutdown are for anyone.
+        """
+        self.step(now_s)
+        refusal = self._refusal(request)
+        if refusal is None:
+            refusal = self._carry_out(request, now_s)
+        if refusal is not None:
+            self.counters[f"refused: {request.action}"] += 1
+            return Answer(False, refusal)
+        return Answer(True, f"{self.state}: {self.reason}")
+
+    def _refusal(self, request: Request) -> str | None:
+        operator = request.by in self.limits.operators
+        match request.action:
+            case Action.ARM:
+                if not (operator or request.by == request.source):
+                    return "only an operator or the source itself may arm"
+                if self.holder not in (None, request.source):
+                    return f"{self.holder} has the control lease: hand over instead"
+            case Action.DISARM if not (operator or request.by == self.holder):
+                return "only the holder of the control lease or an operator may disarm"
+            case Action.HAND_OVER if not (operator or request.by == self.holder):
+                return "only the holder of the control lease or an operator may hand over"
+            case Action.RESET if not operator:
+                return "only an operator may reset a kill"
+        return None
+
+    def _carry_out(self, request: Request, now_s: float) -> str | None:
+        """Apply an allowed request; return why it had no effect, if so."""
+        match request.action:
+            case Action.HAND_OVER:
+                return self._hand_over(request.source, now_s)
+            case Action.SHUTDOWN:
+                self._shutdown = True
+                self.step(now_s)
+                return None
+            case Action.ARM:
+                return self._arm(request.source, now_s)
+            case Action.RESET:
+                if self.state is not State.KILLED:
+                    return "not killed"
+                state = self._take(Condition.RESET, request.by, now_s)
+                return None if state is State.DISARMED else "a source asks for thrust: lower it first"
+            case Action.DISARM:
+                self._take(Condition.DISARM, request.by, now_s)
+            case Action.KILL:
+                self._take(Condition.KILL, request.by, now_s)
+        return None
+
+    def _arm(self, source: str, now_s: float) -> str | None:
+        if self.state in FLYING:
+            return None
+        self._candidate = source
+        state = self._take(Condition.ARM, source, now_s)
+        conditions = self._conditions(now_s, {Condition.ARM})
+        self._candidate = None
+        if state is State.ARMED:
+            return None
+        if state is State.KILLED:
+            return "killed: an operator must reset first"
+        missing = sorted(f"missing: {c}" for c in ARMING.needs - conditions)
+        present = sorted(
+            f"{c}: {self._details[c]}" if c in self._details else str(c) for c in ARMING.unless & conditions
+        )
+        return "; ".join(missing + present)
+
+    def _hand_over(self, source: str, now_s: float) -> str | None:
+        if self.holder is None:
+            return "nobody has the control lease: arm instead"
+        stream = self._admission.streams.get(source)
+        if stream is None or not self._is_fresh(stream, now_s):
+            return f"{source} sends no fresh commands"
+        self.holder = source
+        self.reason = f"control handed over to {source}"
+        return None
+
+    def _take(self, condition: Condition, by: str, now_s: float) -> State:
+        """Step once with a requested condition; return the state after it."""
+        self._requested = {condition}
+        self._details[condition] = f"by {by}"
+        output = self.step(now_s)
+        self._requested = set()
+        return output.state
+
+    # Conditions ---------------------------------------------------------------------------------------
+
+    def _stream(self) -> Stream | None:
+        source = self.holder or self._candidate
+        return None if source is None else self._admission.streams.get(source)
+
+    def _is_fresh(self, stream: Stream, now_s: float) -> bool:
+        return now_s < stream.arrival_s + self.limits.hold_after_s
+
+    def _grounded(self, now_s: float) -> bool:
+        return self._low_since_s is not None and now_s >= self._low_since_s + self.limits.arm_low_s
+
+    def _conditions(self, now_s: float, requested: set[Condition]) -> set[Condition]:
+        found = set(requested)
+        if self._shutdown:
+            found.add(Condition.SHUTDOWN)
+        if self._link is LinkState.LOST:
+            found.add(Condition.LINK_LOST)
+        elif self._link is LinkState.READY:
+            found.add(Condition.READY)
+        found |= self._command_conditions(now_s)
+        found |= self._surveillance_conditions(now_s)
+        if self.state is State.HOLD and now_s >= self._entered_s + self.limits.hold_limit_s:
+            found.add(Condition.HOLD_OVER)
+        if self.state is State.DESCEND and now_s >= self._entered_s + self._descent_s:
+            found.add(Condition.DESCENT_OVER)
+        return found
+
+    @property
+    def _descent_s(self) -> float:
+        return self.limits.cut_after_s - self.limits.descend_after_s
+
+    def _command_conditions(self, now_s: float) -> set[Condition]:
+        limits = self.limits
+        found: set[Condition] = set()
+        if self._thrust_wanted(now_s):
+            found.add(Condition.THRUST_WANTED)
+        stream = self._stream()
+        if stream is None:
+            return found
+        if self._is_fresh(stream, now_s):
+            found.add(Condition.FRESH)
+        if self._bridge(stream, now_s):
+            found.add(Condition.BRIDGING)
+        if now_s >= stream.arrival_s + limits.descend_after_s:
+            found.add(Condition.SILENT)
+        if now_s >= stream.arrival_s + limits.cut_after_s:
+            found.add(Condition.GONE)
+        if stream.low_since_s is not None and now_s >= stream.low_since_s + limits.arm_low_s:
+            found.add(Condition.LOW_COMMANDED)
+        return found
+
+    def _thrust_wanted(self, now_s: float) -> bool:
+        return any(
+            stream.command.u[THRUST] > self.limits.low_thrust and self._is_fresh(stream, now_s)
+            for stream in self._admission.streams.values()
+        )
+
+    def _surveillance_conditions(self, now_s: float) -> set[Condition]:
+        """Judge the raw poses; a vehicle that stands on the floor is left alone unless it is to be armed."""
+        found: set[Condition] = set()
+        if self.state in FLYING and self._grounded(now_s):
+            found.add(Condition.GROUNDED)
+            return found
+        if self.state not in FLYING and self._candidate is None:
+            return found
+        judgement = self.surveillance.judge(now_s, self._thrust_time_s)
+        for condition, reason in (
+            (Condition.HOLD_CAUSE, judgement.hold),
+            (Condition.DESCEND_CAUSE, judgement.descend),
+        ):
+            if reason is not None:
+                found.add(condition)
+                self._details[condition] = reason
+        return found
+
+    # Time ---------------------------------------------------------------------------------------------
+
+    def step(self, now_s: float) -> ArbiterOutput:
+        """Let the time pass to `now_s`, change the state if the table says so, and give the output."""
+        now_s = max(now_s, self._now_s)
+        elapsed_s = 0.0 if math.isinf(self._now_s) else now_s - self._now_s
+        self._now_s = now_s
+        self._watch_thrust(now_s, elapsed_s)
+        row = find_transition(self.state, self._conditions(now_s, self._requested))
+        if row is not None:
+            self._enter(row, now_s)
+        self._u = self._shape(now_s, elapsed_s)
+        stream = self._stream() if self.state is State.ARMED else None
+        return ArbiterOutput(
+            self.state,
+            self.reason,
+            self._u,
+            throttle_low=self.state in (State.CUT, State.KILLED),
+            kill=self.state is State.KILLED,
+            bridging_step=self._bridging_step,
+            cause=None if stream is None else stream.command.cause,
+        )
+
+    def _watch_thrust(self, now_s: float, elapsed_s: float) -> None:
+        """Keep track of since when neither the applied nor the commanded thrust lifts the vehicle."""
+        flying = self.state in FLYING
+        stream = self._stream() if flying else None
+        wanted = 0.0 if stream is None else _planned(stream.command, self._bridge(stream, now_s))[THRUST]
+        if flying and max(self._u[THRUST], wanted) > self.limits.low_thrust:
+            self._low_since_s = None
+            self._thrust_time_s += elapsed_s
+        elif self._low_since_s is None:
+            self._low_since_s = now_s
+
+    def _enter(self, row: Transition, now_s: float) -> None:
+        details = [self._details[c] for c in row.needs if c in self._details]
+        self.reason = ": ".join([row.reason, *details])
+        if row.target is State.ARMED and self.state not in FLYING:
+            self.holder = self._candidate
+            self._thrust_time_s = 0.0
+        if row.target not in FLYING:
+            self.holder = None
+            self.surveillance.release()
+        self.state = row.target
+        self._entered_s = now_s
+        self.counters[f"entered {row.target}"] += 1
+
+    def _bridge(self, stream: Stream, now_s: float) -> int:
+        """Number of the planned input to be played at `now_s`: 0 none, 1 the first.
+
+        Planned input n belongs to the time n periods after its command. The first one waits half a period
+        longer, so that a command that is merely a little late does not count as missing.
+        """
+        command = stream.command
+        period_s = command.period_s
+        usable = min(
+            len(command.next_u), self.limits.bridge_steps, int(self.limits.bridge_s / period_s + 1e-9)
+        )
+        age_s = now_s - stream.arrival_s
+        if usable == 0 or age_s < 1.5 * period_s:
+            return 0
+        end_s = max((usable + 1) * period_s, self.limits.hold_after_s)
+        if now_s >= stream.arrival_s + end_s:
+            return 0
+        return min(int(age_s / period_s + 1e-9), usable)
+
+    # Output -------------------------------------------------------------------------------------------
+
+    def _shape(self, now_s: float, elapsed_s: float) -> Input:
+        bridging_step = 0
+        thrust = min(self._u[THRUST], self._u_hover)
+        u = NEUTRAL
+        if self.state is State.ARMED:
+            stream = self._stream()
+            if stream is not None:
+                bridging_step = self._bridge(stream, now_s)
+                u = self._slewed(_planned(stream.command, bridging_step), elapsed_s)
+        elif self.state is State.HOLD:
+            u = (0.0, 0.0, thrust, 0.0)
+        elif self.state is State.DESCEND:
+            floor = min(thrust, self._u_hover - self.limits.descend_below_hover)
+            u = (0.0, 0.0, max(floor, thrust - self.limits.descend_rate_per_s * elapsed_s), 0.0)
+        if bridging_step > self._bridging_step:
+            self.counters["planned inputs played"] += bridging_step - self._bridging_step
+        self._bridging_step = bridging_step
+        return u
+
+    def _slewed(self, target: Input, elapsed_s: float) -> Input:
+        step_s = min(elapsed_s, LONGEST_SLEW_STEP_S)
+        x, y, z, yaw = (
+            min(max(wanted, last - rate * step_s), last + rate * step_s)
+            for wanted, last, rate in zip(target, self._u, self._slew_per_s, strict=True)
+        )
+        return (x, y, z, yaw)
+
+    def next_event_s(self) -> float:
+        """Next time after the last step at which state or output may change by itself [s]."""
+        if self.state not in FLYING:
+            return math.inf
+        limits = self.limits
+        times = self.surveillance.next_event_s()
+        stream = self._stream()
+        if stream is not None:
+            period_s = stream.command.period_s
+            ages = [limits.hold_after_s, limits.descend_after_s, limits.cut_after_s, BRIDGE_DELAY * period_s]
+            ages += [n * period_s for n in range(2, limits.bridge_steps + 2)]
+            times += [stream.arrival_s + age for age in ages]
+        times.append(self._entered_s + limits.hold_limit_s)
+        times.append(self._entered_s + self._descent_s)
+        return min((time for time in times if time > self._now_s), default=math.inf)
+
+
+def _planned(command: AcceptedCommand, bridging_step: int) -> Input:
+    return command.next_u[bridging_step - 1] if bridging_step else command.u

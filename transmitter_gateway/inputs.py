@@ -1,0 +1,154 @@
+"""What the arbiter is told and what it answers: small typed values without behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+
+Input = tuple[float, float, float, float]
+Position = tuple[float, float, float]
+NEUTRAL: Input = (0.0, 0.0, 0.0, 0.0)
+
+
+class State(StrEnum):
+    """States of the arbiter (dsm2_transmitters.md section 8.3)."""
+
+    DISARMED = "DISARMED"
+    ARMED = "ARMED"
+    HOLD = "HOLD"
+    DESCEND = "DESCEND"
+    CUT = "CUT"
+    KILLED = "KILLED"
+
+
+FLYING = frozenset({State.ARMED, State.HOLD, State.DESCEND})
+
+
+class LinkState(Enum):
+    """State of the way to the vehicle: port closed, port open, port open and module ready."""
+
+    LOST = "lost"
+    UP = "up"
+    READY = "ready"
+
+
+class Action(StrEnum):
+    """What a request asks for."""
+
+    ARM = "arm"
+    DISARM = "disarm"
+    KILL = "kill"
+    RESET = "reset"
+    HAND_OVER = "hand over"
+    SHUTDOWN = "shutdown"
+
+
+@dataclass(frozen=True, slots=True)
+class CommandInput:
+    """A command as received; nothing in it is trusted before admission.
+
+    Parameters
+    ----------
+    source : str
+        Who sends it.
+    epoch, frame : int
+        Pose frame it was computed from.
+    sequence : int
+        Grows with every command of the source, also over a restart of the source.
+    u : sequence of float, shape (4,)
+        Normalised inputs (pitch, roll, thrust, yaw).
+    next_u : sequence of sequences of float, shape (k, 4)
+        Planned inputs of the following periods.
+    period_s : float
+        Command period [s].
+    """
+
+    source: str
+    epoch: int
+    sequence: int
+    frame: int
+    u: Sequence[float]
+    next_u: Sequence[Sequence[float]] = ()
+    period_s: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class PoseInput:
+    """A raw pose from motion capture.
+
+    Parameters
+    ----------
+    vehicle : str
+        Whose pose it is.
+    epoch, frame : int
+        Stream epoch and frame number.
+    position_m : tuple of float or None
+        Position in the inertial frame [m]; None when occluded.
+    period_s : float or None
+        Frame period [s] if known; without it the arrival times are used.
+    """
+
+    vehicle: str
+    epoch: int
+    frame: int
+    position_m: Position | None
+    period_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request: `by` whom, and for arming and hand-over the `source` that shall command."""
+
+    action: Action
+    by: str
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Whether a request or a command was accepted, and why in words."""
+
+    accepted: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Identity of the command that an output comes from."""
+
+    source: str
+    epoch: int
+    sequence: int
+    frame: int
+
+
+@dataclass(frozen=True, slots=True)
+class ArbiterOutput:
+    """What the vehicle is to do now.
+
+    Parameters
+    ----------
+    state : State
+        State of the arbiter.
+    reason : str
+        Why it is in this state.
+    u : tuple of float
+        Inputs after limits and slew.
+    throttle_low : bool
+        Send throttle low, free of trim.
+    kill : bool
+        Send the kill channel.
+    bridging_step : int
+        0, or the number of the planned input being played because commands are late.
+    cause : Cause or None
+        Command behind `u`, None when it comes from the arbiter alone.
+    """
+
+    state: State
+    reason: str
+    u: Input = NEUTRAL
+    throttle_low: bool = False
+    kill: bool = False
+    bridging_step: int = 0
+    cause: Cause | None = None

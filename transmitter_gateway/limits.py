@@ -1,0 +1,170 @@
+"""Limits of the arbiter, with the defaults of dsm2_transmitters.md section 8.3."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from transmitter_gateway.inputs import Input, Position
+
+
+class LimitsError(ValueError):
+    """A limit that makes no sense; the message names the field."""
+
+
+def _positive(name: str, value: float | None) -> None:
+    if value is not None and not (math.isfinite(value) and value > 0):
+        raise LimitsError(f"{name}: {value} must be a positive number")
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """Box the vehicle must stay in.
+
+    Parameters
+    ----------
+    lower_m, upper_m : tuple of float
+        Corners of the box in the inertial frame [m].
+    margin_m : float
+        Distance outside the box at which the vehicle is brought down [m].
+    braking_m_s2 : tuple of float
+        Deceleration a healthy vehicle reaches on each axis [m/s^2]: a vehicle too fast to stop inside the
+        box is taken out of its controller's hands.
+    """
+
+    lower_m: Position
+    upper_m: Position
+    margin_m: float = 0.1
+    braking_m_s2: Position = (2.0, 2.0, 2.0)
+
+    def __post_init__(self) -> None:
+        for axis, lower, upper in zip("xyz", self.lower_m, self.upper_m, strict=True):
+            if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+                raise LimitsError(f"fence.upper_m: {axis} = {upper} must be above lower_m {axis} = {lower}")
+        if not (math.isfinite(self.margin_m) and self.margin_m >= 0):
+            raise LimitsError(f"fence.margin_m: {self.margin_m} must not be negative")
+        for value in self.braking_m_s2:
+            _positive("fence.braking_m_s2", value)
+
+
+@dataclass(frozen=True, slots=True)
+class SurveillanceLimits:
+    """What the arbiter judges from raw poses; None switches a judgement off.
+
+    Parameters
+    ----------
+    tracking_hold_s, tracking_descend_s : float or None
+        Time without a usable own pose before HOLD and DESCEND [s].
+    fence : Fence or None
+        Box to stay in. It depends on the laboratory, so there is none by default.
+    minimum_distance_m : float or None
+        Smallest distance between two vehicles [m]; below it HOLD.
+    distance_hysteresis_m : float
+        Additional distance before the vehicles count as apart again [m].
+    other_pose_s : float
+        Time for which the last position of another vehicle is used [s].
+    maximum_thrust_s : float or None
+        Longest time with thrust between arming and disarming [s]; then DESCEND.
+    maximum_jump_m : float or None
+        A position further than this from where the vehicle can be is not believed [m].
+    maximum_speed_m_s : float
+        Growth of that distance with the time since the last believed position [m/s].
+    jump_descend_s : float
+        Time of disbelief after which the vehicle comes down for good: it may be another body [s].
+    velocity_filter_s : float
+        Time constant of the low-pass on the finite-difference velocity [s].
+    """
+
+    tracking_hold_s: float | None = 0.1
+    tracking_descend_s: float | None = 0.3
+    fence: Fence | None = None
+    minimum_distance_m: float | None = 0.3
+    distance_hysteresis_m: float = 0.05
+    other_pose_s: float = 0.5
+    maximum_thrust_s: float | None = None
+    maximum_jump_m: float | None = 0.1
+    maximum_speed_m_s: float = 2.5
+    jump_descend_s: float = 0.3
+    velocity_filter_s: float = 0.05
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            if item.name != "fence":
+                _positive(item.name, getattr(self, item.name))
+        hold, descend = self.tracking_hold_s, self.tracking_descend_s
+        if hold is not None and descend is not None and descend < hold:
+            raise LimitsError(f"tracking_descend_s: {descend} must not be below tracking_hold_s = {hold}")
+
+
+@dataclass(frozen=True, slots=True)
+class ArbiterLimits:
+    """Times, input limits and rates of the arbiter.
+
+    Parameters
+    ----------
+    hold_after_s, descend_after_s, cut_after_s : float
+        Age of the last accepted command at which HOLD, DESCEND and CUT begin [s].
+    bridge_steps, bridge_s : int, float
+        Most planned inputs played when commands are late, and for how long [s].
+    hold_limit_s : float
+        Longest HOLD before DESCEND [s].
+    arm_low_s, low_thrust : float
+        Commanded thrust must be at most `low_thrust` for `arm_low_s` before arming [s]; the same applied
+        thrust for the same time means that the vehicle stands on the floor.
+    lower, upper, tolerance
+        Input limits; a command further outside than `tolerance` is rejected.
+    descend_below_hover, descend_rate_per_s : float
+        DESCEND lowers the thrust at this rate to this much below hover.
+    longest_period_s : float
+        Longest command period accepted [s].
+    operators : frozenset of str
+        Names whose requests count as an operator's.
+    surveillance : SurveillanceLimits
+        Limits judged from raw poses.
+    """
+
+    hold_after_s: float = 0.06
+    descend_after_s: float = 0.2
+    cut_after_s: float = 2.0
+    bridge_steps: int = 6
+    bridge_s: float = 0.12
+    hold_limit_s: float = 0.5
+    arm_low_s: float = 0.5
+    low_thrust: float = 0.05
+    lower: Input = (-1.0, -1.0, 0.0, -0.4)
+    upper: Input = (1.0, 1.0, 1.0, 0.4)
+    tolerance: float = 0.02
+    descend_below_hover: float = 0.05
+    descend_rate_per_s: float = 0.5
+    longest_period_s: float = 0.1
+    operators: frozenset[str] = frozenset({"operator"})
+    surveillance: SurveillanceLimits = SurveillanceLimits()
+
+    def __post_init__(self) -> None:
+        for name in (
+            "hold_after_s",
+            "descend_after_s",
+            "cut_after_s",
+            "bridge_s",
+            "hold_limit_s",
+            "arm_low_s",
+            "low_thrust",
+            "descend_below_hover",
+            "descend_rate_per_s",
+            "longest_period_s",
+        ):
+            _positive(name, getattr(self, name))
+        if not self.hold_after_s < self.descend_after_s < self.cut_after_s:
+            raise LimitsError(
+                f"descend_after_s: {self.descend_after_s} must lie between hold_after_s = {self.hold_after_s}"
+                f" and cut_after_s = {self.cut_after_s}"
+            )
+        if self.bridge_steps < 0:
+            raise LimitsError(f"bridge_steps: {self.bridge_steps} must not be negative")
+        if self.tolerance < 0:
+            raise LimitsError(f"tolerance: {self.tolerance} must not be negative")
+        for name, lower, upper in zip(
+            ("pitch", "roll", "thrust", "yaw"), self.lower, self.upper, strict=True
+        ):
+            if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+                raise LimitsError(f"upper: {name} {upper} must be above its lower limit {lower}")

@@ -1,0 +1,242 @@
+"""Own judgement from raw poses, independent of every agent: tracking, fence, distance, thrust time."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from transmitter_gateway.inputs import PoseInput, Position
+from transmitter_gateway.limits import Fence, SurveillanceLimits
+
+LONGEST_EXTRAPOLATION_S = 0.1
+SHORTEST_STEP_S = 1e-3
+FORGET_AFTER_S = 1.0
+MOST_VEHICLES = 64
+CEILING = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Reasons to HOLD and to DESCEND, None where there is none."""
+
+    hold: str | None = None
+    descend: str | None = None
+
+
+@dataclass(slots=True)
+class Track:
+    """Newest pose of a vehicle, its newest believed position [m] and low-passed velocity [m/s]."""
+
+    epoch: int
+    frame: int
+    heard_s: float
+    position_m: Position | None = None
+    seen_s: float = -math.inf
+    seen_frame: int = 0
+    seen_epoch: int = 0
+    velocity_m_s: Position = (0.0, 0.0, 0.0)
+
+
+class Surveillance:
+    """Follows the raw poses of one vehicle and its neighbours.
+
+    Parameters
+    ----------
+    vehicle : str
+        Own vehicle.
+    limits : SurveillanceLimits
+        What is allowed.
+    counters : Counter
+        Poses that were not used are counted here by reason.
+    """
+
+    def __init__(self, vehicle: str, limits: SurveillanceLimits, counters: Counter[str]) -> None:
+        self._vehicle = vehicle
+        self._limits = limits
+        self._counters = counters
+        self._tracks: dict[str, Track] = {}
+        self._close: set[str] = set()
+        self._jumping_since_s: float | None = None
+        self._mistaken: str | None = None
+
+    @property
+    def epoch(self) -> int | None:
+        """Epoch of the own raw poses, None before the first."""
+        own = self._tracks.get(self._vehicle)
+        return None if own is None else own.epoch
+
+    @property
+    def own_track(self) -> Track | None:
+        """What is known of the own vehicle."""
+        return self._tracks.get(self._vehicle)
+
+    def pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
+        """Take a pose; return whether its position is believed.
+
+        Parameters
+        ----------
+        pose : PoseInput
+            Pose of the own or another vehicle.
+        now_s : float
+            Time of arrival [s].
+        airborne : bool
+            Whether the own vehicle may be in the air; on the floor it can be carried anywhere.
+        """
+        rejection = self._check(pose, now_s)
+        if rejection is not None:
+            self._counters[rejection] += 1
+            return False
+        track = self._tracks.setdefault(pose.vehicle, Track(pose.epoch, pose.frame, now_s))
+        track.epoch, track.frame, track.heard_s = pose.epoch, pose.frame, now_s
+        if pose.position_m is None:
+            self._counters["occluded pose"] += 1
+            return False
+        own = pose.vehicle == self._vehicle
+        if own and airborne and self._is_jump(track, pose.position_m, now_s):
+            self._counters["pose jump"] += 1
+            return False
+        if own:
+            self._jumping_since_s = None
+        self._believe(track, pose, pose.position_m, now_s, moving=airborne or not own)
+        return True
+
+    def _check(self, pose: PoseInput, now_s: float) -> str | None:
+        position = pose.position_m
+        if position is not None and (len(position) != 3 or not all(math.isfinite(p) for p in position)):
+            return "malformed pose"
+        track = self._tracks.get(pose.vehicle)
+        if track is None:
+            return "too many vehicles" if len(self._tracks) >= MOST_VEHICLES else None
+        # After a silence any epoch is a new beginning: one wild number must not blind us for ever.
+        if pose.epoch > track.epoch or now_s > track.heard_s + FORGET_AFTER_S:
+            return None
+        if pose.epoch < track.epoch:
+            return "pose of an older epoch"
+        return None if pose.frame > track.frame else "old pose frame"
+
+    def _is_jump(self, track: Track, position: Position, now_s: float) -> bool:
+        limits = self._limits
+        if limits.maximum_jump_m is None or track.position_m is None:
+            return False
+        elapsed = min(now_s - track.seen_s, LONGEST_EXTRAPOLATION_S)
+        expected = [p + v * elapsed for p, v in zip(track.position_m, track.velocity_m_s, strict=True)]
+        jump = math.dist(expected, position) > limits.maximum_jump_m + limits.maximum_speed_m_s * elapsed
+        if jump and self._jumping_since_s is None:
+            self._jumping_since_s = now_s
+        return jump
+
+    def _believe(
+        self, track: Track, pose: PoseInput, position: Position, now_s: float, *, moving: bool
+    ) -> None:
+        last = track.position_m
+        if last is None or not moving:
+            track.velocity_m_s = (0.0, 0.0, 0.0)
+        else:
+            elapsed = now_s - track.seen_s
+            if pose.period_s is not None and pose.epoch == track.seen_epoch:
+                elapsed = (pose.frame - track.seen_frame) * pose.period_s
+            elapsed = max(elapsed, SHORTEST_STEP_S)
+            weight = -math.expm1(-elapsed / self._limits.velocity_filter_s)
+            x, y, z = (
+                v + weight * ((p - q) / elapsed - v)
+                for v, p, q in zip(track.velocity_m_s, position, last, strict=True)
+            )
+            track.velocity_m_s = (x, y, z)
+        track.position_m, track.seen_s = position, now_s
+        track.seen_frame, track.seen_epoch = pose.frame, pose.epoch
+
+    def release(self) -> None:
+        """Forget that the vehicle may have been mistaken for another; it is not flying."""
+        self._jumping_since_s = None
+        self._mistaken = None
+
+    def judge(self, now_s: float, thrust_time_s: float) -> Judgement:
+        """Judge the newest poses at `now_s`; `thrust_time_s` is the time with thrust since arming [s]."""
+        descend = self._mistaken_identity(now_s)
+        hold: str | None = None
+        own = self._tracks.get(self._vehicle)
+        lost_hold, lost_descend = self._lost(own, now_s)
+        hold, descend = hold or lost_hold, descend or lost_descend
+        if own is not None and own.position_m is not None:
+            if self._limits.fence is not None:
+                fence_hold, fence_descend = judge_fence(self._limits.fence, own.position_m, own.velocity_m_s)
+                hold, descend = hold or fence_hold, descend or fence_descend
+            hold = hold or self._too_close(own.position_m, now_s)
+        limit = self._limits.maximum_thrust_s
+        if limit is not None and thrust_time_s >= limit:
+            descend = descend or f"thrust for {limit:g} s, the longest allowed"
+        return Judgement(hold, descend)
+
+    def _mistaken_identity(self, now_s: float) -> str | None:
+        """Poses that stay somewhere else belong to another body: nothing tells which one was ours."""
+        since_s = self._jumping_since_s
+        if since_s is not None and now_s >= since_s + self._limits.jump_descend_s:
+            self._mistaken = "own pose jumped and did not come back"
+        return self._mistaken
+
+    def _lost(self, own: Track | None, now_s: float) -> tuple[str | None, str | None]:
+        seen_s = -math.inf if own is None else own.seen_s
+        hold_s, descend_s = self._limits.tracking_hold_s, self._limits.tracking_descend_s
+        if descend_s is not None and now_s >= seen_s + descend_s:
+            return None, f"own pose lost for {descend_s:g} s"
+        if hold_s is not None and now_s >= seen_s + hold_s:
+            return f"own pose lost for {hold_s:g} s", None
+        return None, None
+
+    def _too_close(self, position: Position, now_s: float) -> str | None:
+        minimum = self._limits.minimum_distance_m
+        if minimum is None:
+            return None
+        reason: str | None = None
+        for name, track in self._tracks.items():
+            if name == self._vehicle or track.position_m is None:
+                continue
+            distance = math.dist(position, track.position_m)
+            needed = minimum + (self._limits.distance_hysteresis_m if name in self._close else 0.0)
+            if distance < needed and now_s < track.seen_s + self._limits.other_pose_s:
+                self._close.add(name)
+                reason = reason or f"{name} closer than {minimum:g} m"
+            else:
+                self._close.discard(name)
+        return reason
+
+    def next_event_s(self) -> list[float]:
+        """Times at which the judgement may change without a new pose [s]."""
+        own = self._tracks.get(self._vehicle)
+        if own is None or own.position_m is None:
+            return []
+        limits = (self._limits.tracking_hold_s, self._limits.tracking_descend_s)
+        times = [own.seen_s + limit for limit in limits if limit is not None]
+        if self._jumping_since_s is not None:
+            times.append(self._jumping_since_s + self._limits.jump_descend_s)
+        return times
+
+
+def judge_fence(fence: Fence, position: Position, velocity: Position) -> tuple[str | None, str | None]:
+    """Reasons to HOLD and to DESCEND from the fence.
+
+    A vehicle beyond the margin comes down. One that cannot stop inside any more is held, except when it
+    climbs towards the ceiling: holding does not end a climb, so it comes down. Towards the floor there is no
+    stopping test, it would forbid landing.
+
+    Parameters
+    ----------
+    fence : Fence
+        The box.
+    position, velocity : tuple of float
+        In the inertial frame [m, m/s].
+    """
+    hold: str | None = None
+    for axis, name in enumerate("xyz"):
+        p, v = position[axis], velocity[axis]
+        lower, upper = fence.lower_m[axis], fence.upper_m[axis]
+        if not lower - fence.margin_m <= p <= upper + fence.margin_m:
+            return None, f"outside the fence in {name}"
+        stop = p + math.copysign(v * v / (2 * fence.braking_m_s2[axis]), v)
+        if axis == CEILING:
+            if v > 0 and stop > upper:
+                return None, "cannot stop below the fence's ceiling"
+        elif (v > 0 and stop > upper) or (v < 0 and stop < lower):
+            hold = hold or f"cannot stop inside the fence in {name}"
+    return hold, None

@@ -1,0 +1,103 @@
+"""The transition table of the arbiter: conditions x state -> state (dsm2_transmitters.md section 8.3).
+
+Of all rows that fit, the first one counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from transmitter_gateway.inputs import FLYING, State
+
+
+class Condition(StrEnum):
+    """What a transition may depend on; the value is used in messages."""
+
+    KILL = "kill requested"
+    RESET = "reset requested"
+    ARM = "arming requested"
+    DISARM = "disarming requested"
+    SHUTDOWN = "shutting down"
+    LINK_LOST = "serial link lost"
+    READY = "transmitter ready"
+    FRESH = "commands fresh"
+    BRIDGING = "planned inputs left to play"
+    SILENT = "commands silent"
+    GONE = "commands gone"
+    LOW_COMMANDED = "commanded thrust low long enough"
+    THRUST_WANTED = "a source asks for thrust"
+    GROUNDED = "on the floor"
+    HOLD_CAUSE = "surveillance: hold"
+    DESCEND_CAUSE = "surveillance: descend"
+    HOLD_OVER = "hold lasted too long"
+    DESCENT_OVER = "descent lasted its time"
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One row: in any of `states`, with all of `needs` and none of `unless`, go to `target`."""
+
+    states: frozenset[State]
+    needs: frozenset[Condition]
+    unless: frozenset[Condition]
+    target: State
+    reason: str
+
+    def fits(self, conditions: set[Condition]) -> bool:
+        """Whether the row applies under `conditions`."""
+        return self.needs <= conditions and self.unless.isdisjoint(conditions)
+
+
+def _row(
+    states: set[State] | frozenset[State],
+    needs: set[Condition],
+    target: State,
+    reason: str,
+    unless: set[Condition] | None = None,
+) -> Transition:
+    return Transition(frozenset(states), frozenset(needs), frozenset(unless or set()), target, reason)
+
+
+_C, _S = Condition, State
+NOT_KILLED = frozenset(State) - {_S.KILLED}
+LIVE = FLYING | {_S.CUT}
+CAUSES = {_C.HOLD_CAUSE, _C.DESCEND_CAUSE}
+
+TRANSITIONS: tuple[Transition, ...] = (
+    _row(NOT_KILLED, {_C.KILL}, _S.KILLED, "killed"),
+    _row({_S.KILLED}, {_C.RESET}, _S.DISARMED, "kill reset", unless={_C.THRUST_WANTED}),
+    _row(LIVE, {_C.LINK_LOST}, _S.DISARMED, "serial link lost"),
+    _row(LIVE, {_C.DISARM}, _S.DISARMED, "disarmed"),
+    _row(FLYING, {_C.GONE}, _S.CUT, "commands gone"),
+    _row({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over"),
+    _row(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
+    _row({_S.ARMED, _S.HOLD}, {_C.SHUTDOWN}, _S.DESCEND, "shutting down"),
+    _row({_S.ARMED, _S.HOLD}, {_C.DESCEND_CAUSE}, _S.DESCEND, "raw poses"),
+    _row({_S.ARMED, _S.HOLD}, {_C.SILENT}, _S.DESCEND, "commands silent"),
+    _row({_S.ARMED, _S.HOLD}, set(), _S.DESCEND, "transmitter not ready", unless={_C.READY}),
+    _row({_S.HOLD}, {_C.HOLD_OVER}, _S.DESCEND, "hold lasted too long"),
+    _row({_S.ARMED}, {_C.HOLD_CAUSE}, _S.HOLD, "raw poses"),
+    _row({_S.ARMED}, set(), _S.HOLD, "commands late", unless={_C.FRESH, _C.BRIDGING}),
+    _row(
+        {_S.HOLD, _S.DESCEND},
+        {_C.FRESH, _C.READY},
+        _S.ARMED,
+        "commands fresh again",
+        unless={_C.SHUTDOWN, *CAUSES},
+    ),
+    _row(
+        {_S.DISARMED, _S.CUT},
+        {_C.ARM, _C.READY, _C.FRESH, _C.LOW_COMMANDED},
+        _S.ARMED,
+        "armed",
+        unless={_C.SHUTDOWN, _C.LINK_LOST, *CAUSES},
+    ),
+)
+_ROWS_OF = {state: tuple(row for row in TRANSITIONS if state in row.states) for state in State}
+ARMING = TRANSITIONS[-1]
+
+
+def find_transition(state: State, conditions: set[Condition]) -> Transition | None:
+    """First row of the table that fits, or None to stay."""
+    return next((row for row in _ROWS_OF[state] if row.fits(conditions)), None)
