@@ -3,6 +3,7 @@
 import math
 
 from vicon_gateway.frame import Position, Quaternion
+from vicon_gateway.segment_objects import Matrix3
 
 NORM_TOLERANCE = 1e-3
 """A matrix whose quaternion's squared norm is further from one is not a rotation."""
@@ -39,7 +40,7 @@ def quaternion_from_matrix(matrix: tuple[float, ...]) -> Quaternion | None:
     return x * scale, y * scale, z * scale, w * scale
 
 
-def matrix_from_quaternion(quaternion: Quaternion) -> tuple[float, ...]:
+def matrix_from_quaternion(quaternion: Quaternion) -> Matrix3:
     """Convert a unit quaternion x, y, z, w to the row-major rotation matrix."""
     x, y, z, w = quaternion
     return (

@@ -1,0 +1,351 @@
+"""Tracker emulator: a DataStream server for any number of clients (vicon_datastream.md).
+
+One thread, no blocking: the owner's loop calls `poll` when `fileno` is readable or `next_due_s` has come, and
+`publish` once per captured frame. Slow or dead clients lose frames, they never hold up the others.
+"""
+
+import selectors
+import socket
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple, Self
+
+from simulator.tracker_faults import (
+    Burst,
+    Close,
+    Delay,
+    Dribble,
+    EmptyPackets,
+    Fault,
+    IgnorePings,
+    Reset,
+    Silence,
+    TimedFault,
+    TrackerFaults,
+    UnknownObject,
+    WrongMagic,
+    YUp,
+)
+from simulator.tracker_frame import PROFILES, FrameContent, TrackerFrame
+from simulator.tracker_link import NEVER, RECEIVE_BYTES, TrackerLink
+from simulator.tracker_session import EMPTY_PACKET, TrackerConnection
+from vicon_gateway.recording import RecordedConnection
+from vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet
+
+MAX_BACKLOG_BYTES = 1024 * 1024
+WRONG_MAGIC_PACKET = HEADER.pack(0x0BADF00D, 0)
+
+
+class Published(NamedTuple):
+    """What became of a captured frame.
+
+    Attributes
+    ----------
+    frame : int
+        Frame id on the wire; differs from the captured one after a `ResetFrameId`.
+    sent_s : float
+        Clock just before the first byte was sent.
+    clients : int
+        Clients it was sent or queued to.
+    """
+
+    frame: int
+    sent_s: float
+    clients: int
+
+
+class TrackerState(NamedTuple):
+    """Counters of the emulator.
+
+    Attributes
+    ----------
+    clients : int
+        Connected now.
+    accepted : int
+        Connections so far.
+    frames : int
+        Captured so far.
+    dropped : int
+        Frames a client did not get because it reads too slowly.
+    rejected : int
+        Connections ended because the client sent malformed bytes.
+    """
+
+    clients: int
+    accepted: int
+    frames: int
+    dropped: int
+    rejected: int
+
+
+class TrackerServer:
+    """A Tracker that shows what it is given.
+
+    Parameters
+    ----------
+    host, port : str, int
+        Where to listen; port 0 takes a free one, see `address`.
+    profile : {"tracker1", "tracker2", "tracker3"}
+        Age of the Tracker: what it offers.
+    rate_hz : float
+        Capture rate told to the clients; the pace itself is that of `publish`.
+    compact : bool
+        Leave unchanged dynamic objects out as well.
+    clock : callable
+        Monotonic seconds.
+    max_backlog_bytes : int
+        A client with more unread bytes than this loses frames.
+    replay : sequence of RecordedConnection, optional
+        Play these recordings, the k-th connection getting the k-th one and so on in a circle, instead of
+        what is published.
+
+    Raises
+    ------
+    ValueError
+        Unknown profile, rate not positive, empty recording.
+    OSError
+        The address cannot be listened on.
+    """
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 801,
+        *,
+        profile: str = "tracker3",
+        rate_hz: float = 50.0,
+        compact: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        max_backlog_bytes: int = MAX_BACKLOG_BYTES,
+        replay: Sequence[RecordedConnection] | None = None,
+    ) -> None:
+        if profile not in PROFILES:
+            raise ValueError(f"profile {profile!r}: allowed are {', '.join(PROFILES)}")
+        if not 0.0 < rate_hz <= 10_000.0:
+            raise ValueError(f"rate_hz {rate_hz}: allowed is more than 0, at most 10000")
+        if replay is not None and not replay:
+            raise ValueError("the recording holds no connection")
+        self._offer = PROFILES[profile]
+        self._rate_hz = rate_hz
+        self._compact = compact
+        self._clock = clock
+        self._max_backlog_bytes = max_backlog_bytes
+        self._replay = replay
+        self._faults = TrackerFaults(self._offer)
+        self._clients: dict[int, TrackerLink] = {}
+        self._subject_ids: dict[str, int] = {}
+        self._burst_left = 0
+        self._accepted = self._frames = self._dropped = self._rejected = 0
+        self._selector = selectors.EpollSelector()
+        self._listener = socket.create_server((host, port), backlog=16)
+        self._listener.setblocking(False)
+        self._selector.register(self._listener, selectors.EVENT_READ)
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port of the listening socket."""
+        host, port = self._listener.getsockname()[:2]
+        return str(host), int(port)
+
+    @property
+    def state(self) -> TrackerState:
+        """Counters."""
+        return TrackerState(len(self._clients), self._accepted, self._frames, self._dropped, self._rejected)
+
+    @property
+    def refused_faults(self) -> tuple[str, ...]:
+        """Why lines of the time table were not carried out."""
+        return tuple(self._faults.refused)
+
+    def fileno(self) -> int:
+        """Return a descriptor that is readable when `poll` has something to do."""
+        return self._selector.fileno()
+
+    def next_due_s(self) -> float | None:
+        """Return the clock time at which `poll` is needed even without network traffic, None for never."""
+        times = [NEVER if (change_s := self._faults.next_change_s()) is None else change_s]
+        if self._faults.active(Silence) is None:
+            dribbling = self._faults.active(Dribble) is not None
+            for client in self._clients.values():
+                times.append(client.due_s)
+                if dribbling and client.outgoing and not client.blocked:
+                    times.append(client.next_chunk_s)
+        due_s = min(times)
+        return None if due_s == NEVER else due_s
+
+    def poll(self, timeout_s: float = 0.0) -> None:
+        """Serve sockets and faults; waits for traffic at most `timeout_s`."""
+        due_s = self.next_due_s()
+        if due_s is not None:
+            timeout_s = min(timeout_s, max(0.0, due_s - self._clock()))
+        for key, events in self._selector.select(timeout_s):
+            if key.fileobj is self._listener:
+                self._accept()
+            elif events & selectors.EVENT_READ and key.fd in self._clients:
+                self._receive(self._clients[key.fd])
+        self._advance(self._clock())
+        self._flush()
+
+    def publish(self, frame: TrackerFrame) -> Published:
+        """Send a captured frame to every client it is due for.
+
+        Raises
+        ------
+        ValueError
+            Two bodies have the same name.
+        """
+        if len({body.name for body in frame.bodies}) < len(frame.bodies):
+            raise ValueError(f"frame {frame.frame}: two bodies have the same name")
+        self._frames += 1
+        self._advance(self._clock())
+        frame = self._faults.transform(frame)
+        for body in frame.bodies:
+            self._subject_ids.setdefault(body.name, len(self._subject_ids) + 1)
+        y_up = self._faults.active(YUp) is not None
+        content = FrameContent(frame, self._rate_hz, self._subject_ids, y_up)
+        packets = [] if self._replay is not None else self._packets(content)
+        sent_s = self._clock()
+        self._dispatch(packets, sent_s)
+        return Published(frame.frame, sent_s, len(packets))
+
+    def apply(self, fault: Fault) -> None:
+        """Start a fault now; raises `FaultError` when it cannot be carried out."""
+        now_s = self._clock()
+        self._faults.apply(fault, now_s)
+        self._advance(now_s)
+        self._flush()
+
+    def schedule(self, table: Iterable[TimedFault]) -> None:
+        """Start faults later, counted from now; raises `FaultError` when one cannot be carried out."""
+        self._faults.schedule(table, self._clock())
+
+    def close(self) -> None:
+        """End all connections and stop listening."""
+        for client in list(self._clients.values()):
+            self._drop(client)
+        self._selector.close()
+        self._listener.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                link, _ = self._listener.accept()
+            except OSError:  # nobody is waiting any more, or who was has gone again
+                return
+            link.setblocking(False)
+            link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            client = TrackerLink(link, TrackerConnection(self._offer, self._compact))
+            self._clients[link.fileno()] = client
+            self._selector.register(link, selectors.EVENT_READ)
+            self._greet(client)
+            self._accepted += 1
+
+    def _greet(self, client: TrackerLink) -> None:
+        now_s = self._clock()
+        if self._replay is None:
+            client.queue(client.connection.greeting(), now_s)
+            return
+        recorded = self._replay[self._accepted % len(self._replay)]
+        for after_s, data in recorded.chunks:
+            client.queue(data, now_s + after_s)
+        if recorded.ended_after_s is not None:
+            client.queue(None, now_s + recorded.ended_after_s)
+
+    def _receive(self, client: TrackerLink) -> None:
+        client.connection.answers_pings = (
+            self._faults.active(IgnorePings) is None and self._faults.active(Silence) is None
+        )
+        try:
+            data = client.socket.recv(RECEIVE_BYTES)
+            if not data:
+                self._drop(client)
+            elif self._replay is None:
+                for packet in client.connection.receive(data):
+                    self._queue(client, packet, self._clock())
+        except BlockingIOError:
+            return
+        except WireError:
+            self._rejected += 1
+            self._drop(client)
+        except OSError:
+            self._drop(client)
+
+    def _packets(self, content: FrameContent) -> list[tuple[TrackerLink, bytes]]:
+        """Build this frame's packet for every client it is due for and that keeps up."""
+        if self._faults.active(Silence) is not None:
+            for client in self._clients.values():
+                client.connection.miss(content)
+            return []
+        unknown = self._faults.active(UnknownObject)
+        empty = self._faults.active(EmptyPackets) is not None
+        packets = []
+        for client in self._clients.values():
+            if client.backlog_bytes > self._max_backlog_bytes:
+                client.connection.miss(content)
+                self._dropped += 1
+                continue
+            packet = EMPTY_PACKET if empty else client.connection.publish(content)
+            if packet is not None and unknown is not None:
+                extra = encode_object(unknown.object_type, bytes(unknown.size_bytes))
+                packet = encode_packet(packet[HEADER.size :], extra)
+            if packet is not None:
+                packets.append((client, packet))
+        return packets
+
+    def _dispatch(self, packets: list[tuple[TrackerLink, bytes]], now_s: float) -> None:
+        if self._burst_left > 0:
+            self._burst_left -= 1
+            for client, packet in packets:
+                client.held.append(packet)
+            if self._burst_left > 0:
+                return
+            packets = [(client, b"".join(client.held)) for client in self._clients.values()]
+            for client in self._clients.values():
+                client.held.clear()
+        for client, packet in packets:
+            self._queue(client, packet, now_s)
+        self._flush()
+
+    def _queue(self, client: TrackerLink, data: bytes, now_s: float) -> None:
+        delay = self._faults.active(Delay)
+        client.queue(data, now_s if delay is None else now_s + delay.delay_s)
+
+    def _advance(self, now_s: float) -> None:
+        self._faults.advance(now_s)
+        for fault in self._faults.take_pending():
+            if isinstance(fault, Burst):
+                self._burst_left = fault.frames
+            for client in list(self._clients.values()):
+                if isinstance(fault, WrongMagic):
+                    self._queue(client, WRONG_MAGIC_PACKET, now_s)
+                elif isinstance(fault, Close | Reset):
+                    self._drop(client, reset=isinstance(fault, Reset))
+
+    def _flush(self) -> None:
+        if self._faults.active(Silence) is not None:
+            return
+        dribble = self._faults.active(Dribble)
+        now_s = self._clock()
+        for client in list(self._clients.values()):
+            was_blocked = client.blocked
+            try:
+                client.send(now_s, dribble)
+            except OSError:
+                self._drop(client)
+                continue
+            if client.ended and not client.outgoing:
+                self._drop(client)
+            elif client.blocked != was_blocked:
+                writing = selectors.EVENT_WRITE if client.blocked else 0
+                self._selector.modify(client.socket, selectors.EVENT_READ | writing)
+
+    def _drop(self, client: TrackerLink, reset: bool = False) -> None:
+        self._selector.unregister(client.socket)
+        del self._clients[client.socket.fileno()]
+        client.close(reset)

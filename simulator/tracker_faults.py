@@ -1,0 +1,372 @@
+"""Faults of the Tracker emulator (vicon_datastream.md section 11.9), on request or by a time table.
+
+A fault is a small message with a `kind`; `msgspec.convert({"kind": "silence", "duration_s": 0.5}, Fault)`
+makes one from a bus request or a scenario file. Faults with `duration_s` end by themselves; None lasts until
+`Recover`.
+"""
+
+import heapq
+import itertools
+import math
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, TypeVar
+
+import msgspec
+
+from simulator.tracker_frame import TrackedBody, TrackerFrame
+from vicon_gateway.control_objects import ObjectType
+
+MAX_FRAME_ID = 0xFFFFFFFE
+
+
+class FaultRequest(msgspec.Struct, frozen=True, tag_field="kind", forbid_unknown_fields=True):
+    """Base of all fault requests."""
+
+
+class LastingFault(FaultRequest, frozen=True, kw_only=True):
+    """Base of the faults that stay for a while; the same fault again replaces the first."""
+
+    duration_s: float | None = None
+
+    @property
+    def slot(self) -> tuple[object, ...]:
+        """What a second request of this sort replaces."""
+        return (type(self), getattr(self, "subject", None))
+
+
+class Close(FaultRequest, frozen=True, tag="close"):
+    """Close every connection in order."""
+
+
+class Reset(FaultRequest, frozen=True, tag="reset"):
+    """Reset every connection (TCP RST)."""
+
+
+class WrongMagic(FaultRequest, frozen=True, tag="wrong_magic"):
+    """Send one packet that begins with wrong bytes to every client."""
+
+
+class ResetFrameId(FaultRequest, frozen=True, tag="reset_frame_id"):
+    """Let the frame id go on from `frame`, as after a restart of the capture."""
+
+    frame: int = 0
+
+
+class Burst(FaultRequest, frozen=True, tag="burst"):
+    """Hold back this many frames and send them together with the last one."""
+
+    frames: int = 10
+
+
+class Recover(FaultRequest, frozen=True, tag="recover"):
+    """End all lasting faults; the frame id keeps its offset."""
+
+
+class Silence(LastingFault, frozen=True, tag="silence"):
+    """Send nothing at all, connections stay open."""
+
+
+class EmptyPackets(LastingFault, frozen=True, tag="empty_packets"):
+    """Send empty packets in place of frames."""
+
+
+class IgnorePings(LastingFault, frozen=True, tag="ignore_pings"):
+    """Leave pings unanswered."""
+
+
+class Dribble(LastingFault, frozen=True, tag="dribble"):
+    """Send a few bytes at a time."""
+
+    chunk_bytes: int = 7
+    interval_s: float = 0.0002
+
+
+class Delay(LastingFault, frozen=True, tag="delay"):
+    """Send every packet late."""
+
+    delay_s: float = 0.05
+
+
+class UnknownObject(LastingFault, frozen=True, tag="unknown_object"):
+    """Put an object of an unknown type into every frame packet."""
+
+    object_type: int = 64_123
+    size_bytes: int = 40
+
+
+class YUp(LastingFault, frozen=True, tag="y_up"):
+    """Send Y-up data, and say so in ApplicationInfo."""
+
+
+class Occlude(LastingFault, frozen=True, tag="occlude"):
+    """List a subject without a pose."""
+
+    subject: str
+
+
+class RemoveSubject(LastingFault, frozen=True, tag="remove_subject"):
+    """Take a subject off the list."""
+
+    subject: str
+
+
+class AddSubject(LastingFault, frozen=True, tag="add_subject"):
+    """List one more subject, standing still."""
+
+    subject: str
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class SetQuality(LastingFault, frozen=True, tag="set_quality"):
+    """Report this quality for a subject."""
+
+    subject: str
+    quality: float
+
+
+class RenameRootSegment(LastingFault, frozen=True, tag="rename_root_segment"):
+    """Give a subject's root segment another name."""
+
+    subject: str
+    segment: str
+
+
+class SwapSubjects(LastingFault, frozen=True, tag="swap_subjects"):
+    """Take two subjects for one another."""
+
+    subject: str
+    other: str
+
+
+Fault = (
+    Close
+    | Reset
+    | WrongMagic
+    | ResetFrameId
+    | Burst
+    | Recover
+    | Silence
+    | EmptyPackets
+    | IgnorePings
+    | Dribble
+    | Delay
+    | UnknownObject
+    | YUp
+    | Occlude
+    | RemoveSubject
+    | AddSubject
+    | SetQuality
+    | RenameRootSegment
+    | SwapSubjects
+)
+
+
+class TimedFault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A line of a time table."""
+
+    at_s: float
+    fault: Fault
+
+
+class FaultError(ValueError):
+    """A fault request that cannot be carried out; the text says what is allowed."""
+
+
+class _Active(NamedTuple):
+    fault: LastingFault
+    ends_s: float
+
+
+_F = TypeVar("_F", bound=LastingFault)
+
+
+class TrackerFaults:
+    """Which faults are active, and what they do to a captured frame. Pure: time comes in as an argument.
+
+    The server carries out what concerns bytes and connections; it asks `active` and `take_pending`.
+
+    Parameters
+    ----------
+    offer : set of int
+        Object types the Tracker offers; faults that need others are refused.
+
+    Attributes
+    ----------
+    applied : int
+        Faults started.
+    refused : deque of str
+        Lines of a time table that could not be carried out when their time came, the newest last.
+    """
+
+    def __init__(self, offer: frozenset[int]) -> None:
+        self.applied = 0
+        self.refused: deque[str] = deque(maxlen=20)
+        self._offer = offer
+        self._subjects: frozenset[str] | None = None
+        self._active: dict[tuple[object, ...], _Active] = {}
+        self._pending: list[Fault] = []
+        self._table: list[tuple[float, int, Fault]] = []
+        self._order = itertools.count()
+        self._frame_offset = 0
+        self._next_frame_id: int | None = None
+
+    def apply(self, fault: Fault, now_s: float) -> None:
+        """Start a fault now.
+
+        Raises
+        ------
+        FaultError
+            A value out of range, a subject that is not tracked, something this Tracker does not offer.
+        """
+        self._check(fault)
+        self.applied += 1
+        match fault:
+            case LastingFault():
+                ends_s = math.inf if fault.duration_s is None else now_s + fault.duration_s
+                self._active[fault.slot] = _Active(fault, ends_s)
+            case Recover():
+                self._active.clear()
+            case ResetFrameId(frame):
+                self._next_frame_id = frame
+            case _:
+                self._pending.append(fault)
+
+    def schedule(self, table: Iterable[TimedFault], start_s: float) -> None:
+        """Apply faults later, at `start_s` plus their own time; raises `FaultError` and accepts none."""
+        lines = list(table)
+        for line in lines:
+            self._check(line.fault)
+        for line in lines:
+            heapq.heappush(self._table, (start_s + line.at_s, next(self._order), line.fault))
+
+    def advance(self, now_s: float) -> None:
+        """Start what the time table says and end what is over."""
+        while self._table and self._table[0][0] <= now_s:
+            at_s, _, fault = heapq.heappop(self._table)
+            try:
+                self.apply(fault, at_s)
+            except FaultError as error:
+                self.refused.append(str(error))
+        if any(entry.ends_s <= now_s for entry in self._active.values()):
+            self._active = {slot: entry for slot, entry in self._active.items() if entry.ends_s > now_s}
+
+    def next_change_s(self) -> float | None:
+        """Return when `advance` has something to do, None for never."""
+        times = [entry.ends_s for entry in self._active.values() if entry.ends_s < math.inf]
+        times += [line[0] for line in self._table[:1]]
+        return min(times, default=None)
+
+    def active(self, kind: type[_F]) -> _F | None:
+        """Return the active fault of a sort that concerns no particular subject, None when there is none."""
+        entry = self._active.get((kind, None))
+        return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
+
+    def take_pending(self) -> list[Fault]:
+        """Return what is to be done once to connections or packets, and forget it."""
+        pending, self._pending = self._pending, []
+        return pending
+
+    def transform(self, frame: TrackerFrame) -> TrackerFrame:
+        """Return the frame as the faulty Tracker captures it."""
+        if self._next_frame_id is not None:
+            self._frame_offset = self._next_frame_id - frame.frame
+            self._next_frame_id = None
+        bodies = frame.bodies
+        self._subjects = frozenset(body.name for body in bodies)
+        for entry in self._active.values():
+            bodies = _changed(bodies, entry.fault)
+        return frame._replace(frame=(frame.frame + self._frame_offset) % (MAX_FRAME_ID + 1), bodies=bodies)
+
+    def _check(self, fault: Fault) -> None:
+        _check_ranges(fault)
+        if isinstance(fault, YUp) and ObjectType.APPLICATION_INFO not in self._offer:
+            raise FaultError("y_up: this Tracker does not offer ApplicationInfo (tracker2 and tracker3 do)")
+        if isinstance(fault, SetQuality) and ObjectType.OBJECT_QUALITY not in self._offer:
+            raise FaultError("set_quality: this Tracker does not offer ObjectQuality (tracker3 does)")
+        if self._subjects is None:
+            return
+        added = {
+            entry.fault.subject for entry in self._active.values() if isinstance(entry.fault, AddSubject)
+        }
+        tracked = self._subjects | added
+        if isinstance(fault, AddSubject):
+            if fault.subject in self._subjects:
+                raise FaultError(f"add_subject: {fault.subject!r} is tracked already")
+            return
+        for name in _subjects_of(fault):
+            if name not in tracked:
+                raise FaultError(f"no subject {name!r}; tracked are {', '.join(map(repr, sorted(tracked)))}")
+
+
+def _subjects_of(fault: Fault) -> tuple[str, ...]:
+    match fault:
+        case SwapSubjects(subject=subject, other=other):
+            return subject, other
+        case Occlude() | RemoveSubject() | SetQuality() | RenameRootSegment():
+            return (fault.subject,)
+        case _:
+            return ()
+
+
+def _changed(bodies: tuple[TrackedBody, ...], fault: LastingFault) -> tuple[TrackedBody, ...]:
+    """Return the bodies as one fault lets them appear."""
+    match fault:
+        case Occlude(subject=name):
+            return _replaced(bodies, name, lambda body: body._replace(occluded=True))
+        case SetQuality(subject=name, quality=quality):
+            return _replaced(bodies, name, lambda body: body._replace(quality=quality))
+        case RenameRootSegment(subject=name, segment=segment):
+            return _replaced(bodies, name, lambda body: body._replace(root_segment=segment))
+        case RemoveSubject(subject=name):
+            return tuple(body for body in bodies if body.name != name)
+        case AddSubject(subject=name, position_m=position_m):
+            return (
+                bodies
+                if any(body.name == name for body in bodies)
+                else (*bodies, TrackedBody(name, position_m))
+            )
+        case SwapSubjects(subject=first, other=second):
+            return _swapped(bodies, first, second)
+        case _:
+            return bodies
+
+
+def _replaced(
+    bodies: tuple[TrackedBody, ...], name: str, change: Callable[[TrackedBody], TrackedBody]
+) -> tuple[TrackedBody, ...]:
+    return tuple(change(body) if body.name == name else body for body in bodies)
+
+
+def _swapped(bodies: tuple[TrackedBody, ...], first: str, second: str) -> tuple[TrackedBody, ...]:
+    """Exchange what is seen of two subjects; names and segments stay where they are."""
+    seen = {body.name: body for body in bodies}
+    if first not in seen or second not in seen:
+        return bodies
+    seen[first], seen[second] = seen[second], seen[first]
+    return tuple(seen[body.name]._replace(name=body.name, root_segment=body.root_segment) for body in bodies)
+
+
+def _check_ranges(fault: Fault) -> None:
+    """Raise `FaultError` for a value nothing sensible can be done with."""
+    if isinstance(fault, LastingFault) and fault.duration_s is not None:
+        _require(0.0 <= fault.duration_s < math.inf, "duration_s", fault.duration_s, "zero or more")
+    match fault:
+        case Burst(frames):
+            _require(1 <= frames <= 1000, "frames", frames, "1 to 1000")
+        case ResetFrameId(frame):
+            _require(0 <= frame <= MAX_FRAME_ID, "frame", frame, f"0 to {MAX_FRAME_ID}")
+        case Dribble(chunk_bytes=chunk, interval_s=interval_s):
+            _require(chunk >= 1, "chunk_bytes", chunk, "1 or more")
+            _require(0.0 <= interval_s <= 1.0, "interval_s", interval_s, "0 to 1")
+        case Delay(delay_s=delay_s):
+            _require(0.0 <= delay_s <= 10.0, "delay_s", delay_s, "0 to 10")
+        case UnknownObject(object_type=kind, size_bytes=size):
+            known = kind in ObjectType.__members__.values()
+            _require(0 < kind <= 0xFFFFFFFF and not known, "object_type", kind, "an unused 32-bit number")
+            _require(0 <= size <= 65_536, "size_bytes", size, "0 to 65536")
+
+
+def _require(condition: bool, name: str, value: object, allowed: str) -> None:
+    if not condition:
+        raise FaultError(f"{name} = {value!r}: allowed is {allowed}")

@@ -1,0 +1,205 @@
+"""What the Tracker emulator captures, and its objects on the wire (vicon_datastream.md section 3.2)."""
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import NamedTuple
+
+from vicon_gateway.control_objects import ObjectType, WireObject
+from vicon_gateway.objects import (
+    SDK_TICKS_PER_SECOND,
+    ApplicationInfo,
+    FrameInfo,
+    FrameRateInfo,
+    HardwareFrameInfo,
+    LatencyInfo,
+    ObjectQuality,
+    SegmentInfo,
+    StreamInfo,
+    SubjectHealth,
+    SubjectInfo,
+    Timecode,
+)
+from vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
+from vicon_gateway.segment_objects import (
+    GlobalSegments,
+    LabeledRecons,
+    LightSegment,
+    LightweightSegments,
+    LocalSegments,
+    Segment,
+    SubjectScale,
+    SubjectTopology,
+    UnlabeledRecons,
+)
+
+_TRACKER1 = frozenset({100004, 1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29})
+_TRACKER2 = _TRACKER1 | {36, 37, 39}
+_TRACKER3 = _TRACKER2 | {40, 42, 901, 28001}
+
+PROFILES: Mapping[str, frozenset[int]] = {"tracker1": _TRACKER1, "tracker2": _TRACKER2, "tracker3": _TRACKER3}
+"""Offered object types by age of the Tracker (section 8)."""
+
+ROOT_SEGMENT = 1
+_CONSTANT_PER_SUBJECT = frozenset({2, 28, 29, 28001})
+
+
+class TrackedBody(NamedTuple):
+    """One subject at the capture instant.
+
+    Attributes
+    ----------
+    name : str
+        Subject name.
+    position_m : (3,)
+        In the world, Z up.
+    quaternion_xyzw : (4,)
+        Unit quaternion, body to world.
+    quality : float
+        From 0 to 1.
+    occluded : bool
+        Listed, but not seen.
+    root_segment : str or None
+        Name of the root segment where it differs from the subject's.
+    """
+
+    name: str
+    position_m: tuple[float, float, float]
+    quaternion_xyzw: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    quality: float = 1.0
+    occluded: bool = False
+    root_segment: str | None = None
+
+
+class TrackerFrame(NamedTuple):
+    """One captured frame.
+
+    Attributes
+    ----------
+    frame : int
+        Frame id, from 0.
+    bodies : tuple of TrackedBody
+        Every listed subject.
+    latency_samples : tuple of (name, seconds)
+        Stages between capture and publishing.
+    """
+
+    frame: int
+    bodies: tuple[TrackedBody, ...]
+    latency_samples: tuple[tuple[str, float], ...] = (("System", 0.0),)
+
+
+class FrameContent:
+    """The encoded objects of one frame, each type encoded once and only when a client wants it.
+
+    Parameters
+    ----------
+    frame : TrackerFrame
+    rate_hz : float
+    subject_ids : mapping of subject name to id
+    y_up : bool
+        Send positions and rotations in a Y-up world.
+    """
+
+    def __init__(
+        self, frame: TrackerFrame, rate_hz: float, subject_ids: Mapping[str, int], y_up: bool = False
+    ) -> None:
+        self.frame = frame
+        self._rate_hz = rate_hz
+        self._ids = subject_ids
+        self._y_up = y_up
+        self._encoded: dict[int, list[tuple[int | None, bytes]]] = {}
+
+    def objects(self, kind: int, allowed: frozenset[int] | None = None) -> list[bytes]:
+        """Return the encoded objects of a type, restricted to these subject ids where a filter names them."""
+        encoded = self._encoded.get(kind)
+        if encoded is None:
+            encoded = self._encoded[kind] = self._encode(kind)
+        return [data for subject, data in encoded if allowed is None or subject is None or subject in allowed]
+
+    def _encode(self, kind: int) -> list[tuple[int | None, bytes]]:
+        single = self._single(kind)
+        if single is not None:
+            return [(None, single.encode())]
+        encoded: list[tuple[int | None, bytes]] = []
+        for body in self.frame.bodies:
+            subject = self._ids[body.name]
+            data = self._per_subject(kind, subject, body)
+            if data is not None:
+                encoded.append((subject, data))
+        return encoded
+
+    def _single(self, kind: int) -> WireObject | None:
+        frame = self.frame
+        match kind:
+            case ObjectType.STREAM_INFO:
+                return StreamInfo(round(SDK_TICKS_PER_SECOND / self._rate_hz))
+            case ObjectType.FRAME_INFO:
+                return FrameInfo(frame.frame)
+            case ObjectType.LATENCY_INFO:
+                return LatencyInfo(frame.latency_samples)
+            case ObjectType.TIMECODE:
+                return Timecode()
+            case ObjectType.HARDWARE_FRAME_INFO:
+                return HardwareFrameInfo(frame.frame)
+            case ObjectType.APPLICATION_INFO:
+                return ApplicationInfo(self._y_up)
+            case ObjectType.FRAME_RATE_INFO:
+                return FrameRateInfo({"Hardware": self._rate_hz, "System": self._rate_hz})
+            case ObjectType.LABELED_RECONS:
+                return LabeledRecons()
+            case ObjectType.UNLABELED_RECONS:
+                return UnlabeledRecons()
+            case _:
+                return None
+
+    def _per_subject(self, kind: int, subject: int, body: TrackedBody) -> bytes | None:
+        if kind == ObjectType.OBJECT_QUALITY:
+            return ObjectQuality(subject, body.quality).encode()
+        if kind in _CONSTANT_PER_SUBJECT:
+            return _constant_object(kind, subject, body.name, body.root_segment or body.name)
+        if body.occluded:
+            return None
+        match kind:
+            case ObjectType.GLOBAL_SEGMENTS:
+                return GlobalSegments(subject, (self._segment(body),)).encode()
+            case ObjectType.LOCAL_SEGMENTS:
+                return LocalSegments(subject, (self._segment(body),)).encode()
+            case ObjectType.LIGHTWEIGHT_SEGMENTS:
+                return LightweightSegments(subject, (self._light_segment(body),)).encode()
+        return None
+
+    def _pose(
+        self, body: TrackedBody
+    ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+        x, y, z = body.position_m
+        translation_mm = (x * 1000.0, y * 1000.0, z * 1000.0)
+        if not self._y_up:
+            return translation_mm, body.quaternion_xyzw
+        vector, w = body.quaternion_xyzw[:3], body.quaternion_xyzw[3]
+        return y_up_from_z_up(translation_mm), (*y_up_from_z_up(vector), w)
+
+    def _segment(self, body: TrackedBody) -> Segment:
+        translation_mm, quaternion = self._pose(body)
+        return Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
+
+    def _light_segment(self, body: TrackedBody) -> LightSegment:
+        translation_mm, (x, y, z, w) = self._pose(body)
+        sine = math.sqrt(x * x + y * y + z * z)
+        # Near identity the angle over the sine of its half tends to two.
+        factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
+        return LightSegment(ROOT_SEGMENT, translation_mm, (x * factor, y * factor, z * factor))
+
+
+@lru_cache(maxsize=1024)
+def _constant_object(kind: int, subject: int, name: str, root_segment: str) -> bytes:
+    """Return an object that does not depend on the frame, encoded."""
+    match kind:
+        case ObjectType.SUBJECT_INFO:
+            return SubjectInfo(subject, name, (SegmentInfo(0, ROOT_SEGMENT, root_segment),)).encode()
+        case ObjectType.SUBJECT_TOPOLOGY:
+            return SubjectTopology(subject, (Segment(ROOT_SEGMENT),)).encode()
+        case ObjectType.SUBJECT_SCALE:
+            return SubjectScale(subject).encode()
+        case _:
+            return SubjectHealth(subject, marker_error_mm=0.2, health=1.0).encode()

@@ -1,0 +1,142 @@
+"""The server's side of a DataStream connection as a pure state machine (vicon_datastream.md sections 4, 5).
+
+Received bytes and captured frames go in, bytes to send come out. No socket, no clock.
+"""
+
+from collections.abc import Mapping
+
+from simulator.tracker_frame import FrameContent
+from vicon_gateway.control_objects import (
+    STATIC_TYPES,
+    Contents,
+    Filter,
+    ObjectEnums,
+    ObjectType,
+    Ping,
+    RequestFrame,
+    RequestNextFrame,
+    WireObject,
+    offer_packet,
+    packet,
+)
+from vicon_gateway.objects import decode_body
+from vicon_gateway.wire import PacketReader, encode_packet
+
+EMPTY_PACKET = encode_packet()
+MAX_REQUEST_BYTES = 64 * 1024
+MAX_OWED_FRAMES = 1_000_000
+
+_CONTENTS = int(ObjectType.CONTENTS)
+_STREAM_INFO = int(ObjectType.STREAM_INFO)
+_SEND_ORDER = (1, 2, 37, 28, 28001, 29, 40, 5, 23, 26, 36, 39, 8, 9, 901, 6, 7)
+
+
+class TrackerConnection:
+    """What one client has asked for and what it has been sent.
+
+    Parameters
+    ----------
+    offer : set of int
+        Object types this server can send.
+    compact : bool
+        Leave out unchanged dynamic types as well, and name them (exercises a client's carry-over).
+    """
+
+    def __init__(self, offer: frozenset[int], compact: bool = False) -> None:
+        self.offer = offer
+        self.compact = compact
+        self.selection: frozenset[int] | None = None
+        self.streaming = False
+        self.owed_next = 0
+        self.owed_latest = 0
+        self.answers_pings = True
+        self._filter: Mapping[int, frozenset[int]] = {}
+        self._reader = PacketReader(MAX_REQUEST_BYTES)
+        self._sent: dict[int, list[bytes]] = {}
+        self._latest: FrameContent | None = None
+        self._latest_sent = False
+
+    def greeting(self) -> bytes:
+        """Return what the server says first: its offer."""
+        return offer_packet(self.offer)
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Take in bytes of the client and return the packets to send at once.
+
+        Raises
+        ------
+        WireError
+            The client's bytes are malformed; the connection is of no use any more.
+        """
+        self._reader.feed(data)
+        replies: list[bytes] = []
+        while (body := self._reader.next_body()) is not None:
+            for item in decode_body(body):
+                replies += self._handle(item)
+        if self.owed_latest and self.selection and self._latest is not None and not self._latest_sent:
+            replies.append(self._frame_packet(self._latest))
+        return replies
+
+    def publish(self, content: FrameContent) -> bytes | None:
+        """Take in a captured frame and return its packet, None when it is not due."""
+        self._latest, self._latest_sent = content, False
+        if self.selection is None:
+            return None
+        if not self.selection:
+            return EMPTY_PACKET  # keeps the SDK's reader going, counts as nothing (section 4 rule 3)
+        if self.streaming or self.owed_next or self.owed_latest:
+            return self._frame_packet(content)
+        return None
+
+    def miss(self, content: FrameContent) -> None:
+        """Take in a captured frame that cannot be sent because the client does not read."""
+        self._latest, self._latest_sent = content, False
+
+    def _handle(self, item: WireObject) -> list[bytes]:
+        match item:
+            case ObjectEnums(types):
+                self.selection = types & self.offer
+                self._sent = {kind: sent for kind, sent in self._sent.items() if kind in self.selection}
+            case RequestFrame(streaming):
+                self.streaming = streaming
+                self.owed_latest = 0 if streaming else min(self.owed_latest + 1, MAX_OWED_FRAMES)
+            case RequestNextFrame(number):
+                self.streaming = False
+                self.owed_next = min(self.owed_next + number, MAX_OWED_FRAMES)
+            case Filter(allowed):
+                self._filter = allowed
+            case Ping() if self.answers_pings:
+                return [packet(item)]
+        return []
+
+    def _frame_packet(self, content: FrameContent) -> bytes:
+        assert self.selection is not None
+        self._latest_sent = True
+        if self.owed_latest:
+            self.owed_latest -= 1
+        elif self.owed_next:
+            self.owed_next -= 1
+        kinds = [kind for kind in _SEND_ORDER if kind in self.selection]
+        objects = {kind: content.objects(kind, self._filter.get(kind)) for kind in kinds}
+        unchanged = self._unchanged(objects)
+        self._sent = objects
+        present = {kind: [] if kind in unchanged else items for kind, items in objects.items()}
+        parts = [data for items in present.values() for data in items]
+        if _CONTENTS in self.selection:
+            counts = {kind: len(items) for kind, items in present.items()}
+            parts.insert(0, Contents(counts, unchanged).encode())
+        return encode_packet(*parts)
+
+    def _unchanged(self, objects: Mapping[int, list[bytes]]) -> frozenset[int]:
+        """Return the types to leave out; none where the client has no Contents to be told with."""
+        if _CONTENTS not in (self.selection or ()):
+            return frozenset()
+        same = {kind for kind, items in objects.items() if items and items == self._sent.get(kind)}
+        if not self.compact:
+            same &= STATIC_TYPES
+        static = {kind: items for kind, items in objects.items() if kind in STATIC_TYPES}
+        emptied = any(self._sent.get(kind) and not items for kind, items in static.items())
+        if emptied and all(kind in same or not items for kind, items in static.items()):
+            # Without any static object in the packet the client would keep what is gone (section 6.6).
+            same.discard(_STREAM_INFO)
+        return frozenset(same)
