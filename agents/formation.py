@@ -1,7 +1,7 @@
 """The formation law (6): a follower's reference from its leaders' plans.
 
 Plans are inertial trajectories, so the rotation of body velocities from the leader's to the follower's frame
-(v_F = R(psi_F)^T R(psi_L) v_L, control.md section 5) is complete once a controller turns the inertial reference
+(v_F = R(psi_F)^T R(psi_L) v_L, control.md section 5) is complete once a controller turns the reference
 into its own heading.
 """
 

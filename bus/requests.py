@@ -9,10 +9,12 @@ from typing import Annotated, Final
 from msgspec import Meta
 
 from bus.messages import (
+    AgentStatus,
     Following,
     InvalidMessageError,
     Message,
     Name,
+    Seconds,
     SetPoint,
     Text,
 )
@@ -81,6 +83,17 @@ class Lead(Request, frozen=True, kw_only=True):
     """Follow nobody: hold the place where the vehicle is."""
 
 
+class Recall(Request, frozen=True, kw_only=True):
+    """What did the agent of this vehicle last say of itself? Asked by an agent that restarts."""
+
+
+class RecallReply(Reply, frozen=True, kw_only=True):
+    """Last status of the previous agent process."""
+
+    status: AgentStatus | None = None
+    age_s: Seconds = 0.0
+
+
 @dataclass(frozen=True)
 class Verb:
     """One row of the table: who serves the verb, and the types that travel."""
@@ -104,6 +117,7 @@ VERBS: Final = {
         Verb("go_to", "agent", GoTo, "new set point"),
         Verb("follow", "agent", Follow, "follow another vehicle's plan"),
         Verb("lead", "agent", Lead, "follow nobody"),
+        Verb("recall", "launcher", Recall, "last status of the vehicle's previous agent", RecallReply),
     )
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""

@@ -1,0 +1,315 @@
+"""What a vehicle is to do now: its phase, its set point, whom it follows. Decisions only, no control.
+
+Requests change the task; the guidance turns the task into a reference over the horizon.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from agents.formation import FormationOffset, combined_reference, follower_reference
+from agents.interfaces import Estimate
+from agents.phases import AIRBORNE, Event, Phase, next_phase
+from agents.references import PEAK_TO_MEAN_SPEED, ReferenceSource, SetPointReference, SmoothMove
+from agents.trajectory import Trajectory
+from vehicles.state import YAW, Array
+
+TAKE_OFF_SPEED_M_S = 0.6
+LANDING_SPEED_M_S = 0.35
+LANDING_DEPTH_M = 0.3
+OFFSET_SPEED_M_S = 0.5
+FLOOR_TOLERANCE_M = 0.03
+FLOOR_SPEED_M_S = 0.1
+FLOOR_TIME_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class LeaderPlan:
+    """A leader's plan on this vehicle's clock.
+
+    Attributes
+    ----------
+    trajectory
+        The plan.
+    ahead_s
+        Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
+        compensation makes it negative for a plan of the same frame.
+    airborne
+        Whether the leader is in the air.
+    """
+
+    trajectory: Trajectory
+    ahead_s: float
+    airborne: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """One leader, and the offset on its way to where it shall be."""
+
+    leader: str
+    target: FormationOffset
+    weight: float = 1.0
+    start: FormationOffset | None = None
+    start_s: float = 0.0
+    duration_s: float = 0.0
+
+    def offset_at(self, time_s: float) -> FormationOffset:
+        """Offset of this moment."""
+        if self.start is None or time_s >= self.start_s + self.duration_s:
+            return self.target
+        s = max((time_s - self.start_s) / self.duration_s, 0.0)
+        return self.start.towards(self.target, s**3 * (10 + s * (6 * s - 15)))
+
+
+class Guidance:
+    """Phase and task of one vehicle.
+
+    Parameters
+    ----------
+    links
+        Leaders from the start, in order.
+    plan_limit_s
+        Age of a leader's plan beyond which the vehicle holds its place instead of following.
+    """
+
+    def __init__(self, links: Sequence[Link] = (), plan_limit_s: float = 0.5) -> None:
+        self.phase = Phase.GROUND
+        self.links = tuple(links)
+        self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
+        self.events: Counter[str] = Counter()
+        self._plan_limit_s = plan_limit_s
+        self._floor_m = 0.0
+        self._on_floor_since_s: float | None = None
+        self._joined = False
+
+    @property
+    def rotor_on(self) -> bool:
+        """Whether the vehicle is to be flown by the controller."""
+        return self.phase in AIRBORNE
+
+    @property
+    def follows(self) -> bool:
+        """Whether the reference comes from leaders now."""
+        return bool(self.links) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
+
+    def set_point(self) -> tuple[Array, float]:
+        """Position [m], shape (3,), and yaw [rad] the own reference ends at."""
+        last = self.source.sample(1e9, 1.0, 2)
+        return last.position_m[0], float(last.yaw_rad[0])
+
+    def on_event(self, event: Event, estimate: Estimate | None) -> bool:
+        """Take in an event; True if the phase changed."""
+        before, self.phase = self.phase, next_phase(self.phase, event)
+        if self.phase is before:
+            return False
+        if estimate is not None and event in (Event.RESUME, Event.ARM) and self.phase is Phase.FLYING:
+            self.hold_here(estimate)
+        if self.phase is Phase.FLYING:
+            self._joined = False
+        return True
+
+    def hold_here(self, estimate: Estimate) -> None:
+        """Make the present place the set point."""
+        self.source = SetPointReference(estimate.motion[:3].copy(), float(estimate.motion[YAW]))
+
+    def take_off(self, estimate: Estimate, height_m: float, time_s: float) -> str | None:
+        """Begin to climb at `time_s`; a refusal is returned as its reason."""
+        if self.phase is not Phase.ARMED:
+            return f"take-off needs an armed vehicle on the floor, the phase is {self.phase}"
+        start = estimate.motion[:3].copy()
+        self._floor_m = float(start[2])
+        end = start + np.array([0.0, 0.0, height_m])
+        self.source = SmoothMove.at_speed(start, end, float(estimate.motion[YAW]), time_s, TAKE_OFF_SPEED_M_S)
+        self.on_event(Event.TAKE_OFF, estimate)
+        return None
+
+    def land(self, estimate: Estimate, time_s: float) -> str | None:
+        """Begin to descend; a refusal is returned as its reason."""
+        if self.phase not in AIRBORNE:
+            return f"nothing to land, the phase is {self.phase}"
+        if self.phase is Phase.LANDING:
+            return None
+        start = estimate.motion[:3].copy()
+        end = np.array([start[0], start[1], self._floor_m - LANDING_DEPTH_M])
+        self.source = SmoothMove.at_speed(start, end, float(estimate.motion[YAW]), time_s, LANDING_SPEED_M_S)
+        self._on_floor_since_s = None
+        self.on_event(Event.LAND, estimate)
+        return None
+
+    def go_to(self, position_m: Array, yaw_rad: float) -> str | None:
+        """Set point of a vehicle that follows nobody; a refusal is returned as its reason."""
+        if self.phase is not Phase.FLYING:
+            return f"set points are for flying vehicles, the phase is {self.phase}"
+        if self.links:
+            leaders = ", ".join(link.leader for link in self.links)
+            return f"it follows {leaders}; give the set point to the leader, or let this vehicle lead first"
+        self.source = SetPointReference(position_m, yaw_rad)
+        return None
+
+    def lead(self, estimate: Estimate) -> None:
+        """Follow nobody; a flying vehicle holds its place."""
+        self.links = ()
+        if self.phase is Phase.FLYING:
+            self.hold_here(estimate)
+
+    def follow(
+        self,
+        links: Sequence[Link],
+        plans: Mapping[str, LeaderPlan],
+        estimate: Estimate,
+        time_s: float,
+        transition_s: float | None,
+    ) -> None:
+        """Follow leaders from now on; offsets move from the present place to where they shall be."""
+        self.links = tuple(links)
+        if self.phase is Phase.FLYING:
+            self._begin_transitions(plans, estimate, time_s, transition_s)
+
+    def _begin_transitions(
+        self,
+        plans: Mapping[str, LeaderPlan],
+        estimate: Estimate,
+        time_s: float,
+        transition_s: float | None,
+    ) -> None:
+        begun = []
+        for link in self.links:
+            plan = plans.get(link.leader)
+            if plan is None:
+                begun.append(link)
+                continue
+            now = plan.trajectory.resampled(plan.ahead_s, plan.trajectory.period_s, 1)
+            start = _offset_between(now, estimate, link.target)
+            distance_m = float(np.linalg.norm(start.position_m - link.target.position_m))
+            duration_s = (
+                PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S if transition_s is None else transition_s
+            )
+            begun.append(replace(link, start=start, start_s=time_s, duration_s=duration_s))
+        self.links = tuple(begun)
+        self._joined = True
+
+    def reference(
+        self,
+        plans: Mapping[str, LeaderPlan],
+        estimate: Estimate,
+        time_s: float,
+        delay_s: float,
+        period_s: float,
+        stages: int,
+    ) -> Trajectory:
+        """Reference over the horizon.
+
+        Parameters
+        ----------
+        plans
+            Newest plan of each leader that has one.
+        estimate
+            Present estimate.
+        time_s
+            Present fleet time.
+        delay_s
+            Time from now to the first stage.
+        period_s, stages
+            Control period and horizon N.
+
+        Returns
+        -------
+        Trajectory
+            N stages from `time_s + delay_s` on.
+        """
+        if self.phase is Phase.TAKEOFF and self.source.finished(time_s):
+            self.on_event(Event.CLIMBED, estimate)
+        if not self.follows:
+            return self.source.sample(time_s + delay_s, period_s, stages)
+        reference = self._follower_reference(plans, estimate, time_s, delay_s, period_s, stages)
+        if reference is None:
+            return self.source.sample(time_s + delay_s, period_s, stages)
+        self.source = SetPointReference(reference.position_m[0].copy(), float(reference.yaw_rad[0]))
+        return reference
+
+    def _follower_reference(
+        self,
+        plans: Mapping[str, LeaderPlan],
+        estimate: Estimate,
+        time_s: float,
+        delay_s: float,
+        period_s: float,
+        stages: int,
+    ) -> Trajectory | None:
+        usable = {
+            name: plan
+            for name, plan in plans.items()
+            if plan.airborne and plan.ahead_s + delay_s <= self._plan_limit_s
+        }
+        links = [link for link in self.links if link.leader in usable]
+        if not links:
+            self.events["no_leader_plan"] += 1
+            self._joined = False
+            return None
+        if not self._joined:
+            self._begin_transitions(usable, estimate, time_s, None)
+            links = [link for link in self.links if link.leader in usable]
+        references = [
+            follower_reference(
+                usable[link.leader].trajectory,
+                link.offset_at(time_s),
+                usable[link.leader].ahead_s + delay_s,
+                period_s,
+                stages,
+            )
+            for link in links
+        ]
+        return combined_reference(
+            [_on_turn_of(reference, float(estimate.motion[YAW])) for reference in references],
+            [link.weight for link in links],
+        )
+
+    def check_floor(self, estimate: Estimate, time_s: float) -> bool:
+        """Whether a landing vehicle stands on the floor now; then the phase is left."""
+        if self.phase is not Phase.LANDING:
+            return False
+        low = estimate.motion[2] < self._floor_m + FLOOR_TOLERANCE_M
+        slow = abs(estimate.motion[6]) < FLOOR_SPEED_M_S
+        if not (low and slow):
+            self._on_floor_since_s = None
+            return False
+        if self._on_floor_since_s is None:
+            self._on_floor_since_s = time_s
+        if time_s - self._on_floor_since_s < FLOOR_TIME_S:
+            return False
+        return self.on_event(Event.TOUCHED_DOWN, estimate)
+
+
+def _offset_between(leader: Trajectory, estimate: Estimate, like: FormationOffset) -> FormationOffset:
+    """Present relative state, in the frame of another offset."""
+    gap = estimate.motion[:3] - leader.position_m[0]
+    yaw = float(leader.yaw_rad[0])
+    if like.frame == "heading":
+        c, s = np.cos(yaw), np.sin(yaw)
+        gap = np.array([c * gap[0] + s * gap[1], -s * gap[0] + c * gap[1], gap[2]])
+    turn = 2 * np.pi
+    yaw_gap = float(estimate.motion[YAW]) - yaw - like.yaw_rad
+    return FormationOffset(gap, like.yaw_rad + yaw_gap - turn * round(yaw_gap / turn), like.frame)
+
+
+def _on_turn_of(reference: Trajectory, yaw_rad: float) -> Trajectory:
+    """Reference shifted by whole turns towards the vehicle's own heading.
+
+    Each vehicle counts its own turns, from its own start; a full turn of difference means nothing.
+    """
+    turns = round((yaw_rad - float(reference.yaw_rad[0])) / (2 * np.pi))
+    if turns == 0:
+        return reference
+    samples = reference.samples.copy()
+    samples[:, 3] += 2 * np.pi * turns
+    return Trajectory(samples, reference.period_s)
+
+
+def resting(estimate: Estimate, period_s: float, stages: int) -> Trajectory:
+    """Plan of a vehicle that stands on the floor."""
+    return SetPointReference(estimate.motion[:3].copy(), float(estimate.motion[YAW])).sample(
+        0.0, period_s, stages
+    )

@@ -1,0 +1,98 @@
+"""Plans of the leaders: subscribing to a plan is all there is to following its vehicle."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+
+from agents.fleet_clock import FleetClock
+from agents.guidance import LeaderPlan
+from agents.trajectory import Trajectory
+from bus.messages import Plan
+from bus.subscription import Subscription
+
+
+class Leaders:
+    """Subscriptions to the plans a vehicle needs, re-keyed as its leaders change.
+
+    Parameters
+    ----------
+    vehicle
+        The follower's own name.
+    subscribe
+        Opens a subscription to the plan of a vehicle.
+    """
+
+    def __init__(self, vehicle: str, subscribe: Callable[[str], Subscription[Plan]]) -> None:
+        self.rejected: Counter[str] = Counter()
+        self._vehicle = vehicle
+        self._subscribe = subscribe
+        self._inboxes: dict[str, Subscription[Plan]] = {}
+
+    def keep(self, names: Iterable[str]) -> None:
+        """Subscribe to exactly these leaders; new ones first, so that nobody is without a plan in between."""
+        wanted = set(names)
+        for name in wanted - self._inboxes.keys():
+            self._inboxes[name] = self._subscribe(name)
+        for name in self._inboxes.keys() - wanted:
+            inbox = self._inboxes.pop(name)
+            self.rejected.update({f"plan.{kind}": count for kind, count in inbox.rejected.items()})
+            inbox.close()
+
+    def newest(self, name: str) -> Plan | None:
+        """Newest plan of a leader, None before the first."""
+        inbox = self._inboxes.get(name)
+        received = None if inbox is None else inbox.latest()
+        return None if received is None else received.message
+
+    def complete(self, clock: FleetClock) -> bool:
+        """Whether every leader's plan of the present frame is here."""
+        plans = [self.newest(name) for name in self._inboxes]
+        return all(
+            plan is not None and (plan.epoch, plan.frame) >= (clock.epoch, clock.current_frame)
+            for plan in plans
+        )
+
+    def plans(self, clock: FleetClock) -> Mapping[str, LeaderPlan]:
+        """Plans on this vehicle's clock; those of another epoch cannot be aligned and are left out."""
+        found = {}
+        for name in self._inboxes:
+            plan = self.newest(name)
+            if plan is None:
+                continue
+            if plan.epoch != clock.epoch:
+                self.rejected["plan.epoch"] += 1
+                continue
+            ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
+            trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
+            found[name] = LeaderPlan(trajectory, ahead_s, plan.airborne)
+        return found
+
+    def ancestors(self) -> tuple[str, ...]:
+        """Leaders and their ancestors, nearest first, each once."""
+        line: dict[str, None] = dict.fromkeys(self._inboxes)
+        for name in self._inboxes:
+            plan = self.newest(name)
+            if plan is not None:
+                line |= dict.fromkeys(plan.ancestors)
+        return tuple(line)
+
+    def cycle_through(self, name: str) -> tuple[str, ...] | None:
+        """Line of ancestors that leads from a leader back to this vehicle; None if there is none."""
+        plan = self.newest(name)
+        if name == self._vehicle:
+            return (name,)
+        if plan is not None and self._vehicle in plan.ancestors:
+            return (name, *plan.ancestors[: plan.ancestors.index(self._vehicle) + 1])
+        return None
+
+    def counts(self) -> dict[str, int]:
+        """Refused plans by reason, past leaders included."""
+        total = Counter(self.rejected)
+        for inbox in self._inboxes.values():
+            total.update({f"plan.{kind}": count for kind, count in inbox.rejected.items()})
+        return dict(total)
+
+    def plan_age_s(self, now_s: float) -> float | None:
+        """Age of the oldest of the newest plans, None where one is missing or nobody is followed."""
+        ages = [inbox.age_s(now_s) for inbox in self._inboxes.values()]
+        known = [age_s for age_s in ages if age_s is not None]
+        return max(known) if known and len(known) == len(ages) else None

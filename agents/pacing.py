@@ -1,0 +1,89 @@
+"""When an agent acts: it is paced by its poses, not by a timer."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+COAST_AFTER_PERIODS = 1.5
+WINDOW = 500
+
+
+class Pacing:
+    """Decides when a control period begins and when a pose counts as overdue.
+
+    Parameters
+    ----------
+    period_s
+        Control period; a whole multiple of the frame period.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self.ticks = 0
+        self.missed_ticks = 0
+        self._period_s = period_s
+        self._last_control_frame: int | None = None
+        self._last_arrival_s: float | None = None
+        self._coasts = 0
+
+    def frames_per_tick(self, frame_period_s: float) -> int:
+        """Frames in one control period."""
+        return max(1, round(self._period_s / frame_period_s))
+
+    def on_pose(self, arrived_s: float) -> None:
+        """A pose arrived."""
+        self._last_arrival_s = arrived_s
+        self._coasts = 0
+
+    def coast_at_s(self, frame_period_s: float) -> float | None:
+        """Time at which the next pose counts as overdue; None before the first."""
+        if self._last_arrival_s is None:
+            return None
+        return self._last_arrival_s + (COAST_AFTER_PERIODS + self._coasts) * frame_period_s
+
+    def on_coast(self) -> None:
+        """A frame was bridged by prediction."""
+        self._coasts += 1
+
+    def control_due(self, frame: int, frame_period_s: float, flying: bool) -> bool:
+        """Whether a control period begins with this frame.
+
+        Every n-th frame by number, so that leaders and followers take the same ones; after a gap at once.
+        Control periods that passed without a command while flying are counted as missed.
+        """
+        per_tick = self.frames_per_tick(frame_period_s)
+        last = self._last_control_frame
+        if last is not None and 0 < frame - last < per_tick and frame % per_tick != 0:
+            return False
+        if last is not None and flying and frame > last:
+            self.missed_ticks += max(0, (frame - last) // per_tick - 1)
+        self._last_control_frame = frame
+        self.ticks += 1
+        return True
+
+
+@dataclass(frozen=True)
+class SolveTimes:
+    """Percentiles of the recent control steps [ms]."""
+
+    p50: float
+    p99: float
+    maximum: float
+
+
+class SolveTimer:
+    """Durations of the last control steps."""
+
+    def __init__(self) -> None:
+        self._window: deque[float] = deque(maxlen=WINDOW)
+
+    def add(self, duration_s: float) -> None:
+        """Take in the duration of a step."""
+        self._window.append(1000 * duration_s)
+
+    def times(self) -> SolveTimes:
+        """Percentiles; zeros before the first step."""
+        if not self._window:
+            return SolveTimes(0.0, 0.0, 0.0)
+        p50, p99 = np.percentile(self._window, [50, 99])
+        return SolveTimes(float(p50), float(p99), float(max(self._window)))

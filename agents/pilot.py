@@ -1,0 +1,235 @@
+"""The pilot of one vehicle: pose in, plan and command out. No bus, no clock, no logging.
+
+The same object flies in the agent process, in experiments faster than real time, and in replay. One frame of
+the motion capture is one call of `observe`; every control period is one call of `control`:
+
+    estimator -> delay compensation -> reference (own or from leaders' plans) -> controller -> command, plan
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.fleet_clock import FleetClock, InputHistory
+from agents.guidance import Guidance, LeaderPlan, resting
+from agents.interfaces import Controller, Estimate, Estimator, Measurement
+from agents.phases import Event, Phase
+from agents.prediction import predict
+from agents.trajectory import Trajectory
+from vehicles.model import Model
+from vehicles.state import INPUT_SIZE, U_THRUST, Array
+
+BRIDGE_STAGES = 6
+SPOOL_UP_S = 0.5
+SPOOL_UP_SHARE = 0.85
+BLIND_LIMIT_S = 0.3
+
+_EVENT_OF_STATE = {
+    "armed": Event.ARM,
+    "hold": Event.OVERRIDE,
+    "descend": Event.OVERRIDE,
+    "disarmed": Event.DISARM,
+    "cut": Event.DISARM,
+    "killed": Event.DISARM,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame of the motion capture; `measurement` is None while the vehicle is occluded."""
+
+    epoch: int
+    frame: int
+    period_s: float
+    measurement: Measurement | None
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """Result of one control period.
+
+    Attributes
+    ----------
+    input
+        Command, shape (4,).
+    next_inputs
+        The planned inputs after it, shape (k, 4), for the gateway to play if the next command is late.
+    plan
+        N stages, the first one `start_s` after the frame.
+    reference
+        First stage of the reference: x, y, z [m], yaw [rad]; None on the floor.
+    """
+
+    input: Array
+    next_inputs: Array
+    plan: Trajectory
+    start_s: float
+    reference: Array | None
+
+
+class Pilot:
+    """Flies one vehicle.
+
+    Parameters
+    ----------
+    model
+        Nominal model of the vehicle.
+    controller, estimator
+        Any pair that keeps the promises of `agents.interfaces`.
+    guidance
+        Phase and task.
+    """
+
+    def __init__(
+        self, model: Model, controller: Controller, estimator: Estimator, guidance: Guidance
+    ) -> None:
+        self.model = model
+        self.controller = controller
+        self.estimator = estimator
+        self.guidance = guidance
+        self.clock = FleetClock()
+        self.inputs = InputHistory(np.zeros(INPUT_SIZE))
+        self.fallbacks: Counter[str] = Counter()
+        self.sequence = 0
+        self._spool_up_until_s = 0.0
+        self._blind_s = 0.0
+        self._flown_by_controller = False
+
+    @property
+    def estimate(self) -> Estimate:
+        """Present estimate."""
+        return self.estimator.estimate
+
+    @property
+    def ready(self) -> bool:
+        """Whether the vehicle has been seen."""
+        return self.clock.started and self._blind_s < BLIND_LIMIT_S
+
+    def observe(self, frame: Frame) -> bool:
+        """Take in one frame; False if it is older than what is known already."""
+        first = not self.clock.started
+        if first and frame.measurement is None:
+            return False
+        pending = self.clock.frames_until(frame.epoch, frame.frame, frame.period_s)
+        if pending < 0:
+            return False
+        for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
+            self._pass_period()
+        if frame.measurement is None:
+            self._blind_s += frame.period_s
+            self.fallbacks["occluded"] += 1
+        elif first or self._standing or self._blind_s >= BLIND_LIMIT_S:
+            self.estimator.reset(frame.measurement)
+            self._blind_s = 0.0
+        elif self.estimator.correct(frame.measurement):
+            self._blind_s = 0.0
+        else:
+            self._blind_s += frame.period_s
+            self.fallbacks["gated_pose"] += 1
+        return True
+
+    def coast(self) -> bool:
+        """A frame is overdue: go on by prediction; False beyond the limit of blind flight."""
+        if not self.ready:
+            return False
+        start_s = self.clock.time_s
+        self.clock.coast()
+        self._predict(start_s)
+        self._blind_s += self.clock.period_s
+        self.fallbacks["coasted"] += 1
+        return self.ready
+
+    def note_applied(self, state: str, sequence: int, value: Array) -> None:
+        """Take in what the transmitter gateway made of a command."""
+        self.inputs.correct(sequence, value)
+        event = _EVENT_OF_STATE[state]
+        if event is Event.ARM and self.guidance.phase is Phase.GROUND and self._in_the_air(value):
+            event = Event.RESUME
+        self.guidance.on_event(event, self.estimate if self.clock.started else None)
+
+    def take_off(self, height_m: float) -> str | None:
+        """Begin to take off; a refusal is returned as its reason."""
+        if not self.ready:
+            return "no pose yet" if not self.clock.started else f"no pose for {self._blind_s:.1f} s"
+        start_s = self.clock.time_s + SPOOL_UP_S
+        refusal = self.guidance.take_off(self.estimate, height_m, start_s)
+        if refusal is None:
+            self._spool_up_until_s = start_s
+        return refusal
+
+    def control(self, plans: Mapping[str, LeaderPlan]) -> Flight:
+        """Compute the command and plan of the present control period.
+
+        Parameters
+        ----------
+        plans
+            Newest plan of each leader that has one.
+
+        Returns
+        -------
+        Flight
+            Finite and within the limits, always.
+        """
+        self.sequence += 1
+        time_s, delay_s = self.clock.time_s, self.model.delay_s
+        self.guidance.check_floor(self.estimate, time_s)
+        if not self.guidance.rotor_on or self._spooling:
+            return self._stand(time_s + delay_s)
+        estimate = self._compensated(time_s)
+        reference = self.guidance.reference(
+            plans, estimate, time_s, delay_s, self.controller.period_s, self.controller.horizon
+        )
+        if not self._flown_by_controller:
+            self.controller.reset(estimate, self.inputs.newest)
+            self._flown_by_controller = True
+        step = self.controller.step(estimate, reference, self.inputs.newest)
+        if step.fallback is not None:
+            self.fallbacks[step.fallback] += 1
+        self.inputs.append(time_s + delay_s, self.sequence, step.inputs[0])
+        return Flight(
+            step.inputs[0],
+            step.inputs[1 : 1 + BRIDGE_STAGES],
+            step.plan,
+            delay_s,
+            reference.samples[0, :4],
+        )
+
+    @property
+    def _spooling(self) -> bool:
+        return self.guidance.phase is Phase.TAKEOFF and self.clock.time_s < self._spool_up_until_s
+
+    @property
+    def _standing(self) -> bool:
+        return not self.guidance.rotor_on or self._spooling
+
+    def _in_the_air(self, value: Array) -> bool:
+        return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])
+
+    def _stand(self, effect_from_s: float) -> Flight:
+        """On the floor: rotor off, or turning up open-loop before the controller takes over."""
+        command = np.zeros(INPUT_SIZE)
+        if self._spooling:
+            progress = 1 - (self._spool_up_until_s - self.clock.time_s) / SPOOL_UP_S
+            command[U_THRUST] = progress * SPOOL_UP_SHARE * self.model.hover_input[U_THRUST]
+        self._flown_by_controller = False
+        self.inputs.append(effect_from_s, self.sequence, command)
+        plan = resting(self.estimate, self.controller.period_s, self.controller.horizon)
+        return Flight(command, np.zeros((0, INPUT_SIZE)), plan, self.model.delay_s, None)
+
+    def _pass_period(self) -> None:
+        start_s = self.clock.time_s
+        self.clock.pass_period()
+        self._predict(start_s)
+
+    def _predict(self, start_s: float) -> None:
+        for value, duration_s in self.inputs.between(start_s, self.clock.time_s):
+            self.estimator.predict(value, duration_s)
+
+    def _compensated(self, time_s: float) -> Estimate:
+        """Estimate at the moment the new command begins to act (control.md section 7)."""
+        estimate = self.estimate
+        for value, duration_s in self.inputs.between(time_s, time_s + self.model.delay_s):
+            estimate = predict(self.model, estimate, value, duration_s)
+        return estimate

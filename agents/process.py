@@ -1,0 +1,180 @@
+"""The agent process: read poses and plans, call the pilot, publish plan and command."""
+
+import math
+import signal
+import threading
+import time
+
+import numpy as np
+
+from agents.controllers.registry import build_controller
+from agents.desk import VERBS, Desk, link_of
+from agents.estimators.registry import build_estimator
+from agents.guidance import Guidance
+from agents.interfaces import Measurement
+from agents.leaders import Leaders
+from agents.pacing import Pacing, SolveTimer
+from agents.phases import AIRBORNE
+from agents.pilot import Frame, Pilot
+from agents.settings import AgentSettings
+from agents.telemetry import command_message, plan_message, status_message
+from bus import channels
+from bus.messages import AgentStatus, Pose
+from bus.realtime import request_realtime, settle
+from bus.requests import Recall, RecallReply
+from bus.session import RequestFailedError, Session
+
+STATUS_PERIOD_S = 0.2
+IDLE_S = 0.1
+
+
+def build_pilot(settings: AgentSettings) -> Pilot:
+    """Pilot with the controller, the estimator and the leaders of the settings."""
+    controller = build_controller(
+        settings.controller,
+        settings.model,
+        settings.period_s,
+        {"horizon": settings.horizon, **settings.controller_settings},
+    )
+    estimator = build_estimator(
+        settings.estimator, settings.model, settings.period_s, settings.estimator_settings
+    )
+    return Pilot(
+        settings.model, controller, estimator, Guidance([link_of(link) for link in settings.following])
+    )
+
+
+class Agent:
+    """One vehicle's agent on the bus."""
+
+    def __init__(self, settings: AgentSettings, pilot: Pilot, session: Session, realtime: bool) -> None:
+        self._settings = settings
+        self._pilot = pilot
+        self._session = session
+        self._realtime = realtime
+        self._clock = session.clock
+        vehicle = settings.vehicle
+        self._poses = session.subscribe(channels.POSE, vehicle, depth=16)
+        self._applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
+        self._leaders = Leaders(vehicle, lambda name: session.subscribe(channels.PLAN, name))
+        self._leaders.keep(link.leader for link in settings.following)
+        self._desk = Desk(settings, pilot, self._leaders, self._clock)
+        self._pacing = Pacing(settings.period_s)
+        self._solve = SolveTimer()
+        # Sequences continue over restarts because they start from the wall clock.
+        self._sequence = time.time_ns() // 1_000_000
+        self._control_by_s: float | None = None
+        self._status_at_s = 0.0
+        self._previous = self._recall()
+        session.serve(vehicle, VERBS)
+        session.announce(vehicle, "agent")
+
+    def step(self) -> None:
+        """Everything that is due now."""
+        for incoming in self._session.pending():
+            self._desk.handle(incoming)
+        self._desk.settle_waiting()
+        self._observe()
+        if self._control_by_s is not None and (
+            self._clock() >= self._control_by_s or self._leaders.complete(self._pilot.clock)
+        ):
+            self._control()
+        if self._clock() >= self._status_at_s:
+            self._report()
+
+    def next_s(self) -> float:
+        """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
+        if self._control_by_s is not None:
+            return self._control_by_s
+        coast_at_s = self._pacing.coast_at_s(self._pilot.clock.period_s)
+        return min(self._status_at_s, math.inf if coast_at_s is None else coast_at_s)
+
+    def _observe(self) -> None:
+        for applied in self._applied.drain():
+            before = self._pilot.guidance.phase
+            self._pilot.note_applied(
+                applied.message.state, self._own(applied.message.sequence), np.array(applied.message.input)
+            )
+            if before not in AIRBORNE and self._pilot.guidance.phase in AIRBORNE and self._previous:
+                self._desk.resume(self._previous)
+        for received in self._poses.drain():
+            if self._pilot.observe(_frame(received.message)):
+                self._pacing.on_pose(received.arrived_s)
+                self._begin_control(received.arrived_s)
+        coast_at_s = self._pacing.coast_at_s(self._pilot.clock.period_s)
+        if coast_at_s is not None and self._clock() >= coast_at_s:
+            self._pacing.on_coast()
+            if self._pilot.coast():
+                self._begin_control(coast_at_s)
+
+    def _begin_control(self, now_s: float) -> None:
+        clock = self._pilot.clock
+        flying = self._pilot.guidance.rotor_on
+        if self._pacing.control_due(clock.current_frame, clock.period_s, flying):
+            self._control_by_s = now_s + (self._settings.leader_wait_s if self._pilot.guidance.follows else 0)
+
+    def _control(self) -> None:
+        self._control_by_s = None
+        plans = self._leaders.plans(self._pilot.clock)
+        started_s = self._clock()
+        flight = self._pilot.control(plans)
+        self._solve.add(self._clock() - started_s)
+        command = command_message(self._settings, self._pilot, flight, self._sequence + self._pilot.sequence)
+        self._session.publish(channels.COMMAND, self._settings.vehicle, command)
+        plan = plan_message(self._settings, self._pilot, flight, self._leaders)
+        self._session.publish(channels.PLAN, self._settings.vehicle, plan)
+
+    def _own(self, sequence: int) -> int:
+        return sequence - self._sequence
+
+    def _recall(self) -> AgentStatus | None:
+        try:
+            reply = self._session.request(self._settings.vehicle, Recall(), timeout_s=0.2)
+        except RequestFailedError:
+            return None
+        return reply.status if isinstance(reply, RecallReply) else None
+
+    def _report(self) -> None:
+        now_s = self._clock()
+        self._status_at_s = now_s + STATUS_PERIOD_S
+        rejected = {f"pose.{kind}": count for kind, count in self._poses.rejected.items()}
+        rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
+        rejected |= self._leaders.counts()
+        status = status_message(
+            self._settings, self._pilot, self._pacing, self._solve,
+            self._poses.age_s(now_s), self._leaders.plan_age_s(now_s), rejected, self._realtime,
+        )  # fmt: skip
+        self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
+
+
+def run_agent(settings: AgentSettings) -> None:
+    """Run the agent of one vehicle until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    SettingsError
+        Unknown controller or estimator, or a setting it does not accept.
+    BusUnreachableError
+        No router answers.
+    """
+    stop, wake = threading.Event(), threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: (stop.set(), wake.set()))
+    pilot = build_pilot(settings)
+    realtime = request_realtime(settings.realtime_priority)
+    with Session(settings.bus, wake=wake.set) as session:
+        agent = Agent(settings, pilot, session, realtime)
+        settle()
+        while not stop.is_set():
+            wake.wait(max(0.0, min(agent.next_s() - session.clock(), IDLE_S)))
+            wake.clear()
+            agent.step()
+
+
+def _frame(pose: Pose) -> Frame:
+    measurement = None
+    if pose.position_m is not None and pose.quaternion_xyzw is not None:
+        x, y, z, w = pose.quaternion_xyzw
+        yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        measurement = Measurement(np.array(pose.position_m), yaw_rad)
+    return Frame(pose.epoch, pose.frame, pose.period_s, measurement)

@@ -1,0 +1,43 @@
+"""Everything one agent process needs to know at start."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from bus.messages import Following
+from bus.session import BusAddress
+from vehicles.model import Model
+
+Three = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class AgentSettings:
+    """Settings of an agent.
+
+    Attributes
+    ----------
+    vehicle
+        Its name; also the source of its commands.
+    vehicles
+        Names of all vehicles of the fleet.
+    volume_min_m, volume_max_m
+        Flight volume, inertial frame; set points outside are refused.
+    leader_wait_s
+        How long after its own pose a follower waits for the leader's plan of the same frame.
+    """
+
+    bus: BusAddress
+    vehicle: str
+    vehicles: tuple[str, ...]
+    model: Model
+    volume_min_m: Three
+    volume_max_m: Three
+    controller: str = "paper"
+    estimator: str = "extended_kalman"
+    horizon: int = 50
+    period_s: float = 0.02
+    controller_settings: Mapping[str, object] = field(default_factory=dict)
+    estimator_settings: Mapping[str, object] = field(default_factory=dict)
+    following: tuple[Following, ...] = ()
+    realtime_priority: int = 0
+    leader_wait_s: float = 0.004
