@@ -163,8 +163,14 @@ class RadioProtocol(ABC):
     def status(self, now_s: float) -> ModuleStatus:
         """Judge the module at `now_s` from what it answered."""
 
-    def _checked(self, pulses_us: Sequence[float]) -> list[float]:
-        """Complete `pulses_us` to `channel_count` channels after checking every one."""
+    def check(self, pulses_us: Sequence[float]) -> list[float]:
+        """Complete `pulses_us` [us] to `channel_count` channels after checking every one.
+
+        Raises
+        ------
+        PulseRangeError
+            A pulse width is not finite, outside `pulse_range_us`, or there are too many of them.
+        """
         if len(pulses_us) > self.channel_count:
             raise PulseRangeError(
                 f"{self.name}: {len(pulses_us)} channels given, {self.channel_count} are possible"

@@ -215,7 +215,7 @@ class MultiProtocol(RadioProtocol):
     ) -> bytes:
         """Build a frame; see `RadioProtocol.encode`. Kill puts channel 14 to -100 %."""
         self._refuse_bind_in_flight(flags, disarmed)
-        counts = [count_of(pulse) for pulse in self._checked(pulses_us)]
+        counts = [count_of(pulse) for pulse in self.check(pulses_us)]
         if flags.kill:
             counts[KILL_CHANNEL] = KILL_COUNT
         settings = self.settings

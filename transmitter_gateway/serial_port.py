@@ -1,0 +1,218 @@
+"""Serial port for a control loop: never blocks, queues no stale frames (dsm2_transmitters.md section 9)."""
+
+from __future__ import annotations
+
+import fcntl
+import math
+import os
+import struct
+import termios
+from collections import Counter
+from enum import StrEnum
+
+import serial
+
+from transmitter_gateway.protocols.base import SerialLine
+
+TCGETS2 = 0x802C542A
+TCSETS2 = 0x402C542B
+TERMIOS2 = struct.Struct("4I20s2I")
+SPEED_BITS = 0o010017
+SPEED_IS_A_NUMBER = 0o010000
+
+RETRY_S = 0.15
+SILENCE_AFTER_SHORT_WRITE_S = 0.002
+LONGEST_BACKLOG_S = 0.1
+READ_SIZE = 4096
+
+
+class WriteOutcome(StrEnum):
+    """What became of a frame."""
+
+    WRITTEN = "frames written"
+    CLOSED = "frames not sent: port closed"
+    SILENT = "frames not sent: silence after a short write"
+    BACKLOG = "frames not sent: earlier bytes still queued"
+    SHORT = "short writes"
+    FAILED = "failed writes"
+
+
+class SerialPort:
+    """A port that is opened and reopened by `service` and written frame by frame.
+
+    Parameters
+    ----------
+    path : str
+        Device, best a name under /dev/serial/by-id.
+    line : SerialLine
+        Baud rate, parity and stop bits.
+
+    Attributes
+    ----------
+    problem : str or None
+        Why the port is not open, None when it is.
+    counters : Counter
+        Outcomes of writes, openings and losses, by name.
+    """
+
+    def __init__(self, path: str, line: SerialLine) -> None:
+        self.path = path
+        self.line = line
+        self.problem: str | None = "not opened yet"
+        self.counters: Counter[str] = Counter()
+        self._serial: serial.Serial | None = None
+        self._next_attempt_s = -math.inf
+        self._silent_until_s = -math.inf
+        self._backlog_since_s: float | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """True while frames can be written; False is the state LINK_LOST."""
+        return self._serial is not None
+
+    def fileno(self) -> int | None:
+        """File descriptor to wait for answers on, None while closed."""
+        return None if self._serial is None else int(self._serial.fileno())
+
+    @property
+    def next_attempt_s(self) -> float:
+        """When `service` tries to open the port again [s]; infinite while open."""
+        return math.inf if self.is_open else self._next_attempt_s
+
+    def service(self, now_s: float) -> bool:
+        """Open the port if it is closed and an attempt is due; return True when it was just opened."""
+        if self.is_open or now_s < self._next_attempt_s:
+            return False
+        try:
+            self._serial = self._open()
+        except (OSError, termios.error, ValueError) as error:
+            self._lose(f"cannot open {self.path}: {error}", now_s)
+            return False
+        self.problem = None
+        self._silent_until_s = -math.inf
+        self._backlog_since_s = None
+        self.counters["openings"] += 1
+        return True
+
+    def _open(self) -> serial.Serial:
+        port = serial.Serial()
+        port.port = self.path
+        standard = hasattr(termios, f"B{self.line.baud}")
+        port.baudrate = self.line.baud if standard else 115_200
+        port.bytesize = serial.EIGHTBITS
+        port.parity = self.line.parity
+        port.stopbits = self.line.stop_bits
+        port.timeout = 0
+        port.exclusive = True
+        # On many boards these lines reset the processor or switch the module's power.
+        port.dtr = False
+        port.rts = False
+        port.open()
+        try:
+            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+            if not standard:
+                set_baud(port.fileno(), self.line.baud)
+        except BaseException:
+            port.close()
+            raise
+        return port
+
+    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
+        """Write one whole frame, or nothing; never wait.
+
+        A frame is dropped rather than queued behind bytes that are still to be sent, and after a short write
+        the line stays silent until the receiver has discarded the fragment. A back-log of more than 100 ms
+        closes the port.
+        """
+        outcome = self._write(frame, now_s)
+        self.counters[outcome] += 1
+        return outcome
+
+    def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
+        if self._serial is None:
+            return WriteOutcome.CLOSED
+        if now_s < self._silent_until_s:
+            return WriteOutcome.SILENT
+        try:
+            if self._serial.out_waiting > len(frame):
+                return self._backlog(now_s)
+            written = os.write(self._serial.fileno(), frame)
+        except BlockingIOError:
+            return self._backlog(now_s)
+        except (OSError, termios.error) as error:
+            self._lose(f"write to {self.path} failed: {error}", now_s)
+            return WriteOutcome.FAILED
+        if written < len(frame):
+            self._silent_until_s = now_s + SILENCE_AFTER_SHORT_WRITE_S
+            return WriteOutcome.SHORT
+        self._backlog_since_s = None
+        return WriteOutcome.WRITTEN
+
+    def _backlog(self, now_s: float) -> WriteOutcome:
+        if self._backlog_since_s is None:
+            self._backlog_since_s = now_s
+        elif now_s - self._backlog_since_s > LONGEST_BACKLOG_S:
+            self._discard_output()
+            self._lose(f"{self.path} takes no bytes for {LONGEST_BACKLOG_S:g} s", now_s)
+        return WriteOutcome.BACKLOG
+
+    def _discard_output(self) -> None:
+        try:
+            if self._serial is not None:
+                self._serial.reset_output_buffer()
+        except (OSError, termios.error):
+            self.counters["failed flushes"] += 1
+
+    def read_available(self, now_s: float) -> bytes:
+        """Return the bytes that have arrived, possibly none."""
+        if self._serial is None:
+            return b""
+        try:
+            data = os.read(self._serial.fileno(), READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except (OSError, termios.error) as error:
+            self._lose(f"read from {self.path} failed: {error}", now_s)
+            return b""
+        if not data:
+            self._lose(f"{self.path} was unplugged", now_s)
+        return data
+
+    def _lose(self, problem: str, now_s: float) -> None:
+        """Close at once: a held descriptor makes an adapter come back under another name."""
+        if self.is_open:
+            self.counters["losses"] += 1
+        self.close()
+        self.problem = problem
+        self._next_attempt_s = now_s + RETRY_S
+
+    def close(self) -> None:
+        """Close the port; `service` would open it again."""
+        port, self._serial = self._serial, None
+        self.problem = "closed"
+        if port is None:
+            return
+        try:
+            fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
+        except (OSError, termios.error):
+            self.counters["ports closed after the device was gone"] += 1
+        try:
+            port.close()
+        except (OSError, termios.error):
+            self.counters["failed closes"] += 1
+
+
+def set_baud(descriptor: int, baud: int) -> None:
+    """Set a baud rate that has no termios constant, on Linux.
+
+    Raises
+    ------
+    OSError
+        The device does not know the request, or took another speed.
+    """
+    *flags, rest, _, _ = TERMIOS2.unpack(fcntl.ioctl(descriptor, TCGETS2, bytes(TERMIOS2.size)))
+    flags[2] = flags[2] & ~SPEED_BITS | SPEED_IS_A_NUMBER
+    fcntl.ioctl(descriptor, TCSETS2, TERMIOS2.pack(*flags, rest, baud, baud))
+    *_, speed_in, speed_out = TERMIOS2.unpack(fcntl.ioctl(descriptor, TCGETS2, bytes(TERMIOS2.size)))
+    if (speed_in, speed_out) != (baud, baud):
+        raise OSError(f"asked for {baud} baud, the device took {speed_out}")

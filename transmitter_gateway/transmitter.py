@@ -1,0 +1,285 @@
+"""One transmitter: arbiter, calibration, radio protocol and serial port, driven by a single-threaded loop.
+
+The loop calls `on_command`, `on_pose`, `on_readable` and `request` when something arrives and `tick` at the
+latest at `next_deadline_s`. Accepted commands are written on arrival; without one the arbiter's output is
+repeated (dsm2_transmitters.md section 8.2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from transmitter_gateway.arbiter import Arbiter
+from transmitter_gateway.calibration import Calibration
+from transmitter_gateway.inputs import (
+    FLYING,
+    Action,
+    Answer,
+    ArbiterOutput,
+    CommandInput,
+    LinkState,
+    PoseInput,
+    Request,
+    State,
+)
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, RadioProtocol
+from transmitter_gateway.serial_port import SerialPort, WriteOutcome
+
+THROTTLE_LOW_FRAMES = 25
+LONGEST_BIND_S = 7.0
+AFTER_BIND_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """The newest frame: when it was written, what became of it, what it carried and why.
+
+    Parameters
+    ----------
+    time_s : float
+        Local time of the write [s].
+    outcome : WriteOutcome
+        Whether the frame went out.
+    output : ArbiterOutput
+        Decision behind the frame, with the applied inputs and the command's identity.
+    pulses_us : tuple of float
+        Pulse widths in channel order [us].
+    """
+
+    time_s: float
+    outcome: WriteOutcome
+    output: ArbiterOutput
+    pulses_us: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TransmitterStatus:
+    """Everything a status message needs.
+
+    Parameters
+    ----------
+    state, reason
+        Of the arbiter.
+    link : LinkState
+        Port and module.
+    module : str
+        The module, or what is wrong with the port, in words.
+    holder : str or None
+        Source with the control lease.
+    binding : bool
+        Bind frames are being sent.
+    bridging_step : int
+        Planned input being played, 0 for none.
+    write : Write or None
+        Newest frame.
+    counters : mapping
+        Every counter of arbiter and port by name.
+    """
+
+    state: State
+    reason: str
+    link: LinkState
+    module: str
+    holder: str | None
+    binding: bool
+    bridging_step: int
+    write: Write | None
+    counters: Mapping[str, int]
+
+
+class Transmitter:
+    """Flies one vehicle through one serial port.
+
+    Parameters
+    ----------
+    vehicle : str
+        Name of the vehicle, as in the poses.
+    limits : ArbiterLimits
+        Limits of the arbiter.
+    calibration : Calibration
+        Inputs to pulse widths; its slew rates and hover thrust also serve the arbiter.
+    protocol : RadioProtocol
+        Codec of the radio.
+    port : SerialPort
+        The port, opened by the first `tick`.
+    low_power : bool
+        Ask the radio for low power.
+
+    Raises
+    ------
+    PulseRangeError
+        The calibration can ask for a pulse width that the protocol cannot carry.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        limits: ArbiterLimits,
+        calibration: Calibration,
+        protocol: RadioProtocol,
+        port: SerialPort,
+        *,
+        low_power: bool = False,
+    ) -> None:
+        self.vehicle = vehicle
+        self.arbiter = Arbiter(vehicle, limits, calibration.throttle.u_hover, calibration.slew_per_s)
+        self.protocol = protocol
+        self.port = port
+        self.last_write: Write | None = None
+        self._calibration = calibration
+        self._low_power = low_power
+        for extreme in (limits.lower, limits.upper):
+            for throttle_low in (False, True):
+                protocol.check(calibration.pulses_us(extreme, throttle_low=throttle_low))
+        self._output = ArbiterOutput(State.DISARMED, "started")
+        self._pending = False
+        self._attempt_s = -math.inf
+        self._bind_since_s: float | None = None
+        self._bind_seen = False
+        self._settled_s = -math.inf
+        self._range_check = False
+        self._shutdown = False
+        self._low_frames = 0
+
+    # What arrives -------------------------------------------------------------------------------------
+
+    def on_command(self, command: CommandInput, now_s: float) -> Answer:
+        """Take a command; an accepted one from the lease holder is written at once."""
+        answer = self.arbiter.command(command, now_s)
+        self._run(now_s, urgent=answer.accepted and self.arbiter.holder == command.source)
+        return answer
+
+    def on_pose(self, pose: PoseInput, now_s: float) -> None:
+        """Take a raw pose of any vehicle; the own one is judged at once."""
+        self.arbiter.pose(pose, now_s)
+        if pose.vehicle == self.vehicle:
+            self._run(now_s)
+
+    def on_readable(self, now_s: float) -> None:
+        """Read the module's answers; call it when the port's descriptor is readable or hung up."""
+        data = self.port.read_available(now_s)
+        if data:
+            self.protocol.receive(data, now_s)
+        self._run(now_s)
+
+    def request(self, request: Request, now_s: float) -> Answer:
+        """Carry out or refuse a request; a shutdown also ends this transmitter, see `finished`."""
+        if request.action is Action.SHUTDOWN:
+            self._shutdown = True
+        answer = self.arbiter.request(request, now_s)
+        self._run(now_s)
+        return answer
+
+    def bind(self, now_s: float) -> Answer:
+        """Start binding: bind frames until the module is done, then 5 s of neutral frames (section 3.4)."""
+        if self.arbiter.state is not State.DISARMED:
+            return Answer(False, f"binding is only possible while DISARMED, not {self.arbiter.state}")
+        if not self.port.is_open:
+            return Answer(False, f"binding is not possible: {self.port.problem}")
+        self._bind_since_s, self._bind_seen = now_s, False
+        self._run(now_s, urgent=True)
+        return Answer(True, "binding")
+
+    def range_check(self, wanted: bool, now_s: float) -> Answer:
+        """Switch the reduced range-check power on or off; while it is on, arming is refused."""
+        if self.arbiter.state is not State.DISARMED:
+            return Answer(False, f"range check is only possible while DISARMED, not {self.arbiter.state}")
+        self._range_check = wanted
+        self._run(now_s, urgent=True)
+        return Answer(True, "range check on" if wanted else "range check off")
+
+    # Time ---------------------------------------------------------------------------------------------
+
+    def tick(self, now_s: float) -> None:
+        """Do what is due; harmless when nothing is."""
+        self._run(now_s)
+
+    def next_deadline_s(self) -> float:
+        """When `tick` must be called at the latest [s]."""
+        return min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
+
+    @property
+    def finished(self) -> bool:
+        """After a shutdown request: the vehicle is cut and knows it, the port may be closed."""
+        landed = self._shutdown and self.arbiter.state not in FLYING
+        return landed and (self._low_frames >= THROTTLE_LOW_FRAMES or not self.port.is_open)
+
+    def close(self) -> None:
+        """Close the port."""
+        self.port.close()
+
+    def _run(self, now_s: float, *, urgent: bool = False) -> None:
+        if self.port.service(now_s):
+            self.protocol.link_opened(now_s)
+            self._bind_since_s = None
+            urgent = True
+        module = self.protocol.status(now_s)
+        self._follow_bind(module, now_s)
+        self.arbiter.link(self._link(module, now_s))
+        before, self._output = self._output, self.arbiter.step(now_s)
+        changed = before.state is not self._output.state
+        next_planned = self._output.bridging_step > before.bridging_step
+        self._pending = self._pending or urgent or changed or next_planned
+        if self.port.is_open and now_s >= self._due_s():
+            self._write(now_s)
+
+    def _due_s(self) -> float:
+        if not self.port.is_open:
+            return math.inf
+        interval_s = self.protocol.minimum_interval_s if self._pending else self.protocol.keepalive_s
+        return self._attempt_s + interval_s
+
+    def _write(self, now_s: float) -> None:
+        output = self._output
+        flying = output.state in FLYING
+        low = output.throttle_low or (self._shutdown and not flying)
+        pulses = self._calibration.pulses_us(output.u, throttle_low=low)
+        disarmed = output.state is State.DISARMED
+        flags = FrameFlags(
+            bind=disarmed and self._bind_since_s is not None,
+            range_check=disarmed and self._range_check,
+            kill=output.kill,
+            low_power=self._low_power,
+        )
+        frame = self.protocol.encode(pulses, flags, disarmed=disarmed)
+        outcome = self.port.write_frame(frame, now_s)
+        self._attempt_s = now_s
+        self._pending = outcome is not WriteOutcome.WRITTEN
+        self.last_write = Write(now_s, outcome, output, pulses)
+        if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
+            self._low_frames += 1
+
+    # Link ---------------------------------------------------------------------------------------------
+
+    def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
+        if not self.port.is_open:
+            return LinkState.LOST
+        busy = self._bind_since_s is not None or self._range_check or now_s < self._settled_s
+        return LinkState.READY if module.ready and not busy else LinkState.UP
+
+    def _follow_bind(self, module: ModuleStatus, now_s: float) -> None:
+        if self._bind_since_s is None:
+            return
+        over = self._bind_seen and not module.binding
+        self._bind_seen = self._bind_seen or module.binding
+        if over or now_s >= self._bind_since_s + LONGEST_BIND_S:
+            self._bind_since_s = None
+            self._settled_s = now_s + AFTER_BIND_S
+
+    def status(self, now_s: float) -> TransmitterStatus:
+        """Everything a status message needs, at `now_s`."""
+        module = self.protocol.status(now_s)
+        return TransmitterStatus(
+            state=self.arbiter.state,
+            reason=self.arbiter.reason,
+            link=self._link(module, now_s),
+            module=self.port.problem or module.text,
+            holder=self.arbiter.holder,
+            binding=self._bind_since_s is not None,
+            bridging_step=self._output.bridging_step,
+            write=self.last_write,
+            counters={**self.arbiter.counters, **self.port.counters},
+        )
