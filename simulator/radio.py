@@ -1,0 +1,180 @@
+"""Radio module and receiver behind a pseudo-terminal: the end of the line a transmitter gateway writes to."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import termios
+import tty
+from collections import Counter
+from pathlib import Path
+
+from simulator.radio_module import RadioModule, SerialFrame
+from simulator.radio_receiver import Receiver, ReceiverOutput
+
+READ_SIZE = 4096
+SILENT_S = 0.07
+
+
+class RadioLink:
+    """A module and the receiver that hears it, without any port.
+
+    Parameters
+    ----------
+    module : RadioModule
+        Emulated transmitter module.
+    receiver : Receiver
+        Emulated receiver in the vehicle.
+    """
+
+    def __init__(self, module: RadioModule, receiver: Receiver) -> None:
+        self.module = module
+        self.receiver = receiver
+
+    def feed(self, data: bytes, now_s: float) -> None:
+        """Put bytes on the serial line at `now_s`."""
+        self.module.feed(data, now_s)
+
+    def advance(self, now_s: float) -> bytes:
+        """Let the time pass; return what the module answers."""
+        answers = self.module.advance(now_s)
+        for packet in self.module.take_packets():
+            if self.receiver.hear(packet):
+                self.module.receiver_answered(packet.time_s)
+        return answers + self.module.advance(now_s)
+
+    def output(self, now_s: float) -> ReceiverOutput:
+        """What the receiver gives the vehicle at `now_s`; call `advance` first."""
+        return self.receiver.output(now_s)
+
+    def take_frames(self) -> list[SerialFrame]:
+        """Return and forget the frames the module accepted."""
+        frames = list(self.module.frames)
+        self.module.frames.clear()
+        return frames
+
+
+class RadioPty:
+    """A `RadioLink` on a pseudo-terminal with a fixed name.
+
+    Call `service` whenever `fileno` is readable and often enough for the module's answers.
+
+    Parameters
+    ----------
+    path : str or Path
+        Symbolic link to the pseudo-terminal; a link left over by a killed process is replaced.
+    link : RadioLink
+        Module and receiver.
+
+    Raises
+    ------
+    FileExistsError
+        `path` exists and is not a symbolic link.
+    """
+
+    def __init__(self, path: str | Path, link: RadioLink) -> None:
+        self.path = Path(path)
+        self.link = link
+        self.counters: Counter[str] = Counter()
+        self._master = self._slave = -1
+        self._serviced_s: float | None = None
+        self._fed_s = 0.0
+        self._exclusive_cleared = False
+        self._open()
+
+    def _open(self) -> None:
+        if self.path.exists() and not self.path.is_symlink():
+            raise FileExistsError(f"{self.path} exists and is not a symbolic link; not replaced")
+        self._master, self._slave = pty.openpty()
+        # Raw before anybody opens it: otherwise the line discipline echoes the module's answers to itself.
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        fresh = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+        fresh.unlink(missing_ok=True)
+        fresh.symlink_to(os.ttyname(self._slave))
+        fresh.replace(self.path)
+
+    @property
+    def is_open(self) -> bool:
+        """False while unplugged or closed."""
+        return self._master >= 0
+
+    def fileno(self) -> int:
+        """Descriptor to wait for written bytes on, -1 while unplugged."""
+        return self._master
+
+    def service(self, now_s: float) -> None:
+        """Take the bytes written, let the time pass, and write the answers."""
+        if self.is_open:
+            self._read(now_s)
+        answers = self.link.advance(now_s)
+        if answers and self.is_open:
+            try:
+                os.write(self._master, answers)
+            except BlockingIOError:
+                self.counters["answers nobody read"] += 1
+        self._serviced_s = now_s
+
+    def _read(self, now_s: float) -> None:
+        try:
+            data = os.read(self._master, READ_SIZE)
+        except BlockingIOError:
+            self._clear_exclusive(now_s)
+            return
+        self._fed_s, self._exclusive_cleared = now_s, False
+        for start_s, frame in self._separated(data, now_s):
+            self.link.feed(frame, start_s)
+
+    def _separated(self, data: bytes, now_s: float) -> list[tuple[float, bytes]]:
+        """Give frames that piled up while nobody called `service` their pauses back.
+
+        A pseudo-terminal does not tell when bytes were written. Bytes read in one go count as back to back,
+        unless the last call is so long ago that whole frames can have come in one after the other.
+        """
+        length = self.link.module.frame_length
+        count, rest = divmod(len(data), length)
+        waited_s = now_s - self._serviced_s if self._serviced_s is not None else 0.0
+        spacing_s = waited_s / max(count, 1)
+        if count < 2 or rest or spacing_s < self.link.module.shortest_spacing_s:
+            return [(now_s, data)]
+        self.counters["late services"] += 1
+        return [
+            (now_s - (count - 1 - i) * spacing_s, data[i * length : (i + 1) * length]) for i in range(count)
+        ]
+
+    def _clear_exclusive(self, now_s: float) -> None:
+        """Forget the exclusive mark of a writer that may be gone.
+
+        A serial adapter forgets it with the last close; a pseudo-terminal keeps it, and a restarted gateway
+        could not open the port again.
+        """
+        if not self._exclusive_cleared and now_s > self._fed_s + SILENT_S:
+            fcntl.ioctl(self._slave, termios.TIOCNXCL)
+            self._exclusive_cleared = True
+
+    def output(self, now_s: float) -> ReceiverOutput:
+        """What the receiver gives the vehicle at `now_s`."""
+        return self.link.output(now_s)
+
+    def unplug(self) -> None:
+        """Pull the cable: the device vanishes for whoever has it open."""
+        if not self.is_open:
+            return
+        target = os.ttyname(self._slave)
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = self._slave = -1
+        if self.path.is_symlink() and str(self.path.readlink()) == target:
+            self.path.unlink()
+
+    def replug(self, now_s: float) -> None:
+        """Plug the cable in again; the module loses its power meanwhile and boots."""
+        if not self.is_open:
+            self._open()
+            self.link.module.power_cycle(now_s)
+
+    def close(self) -> None:
+        """Remove the pseudo-terminal and its link."""
+        self.unplug()

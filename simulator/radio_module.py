@@ -1,0 +1,178 @@
+"""What all emulated radio modules share: serial line with wire time, frame ends, air packets, frame log."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+FRAME_LOG_LENGTH = 1000
+
+Timer = tuple[float, Callable[[float], None]]
+
+
+@dataclass(frozen=True, slots=True)
+class SerialFrame:
+    """A frame the module accepted.
+
+    Parameters
+    ----------
+    arrival_s : float
+        When its last byte had arrived on the wire [s].
+    pulses_us : tuple of float
+        Channels as commanded, throttle, aileron, elevator, rudder, ... [us].
+    """
+
+    arrival_s: float
+    pulses_us: tuple[float, ...]
+    kill: bool = False
+    bind: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class AirPacket:
+    """What a module sends to the receivers.
+
+    Parameters
+    ----------
+    time_s : float
+        When it is sent [s].
+    rf_channels : int
+        Identity of the two radio channels in use; changes whenever the module picks new ones.
+    model_match : int
+        Model match number.
+    pulses_us : tuple of float
+        Channels as a receiver decodes them, throttle, aileron, elevator, rudder, ... [us].
+    bind : bool
+        A bind packet; its channels mean nothing.
+    weak : bool
+        Sent with range-check power.
+    """
+
+    time_s: float
+    rf_channels: int
+    model_match: int
+    pulses_us: tuple[float, ...]
+    bind: bool = False
+    weak: bool = False
+
+
+@dataclass(slots=True)
+class SerialInput:
+    """Bytes on a serial line: back to back within what one read delivered, in bursts between pauses.
+
+    Parameters
+    ----------
+    byte_s : float
+        Time of one byte on the wire [s].
+    end_of_frame_s : float
+        A burst ends when no byte completes for this long [s].
+    """
+
+    byte_s: float
+    end_of_frame_s: float
+    end_s: float = -math.inf
+    _data: bytearray = field(default_factory=bytearray)
+    _bursts: deque[tuple[float, bytes]] = field(default_factory=deque)
+
+    def feed(self, data: bytes, now_s: float) -> None:
+        """Take bytes whose transmission starts at `now_s`, or when the line is free."""
+        start_s = max(self.end_s, now_s)
+        if self._data and start_s + self.byte_s > self.end_s + self.end_of_frame_s:
+            self._close()
+        self._data += data
+        self.end_s = start_s + len(data) * self.byte_s
+
+    def _close(self) -> None:
+        self._bursts.append((self.end_s, bytes(self._data)))
+        self._data.clear()
+
+    def next_end_s(self) -> float:
+        """When the next burst is recognised as ended [s], infinite without one."""
+        if self._bursts:
+            return self._bursts[0][0] + self.end_of_frame_s
+        return self.end_s + self.end_of_frame_s if self._data else math.inf
+
+    def take(self) -> tuple[float, bytes]:
+        """Remove the oldest burst; return when its last byte arrived [s], and its bytes."""
+        if not self._bursts:
+            self._close()
+        return self._bursts.popleft()
+
+
+class RadioModule(ABC):
+    """State machine over timestamped bytes; it has no clock, `advance` lets the time pass.
+
+    Parameters
+    ----------
+    byte_s, end_of_frame_s : float
+        See `SerialInput`.
+    frame_length : int
+        Usual number of bytes of a frame.
+
+    Attributes
+    ----------
+    frames : deque of SerialFrame
+        Accepted frames, newest last.
+    rejected : Counter
+        Frames and bytes that were not accepted, by reason.
+    """
+
+    def __init__(self, byte_s: float, end_of_frame_s: float, frame_length: int) -> None:
+        self.frame_length = frame_length
+        self._byte_s = byte_s
+        self._end_of_frame_s = end_of_frame_s
+        self._input = SerialInput(byte_s, end_of_frame_s)
+        self.frames: deque[SerialFrame] = deque(maxlen=FRAME_LOG_LENGTH)
+        self.rejected: Counter[str] = Counter()
+        self._packets: list[AirPacket] = []
+        self._answers = bytearray()
+
+    @property
+    def shortest_spacing_s(self) -> float:
+        """Shortest time between the starts of two frames that are told apart [s]."""
+        return self.frame_length * self._byte_s + self._end_of_frame_s
+
+    @abstractmethod
+    def power_cycle(self, now_s: float) -> None:
+        """Start anew, as after a brown-out or a replugged cable."""
+
+    @abstractmethod
+    def _on_burst(self, end_s: float, data: bytes) -> None:
+        """Take the bytes between two pauses; the last one arrived at `end_s`."""
+
+    @abstractmethod
+    def _timers(self) -> list[Timer]:
+        """When the module does something by itself, and what."""
+
+    def receiver_answered(self, now_s: float) -> None:  # noqa: B027 - most modules do not listen
+        """Hear the bind answer of a receiver."""
+
+    def feed(self, data: bytes, now_s: float) -> None:
+        """Take bytes put on the line at `now_s`."""
+        self._input.feed(data, now_s)
+
+    def advance(self, now_s: float) -> bytes:
+        """Do everything due until `now_s`; return the bytes the module answers."""
+        while True:
+            events: list[Timer] = [(self._input.next_end_s(), self._take_burst), *self._timers()]
+            time_s, handler = min(events, key=lambda event: event[0])
+            if time_s > now_s:
+                break
+            handler(time_s)
+        answers = bytes(self._answers)
+        self._answers.clear()
+        return answers
+
+    def take_packets(self) -> list[AirPacket]:
+        """Return and forget the packets sent since the last call."""
+        packets, self._packets = self._packets, []
+        return packets
+
+    def _take_burst(self, _now_s: float) -> None:
+        self._on_burst(*self._input.take())
+
+    def _reset_line(self) -> None:
+        self._input = SerialInput(self._byte_s, self._end_of_frame_s)

@@ -1,0 +1,252 @@
+"""Emulated Multiprotocol module (dsm2_transmitters.md sections 3.1 to 3.6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
+from transmitter_gateway.protocols.base import ten_bit_pulse_us
+from transmitter_gateway.protocols.multi import (
+    CENTER_COUNT,
+    DSM,
+    FRAME_LENGTH,
+    KILL_CHANNEL,
+    MultiFrame,
+    pulse_of,
+)
+
+BYTE_S = 120e-6
+END_OF_FRAME_S = 250e-6
+UART_READY_S = 0.2
+BOOT_CHECK_BYTES = 5
+BOOT_CHECK_S = 0.005
+INIT_S = 0.142
+INPUT_LOST_S = 0.070
+STATUS_PERIOD_S = 0.501
+FAST_PERIOD_S = 0.011
+SLOW_PERIOD_S = 0.022
+
+BIND_START_S = 0.13
+BIND_PACKETS = 181
+BIND_PACKET_S = 0.01
+BIND_LISTEN_END_S = 6.03
+AUTOBIND_CHANNEL = 15
+
+SUB_PROTOCOL_NAMES = ("2 1F", "2 2F", "X 1F", "X 2F", "Auto", "R 1F", "2SFC")
+VERSION = bytes((1, 3, 4, 72))
+ORDER_AETR = 0xE4
+# Order in which a build expects A, E, T, R on the line; we number T, A, E, R.
+MAPPED_TO_TAER = (2, 0, 1, 3)
+
+
+def air_value(count: int) -> int:
+    """11-bit value on air of an 11-bit value on the line, computed as the module does."""
+    return min(max(math.trunc((count - 204) * 1364 / 1640) + 342, 0), 2047)
+
+
+def killed_throttle(count: int) -> int | None:
+    """10-bit throttle forced by channel 14, None when it does not interfere."""
+    return None if count > 604 else max(count - 204, 0) * 168 // 400
+
+
+def status_answer(flags: int, sub_protocol: int | None) -> bytes:
+    """Status answer; `sub_protocol` None for a protocol the build does not know."""
+    if sub_protocol is None:
+        protocol, names = bytes(7), bytes(9)
+    else:
+        protocol = b"DSM".ljust(7, b"\0")
+        names = b"\x77" + SUB_PROTOCOL_NAMES[sub_protocol].encode().ljust(8, b"\0")
+    payload = bytes((flags,)) + VERSION + bytes((ORDER_AETR, 0x46, 0x06)) + protocol + names
+    return b"MP" + bytes((0x01, len(payload))) + payload
+
+
+class MultiModule(RadioModule):
+    """A module in serial mode with its dial at 0.
+
+    Parameters
+    ----------
+    powered_s : float
+        When it is switched on [s].
+    inverted_wiring : bool
+        Whether the line is inverted; a frame whose polarity bit says otherwise makes the module deaf.
+    knows_dsm2 : bool
+        False for EU builds, which refuse the protocol.
+    """
+
+    def __init__(
+        self, powered_s: float = 0.0, *, inverted_wiring: bool = True, knows_dsm2: bool = True
+    ) -> None:
+        super().__init__(BYTE_S, END_OF_FRAME_S, FRAME_LENGTH)
+        self._inverted_wiring = inverted_wiring
+        self._knows_dsm2 = knows_dsm2
+        self.rf_channels = 0
+        self.power_cycle(powered_s)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Boot again; the next transmission uses new radio channels."""
+        self._reset_line()
+        self._powered_s = now_s
+        self._boot_bytes = 0
+        self._booted_s = math.inf
+        self._deaf = False
+        self._frame: MultiFrame | None = None
+        self._key: tuple[int, ...] | None = None
+        self._last_frame_s = -math.inf
+        self._init_done_s = math.inf
+        self._next_rf_s = math.inf
+        self._next_status_s = math.inf
+        self._bind_start_s = math.inf
+        self._bind_packets = 0
+        self._bind_bit = False
+
+    @property
+    def binding(self) -> bool:
+        """True from the bind request until the answer, the end of listening, or its withdrawal."""
+        return math.isfinite(self._bind_start_s)
+
+    # Serial side --------------------------------------------------------------------------------------
+
+    def _on_burst(self, end_s: float, data: bytes) -> None:
+        if end_s < self._powered_s + UART_READY_S:
+            self.rejected["before power-up was complete"] += 1
+        elif end_s < self._booted_s:
+            self._boot_bytes += len(data)
+            if self._boot_bytes >= BOOT_CHECK_BYTES and math.isinf(self._booted_s):
+                self._booted_s = end_s + BOOT_CHECK_S
+                self._next_status_s = self._booted_s + STATUS_PERIOD_S
+            self.rejected["swallowed by the boot loader"] += 1
+        elif self._deaf:
+            self.rejected["deaf: wrong polarity bit"] += 1
+        else:
+            start = next((i for i, byte in enumerate(data) if byte & 0xFC == 0x54), len(data))
+            if 26 <= len(data) - start <= 36:
+                self._accept(data[start:], end_s)
+            else:
+                self.rejected["wrong length"] += 1
+
+    def _accept(self, data: bytes, end_s: float) -> None:
+        now_s = end_s + END_OF_FRAME_S
+        self._last_frame_s = now_s
+        frame = MultiFrame.from_bytes(data)
+        if frame.failsafe:
+            return
+        if len(data) > 26 and frame.inverted_line != self._inverted_wiring:
+            self._deaf = True
+        last = data[26] if len(data) > 26 else 0
+        key = (data[0], data[1] & 0x5F, data[2] & 0x7F, last & 0xF0, min(len(data), 27))
+        if key != self._key:
+            self._key = key
+            self._initialise(now_s)
+        elif math.isinf(self._next_rf_s) and math.isinf(self._init_done_s) and not self.binding:
+            self._next_rf_s = now_s
+        self._frame = frame
+        self._follow_bind_bit(frame.bind, now_s)
+        self._log(frame, end_s)
+
+    def _log(self, frame: MultiFrame, end_s: float) -> None:
+        counts = self._ordered(frame)
+        pulses = tuple(pulse_of(count) for count in counts)
+        self.frames.append(SerialFrame(end_s, pulses, counts[KILL_CHANNEL] <= 204, frame.bind))
+
+    @staticmethod
+    def _ordered(frame: MultiFrame) -> tuple[int, ...]:
+        if frame.mapping_off:
+            return frame.counts
+        return (*(frame.counts[index] for index in MAPPED_TO_TAER), *frame.counts[4:])
+
+    def _initialise(self, now_s: float) -> None:
+        """Start the radio part anew: it is silent for a while and picks two new channels."""
+        self.rf_channels += 1
+        self._init_done_s = now_s + INIT_S
+        self._next_rf_s = math.inf
+
+    def _follow_bind_bit(self, bind: bool, now_s: float) -> None:
+        if bind and not self._bind_bit:
+            self._bind_start_s, self._bind_packets = now_s, 0
+            self._next_rf_s = math.inf
+        elif not bind and self.binding:
+            self._end_bind(now_s)
+        self._bind_bit = bind
+
+    def receiver_answered(self, now_s: float) -> None:
+        """End binding: normal transmission resumes at once."""
+        if self.binding and self._bind_packets >= BIND_PACKETS:
+            self._answers += b"MP\x05\x0a" + bytes((0xED, 0xCB, 0xA9, 0x84, 1, 7, 1, 0, 4, 0x5E))
+            self._end_bind(now_s)
+
+    def _end_bind(self, now_s: float) -> None:
+        self._bind_start_s = math.inf
+        if math.isinf(self._init_done_s):
+            self._next_rf_s = now_s
+        self._send_status(now_s)
+
+    # Radio side ---------------------------------------------------------------------------------------
+
+    def _timers(self) -> list[Timer]:
+        timers: list[Timer] = [
+            (self._init_done_s, self._finish_init),
+            (self._next_rf_s, self._send_channels),
+            (self._next_status_s, self._periodic_status),
+        ]
+        if self.binding:
+            if self._bind_packets < BIND_PACKETS:
+                next_s = self._bind_start_s + BIND_START_S + self._bind_packets * BIND_PACKET_S
+                timers.append((next_s, self._send_bind))
+            timers.append((self._bind_start_s + BIND_LISTEN_END_S, self._end_bind))
+        return timers
+
+    def _finish_init(self, now_s: float) -> None:
+        self._init_done_s = math.inf
+        if not self.binding:
+            self._next_rf_s = now_s
+        self._send_status(now_s)
+
+    def _valid(self) -> bool:
+        frame = self._frame
+        return frame is not None and frame.protocol == DSM and frame.sub_protocol <= 3 and self._knows_dsm2
+
+    def _send_channels(self, now_s: float) -> None:
+        frame = self._frame
+        if frame is None or now_s > self._last_frame_s + INPUT_LOST_S:
+            self._next_rf_s = math.inf
+            return
+        fast = frame.sub_protocol in (1, 3) and frame.option & 0x40
+        self._next_rf_s = now_s + (FAST_PERIOD_S if fast else SLOW_PERIOD_S)
+        waiting_for_autobind = frame.autobind and frame.counts[AUTOBIND_CHANNEL] <= CENTER_COUNT
+        if self._valid() and not waiting_for_autobind:
+            pulses = tuple(self._on_air(frame))
+            self._packets.append(
+                AirPacket(now_s, self.rf_channels, frame.rx_num, pulses, weak=frame.range_check)
+            )
+
+    def _on_air(self, frame: MultiFrame) -> Iterable[float]:
+        wanted = frame.option & 0x0F
+        counts = self._ordered(frame)
+        for index in range(wanted if 3 <= wanted <= 12 else 6):
+            value = air_value(counts[index])
+            ten_bit = float(value >> 1) if frame.sub_protocol == 0 else value / 2
+            killed = killed_throttle(counts[KILL_CHANNEL]) if index == 0 else None
+            yield ten_bit_pulse_us(ten_bit if killed is None else killed)
+
+    def _send_bind(self, now_s: float) -> None:
+        self._bind_packets += 1
+        if self._valid() and self._frame is not None:
+            self._packets.append(AirPacket(now_s, self.rf_channels, self._frame.rx_num, (), bind=True))
+
+    # Answers ------------------------------------------------------------------------------------------
+
+    def _periodic_status(self, now_s: float) -> None:
+        self._next_status_s = now_s + STATUS_PERIOD_S
+        self._send_status(now_s)
+
+    def _send_status(self, now_s: float) -> None:
+        frame = self._frame
+        if frame is None or frame.telemetry_off:
+            return
+        present = 0x01 if now_s <= self._last_frame_s + INPUT_LOST_S else 0
+        if self._valid():
+            flags = 0x46 | present | (0x08 if self.binding else 0)
+            self._answers += status_answer(flags, frame.sub_protocol)
+        else:
+            self._answers += status_answer(0x02 | present, None)

@@ -1,0 +1,141 @@
+"""Emulated DSM2 receiver (dsm2_transmitters.md section 7)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simulator.radio_module import AirPacket
+
+CENTER_US = 1500.0
+CHANNELS = 12
+HOLD_S = 45 * 0.022
+BIND_PACKETS_NEEDED = 10
+STORE_AFTER_BIND_S = 5.0
+
+
+class ReceiverState(StrEnum):
+    """What the receiver's outputs come from."""
+
+    SEARCHING = "searching"
+    LINKED = "linked"
+    HOLD = "hold"
+    FAILSAFE = "failsafe"
+    BIND = "bind"
+
+
+@dataclass(frozen=True, slots=True)
+class ReceiverOutput:
+    """State and the channel pulse widths [us] given to the vehicle, throttle, aileron, elevator, ..."""
+
+    state: ReceiverState
+    pulses_us: tuple[float, ...]
+
+
+class Receiver:
+    """Hears the packets of a module and drives the vehicle's channels.
+
+    Parameters
+    ----------
+    model_match : int or None
+        Number it was bound with; None when it was never bound.
+    connect_s : float
+        Time needed to find a module on new radio channels [s]; 2 to 6 s are typical.
+    failsafe_throttle_us : float
+        Throttle stored at bind [us].
+    answers_bind : bool
+        Newer receivers answer a bind, old DSM2 ones do not.
+    in_range_check_reach : bool
+        False: too far away for range-check power.
+    """
+
+    def __init__(
+        self,
+        model_match: int | None,
+        *,
+        connect_s: float = 2.5,
+        failsafe_throttle_us: float = 1100.0,
+        answers_bind: bool = False,
+        in_range_check_reach: bool = True,
+    ) -> None:
+        self.model_match = model_match
+        self.in_range_check_reach = in_range_check_reach
+        self._connect_s = connect_s
+        self._answers_bind = answers_bind
+        self._failsafe_throttle_us = failsafe_throttle_us
+        self._power_up()
+
+    def _power_up(self) -> None:
+        self._pulses = [self._failsafe_throttle_us] + [CENTER_US] * (CHANNELS - 1)
+        self._linked_to: int | None = None
+        self._heard_s = -math.inf
+        self._found: tuple[int, float] | None = None
+        self._bind_mode = False
+        self._bind_packets = 0
+        self._store_until_s = -math.inf
+
+    def power_cycle(self) -> None:
+        """Search for the module again."""
+        self._power_up()
+
+    def enter_bind_mode(self) -> None:
+        """Power up with the bind plug in or the bind button held."""
+        self._power_up()
+        self._bind_mode = True
+
+    def hear(self, packet: AirPacket) -> bool:
+        """Take a packet; return True when the receiver answers a bind."""
+        if packet.weak and not self.in_range_check_reach:
+            return False
+        if packet.bind:
+            return self._hear_bind(packet)
+        if self._bind_mode or packet.model_match != self.model_match:
+            return False
+        if packet.rf_channels == self._linked_to or self._find(packet):
+            self._take(packet)
+        return False
+
+    def _hear_bind(self, packet: AirPacket) -> bool:
+        if self._bind_mode:
+            self._bind_packets += 1
+            if self._bind_packets >= BIND_PACKETS_NEEDED:
+                self._bind_mode = False
+                self.model_match = packet.model_match
+                self._store_until_s = math.inf
+        return self._answers_bind and not self._bind_mode and self._bind_packets > 0
+
+    def _find(self, packet: AirPacket) -> bool:
+        """Search on new radio channels; the search starts when the hold of the old link is over."""
+        if self._found is None or self._found[0] != packet.rf_channels:
+            self._found = (packet.rf_channels, packet.time_s)
+        start_s = max(self._found[1], self._heard_s + HOLD_S)
+        if packet.time_s < start_s + self._connect_s:
+            return False
+        self._linked_to, self._found = packet.rf_channels, None
+        return True
+
+    def _take(self, packet: AirPacket) -> None:
+        self._heard_s = packet.time_s
+        self._pulses[: len(packet.pulses_us)] = packet.pulses_us
+        if math.isinf(self._store_until_s) and self._store_until_s > 0:
+            self._store_until_s = packet.time_s + STORE_AFTER_BIND_S
+        if packet.time_s <= self._store_until_s:
+            self._failsafe_throttle_us = packet.pulses_us[0]
+
+    def output(self, now_s: float) -> ReceiverOutput:
+        """Channels at `now_s`: last values, and throttle at its stored position after the hold."""
+        if self._bind_mode:
+            state = ReceiverState.BIND
+        elif self._linked_to is None:
+            state = ReceiverState.SEARCHING
+        elif now_s < self._heard_s + 2 * 0.022:
+            state = ReceiverState.LINKED
+        elif now_s < self._heard_s + HOLD_S:
+            state = ReceiverState.HOLD
+        else:
+            state = ReceiverState.FAILSAFE
+        pulses = list(self._pulses)
+        if state not in (ReceiverState.LINKED, ReceiverState.HOLD):
+            pulses[0] = self._failsafe_throttle_us
+        return ReceiverOutput(state, tuple(pulses))
