@@ -281,5 +281,5 @@ class Transmitter:
             binding=self._bind_since_s is not None,
             bridging_step=self._output.bridging_step,
             write=self.last_write,
-            counters={**self.arbiter.counters, **self.port.counters},
+            counters={str(k): n for k, n in (self.arbiter.counters + self.port.counters).items()},
         )

@@ -220,7 +220,7 @@ def ten_bit_count(pulse_us: float) -> int:
     return min(max(round(512 + (pulse_us - CENTER_US) / TEN_BIT_US), 0), 1023)
 
 
-def ten_bit_pulse_us(count: int) -> float:
+def ten_bit_pulse_us(count: float) -> float:
     """Pulse width [us] of a Spektrum 10-bit value."""
     return CENTER_US + (count - 512) * TEN_BIT_US
 
