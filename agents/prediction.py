@@ -81,6 +81,28 @@ def compensate_delay(
     return estimate
 
 
+def actuator_response(model: Model, actuator: Array, applied_input: Array, period_s: float) -> Array:
+    """Exact response of the actuator lags.
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    actuator
+        Actuator states at the start of the period, shape (4,).
+    applied_input
+        Input that acts during the period, shape (4,).
+    period_s
+        Length of the period.
+
+    Returns
+    -------
+    Array
+        Actuator states at its end, shape (4,).
+    """
+    return np.array(_after_lag(model, actuator.tolist(), applied_input.tolist(), period_s))
+
+
 def _after_lag(model: Model, actuator: list[float], target: list[float], time_s: float) -> list[float]:
     return [
         u + (a - u) * math.exp(-time_s / lag) if lag > 0.0 else u

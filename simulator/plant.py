@@ -83,6 +83,10 @@ def specimen(model: Model, conditions: Conditions, generator: np.random.Generato
 class Plant:
     """A vehicle that flies: actuators, rigid-body motion, weather, battery and floor.
 
+    Public besides its methods: `model` and `trim` (the true parameters), `turbulence` (acting accelerations,
+    inertial x, y, z and yaw), `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None before),
+    `motors_running`, and `left_volume` (ever since the start or the last `place`).
+
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it neither slides nor yaws; it leaves when its thrust exceeds its weight.
 
@@ -147,6 +151,7 @@ class Plant:
             raise ValueError(f"{self._name}: cannot be placed at {pose}: allowed are finite numbers, z >= 0")
         self._motion = (x, y, z, pose.yaw_rad, 0.0, 0.0, 0.0, 0.0)
         self.on_floor = z == 0.0
+        self.turbulence: Four = _NOTHING
         self.touchdowns = 0
         self.touchdown_speed_m_s: float | None = None
         self.left_volume = False
@@ -309,7 +314,7 @@ class Plant:
         c, s = math.cos(heading), math.sin(heading)
         weather = _NOTHING
         if self._weather is not None:
-            wx, wy, wz, w_yaw = self._weather.at(time_s + half_s)
+            self.turbulence = wx, wy, wz, w_yaw = _four(self._weather.at(time_s + half_s))
             weather = (c * wx + s * wy, c * wy - s * wx, wz, w_yaw)
         d_xd, d_yd, d_zd, d_rate = self._acceleration((xd, yd, zd, yaw_rate), start, weather)
         xd_m, yd_m, zd_m, rate_m = (
