@@ -212,9 +212,7 @@ class DataStreamClient:
         assert self._socket is not None
         if not _poll(self._socket, select.POLLOUT, self._timeout_s(give_up_s)):
             if self._clock() >= self._deadline_s:
-                raise _LinkError(
-                    f"no answer within {self._limits.connect_s} s (wrong address? firewall?)"
-                )
+                raise _LinkError(f"no answer within {self._limits.connect_s} s (wrong address? firewall?)")
             return
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code != 0:

@@ -1,0 +1,109 @@
+"""Hypothesis strategies for DataStream objects, and the pure emulator to make streams from."""
+
+import struct
+
+from hypothesis import strategies as st
+
+from vicon_gateway.control_objects import (
+    Contents,
+    Filter,
+    KeepAlive,
+    ObjectEnums,
+    Ping,
+    RequestFrame,
+    RequestNextFrame,
+    StartMulticast,
+    StopMulticast,
+    WireObject,
+)
+from vicon_gateway.objects import (
+    ApplicationInfo,
+    FrameInfo,
+    FrameRateInfo,
+    HardwareFrameInfo,
+    LatencyInfo,
+    ObjectQuality,
+    SegmentInfo,
+    StreamInfo,
+    SubjectHealth,
+    SubjectInfo,
+    Timecode,
+)
+from vicon_gateway.segment_objects import (
+    GlobalSegments,
+    LabeledRecons,
+    LightSegment,
+    LightweightSegments,
+    LocalSegments,
+    Recon,
+    Segment,
+    SubjectScale,
+    SubjectTopology,
+    UnlabeledRecons,
+)
+
+u8 = st.integers(0, 255)
+u16 = st.integers(0, 2**16 - 1)
+u32 = st.integers(0, 2**32 - 1)
+u64 = st.integers(0, 2**64 - 1)
+i64 = st.integers(-(2**63), 2**63 - 1)
+f64 = st.floats(allow_nan=False)
+f32 = st.floats(width=32, allow_nan=False)
+names = st.text(max_size=12)
+vectors = st.tuples(f64, f64, f64)
+matrices = st.tuples(*(f64,) * 9)
+id_sets = st.frozensets(u32, max_size=6)
+
+
+def tuples_of(items: st.SearchStrategy[object]) -> st.SearchStrategy[tuple[object, ...]]:
+    return st.lists(items, max_size=4).map(tuple)
+
+
+segments = tuples_of(st.builds(Segment, u32, vectors, matrices))
+segment_infos = tuples_of(st.builds(SegmentInfo, u32, u32, names, st.tuples(*(f32,) * 6)))
+light_segments = tuples_of(st.builds(LightSegment, u32, st.tuples(f32, f32, f32), st.tuples(f32, f32, f32)))
+subject_infos = st.builds(
+    SubjectInfo, u32, names, segment_infos, tuples_of(st.tuples(u32, names)), tuples_of(st.tuples(u32, u32))
+)
+labeled = tuples_of(st.builds(Recon, vectors, f64, matrices, u32, u32, u32))
+unlabeled = tuples_of(st.builds(Recon, vectors, f64, matrices, u32))
+
+wire_objects: st.SearchStrategy[WireObject] = st.one_of(
+    st.builds(ObjectEnums, id_sets),
+    st.builds(RequestFrame, st.booleans()),
+    st.builds(RequestNextFrame, u32),
+    st.builds(KeepAlive),
+    st.builds(Contents, st.dictionaries(u32, u32, max_size=6), id_sets),
+    st.builds(Ping, u64),
+    st.builds(Filter, st.dictionaries(u32, id_sets, max_size=4)),
+    st.builds(StartMulticast, u32, u32, u16),
+    st.builds(StopMulticast),
+    st.builds(StreamInfo, i64),
+    subject_infos,
+    st.builds(FrameInfo, u32),
+    st.builds(LabeledRecons, labeled),
+    st.builds(UnlabeledRecons, unlabeled),
+    st.builds(LocalSegments, u32, segments),
+    st.builds(GlobalSegments, u32, segments),
+    st.builds(SubjectTopology, u32, segments),
+    st.builds(LightweightSegments, u32, light_segments),
+    st.builds(SubjectScale, u32, tuples_of(st.tuples(u32, vectors))),
+    st.builds(Timecode, u8, u8, u8, u8, u16, u16, u32, u32, u8),
+    st.builds(LatencyInfo, tuples_of(st.tuples(names, f64))),
+    st.builds(SubjectHealth, u32, f64, f64),
+    st.builds(HardwareFrameInfo, u32),
+    st.builds(ApplicationInfo, st.booleans()),
+    st.builds(FrameRateInfo, st.dictionaries(names, f64, max_size=4)),
+    st.builds(ObjectQuality, u32, f64),
+)
+
+unit_quaternions = (
+    st.tuples(*(st.floats(-1.0, 1.0),) * 4)
+    .filter(lambda q: sum(c * c for c in q) > 1e-3)
+    .map(lambda q: tuple(c / sum(d * d for d in q) ** 0.5 for c in q))
+)
+positions_m = st.tuples(*(st.floats(-50.0, 50.0),) * 3)
+
+
+def float32(value: float) -> float:
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])

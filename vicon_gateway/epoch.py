@@ -1,0 +1,72 @@
+"""The fleet's clock: (epoch, frame) stamps for frames (DESIGN.md section 4 rule 4).
+
+Within an epoch the frame number grows with time at the capture rate. When it does not, because the capture
+or the Tracker was started again, a new epoch begins.
+"""
+
+from typing import NamedTuple
+
+from vicon_gateway.frame import Frame
+
+GAP_TOLERANCE_S = 0.25
+"""How far frame numbers and elapsed time may disagree: bursts, late delivery, reconnects."""
+RATE_TOLERANCE = 1e-3
+"""Relative error of the nominal period against the local clock."""
+
+
+class Stamp(NamedTuple):
+    """When a frame was captured, in the fleet's clock.
+
+    Attributes
+    ----------
+    epoch : int
+        Milliseconds of the wall clock at the first frame of the epoch; always grows.
+    frame : int
+        Raw frame id.
+    """
+
+    epoch: int
+    frame: int
+
+
+class EpochCounter:
+    """Stamps the frames of one gateway."""
+
+    def __init__(self) -> None:
+        self.epochs = 0
+        self._epoch = 0
+        self._last: Frame | None = None
+
+    def stamp(self, frame: Frame, wall_clock_s: float) -> Stamp | None:
+        """Return the stamp of a frame; None for a capture that has been stamped before.
+
+        A frame number that goes on keeps the epoch, on a new connection too, when the gap agrees with the
+        time that has passed. A jump back, or a gap that does not agree, begins a new epoch; so does a jump
+        forward within a connection by more than the time that has passed.
+
+        Parameters
+        ----------
+        frame : Frame
+        wall_clock_s : float
+            Wall clock (Unix time) now; its value matters only where a new epoch begins.
+        """
+        last, self._last = self._last, frame
+        if last is None or not _continues(last, frame):
+            self.epochs += 1
+            self._epoch = max(int(wall_clock_s * 1000.0), self._epoch + 1)
+        elif frame.frame == last.frame:
+            return None
+        return Stamp(self._epoch, frame.frame)
+
+
+def _continues(last: Frame, frame: Frame) -> bool:
+    gap = frame.frame - last.frame
+    if gap < 0:
+        return False
+    elapsed_s = frame.received_s - last.received_s
+    surplus_s = gap * frame.period_s - elapsed_s
+    tolerance_s = GAP_TOLERANCE_S + RATE_TOLERANCE * elapsed_s
+    if frame.connection == last.connection:
+        # Frames may be lost or late within a connection, but they do not come from the future.
+        return surplus_s <= tolerance_s
+    return abs(surplus_s) <= tolerance_s

@@ -1,0 +1,101 @@
+"""Subject names of the Tracker to vehicle names of the fleet."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from vicon_gateway.frame import Frame, SubjectPose
+
+VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
+"""What is safe as one part of a bus key."""
+
+
+class SubjectStatus(NamedTuple):
+    """What is known about one subject.
+
+    Attributes
+    ----------
+    subject : str
+        Name in the Tracker.
+    vehicle : str or None
+        Its vehicle; None for a subject the configuration does not know.
+    listed : bool
+        The Tracker listed it in the last frame.
+    occluded_s : float or None
+        For how long it has been listed without a pose; None while it is seen or not listed.
+    """
+
+    subject: str
+    vehicle: str | None
+    listed: bool
+    occluded_s: float | None
+
+
+class SubjectMap:
+    """Gives each vehicle its pose and keeps account of all subjects.
+
+    Parameters
+    ----------
+    vehicle_of_subject : mapping
+        Subject name, exactly as in the Tracker (blanks count), to vehicle name.
+
+    Raises
+    ------
+    ValueError
+        A vehicle name that is not key-safe, or a vehicle with two subjects.
+    """
+
+    def __init__(self, vehicle_of_subject: Mapping[str, str]) -> None:
+        for subject, vehicle in vehicle_of_subject.items():
+            if VEHICLE_NAME.fullmatch(vehicle) is None:
+                raise ValueError(
+                    f"vehicle name {vehicle!r} of subject {subject!r}: allowed are up to 32 letters, digits, "
+                    "'_' and '-', beginning with a letter"
+                )
+        for vehicle, number in Counter(vehicle_of_subject.values()).items():
+            if number > 1:
+                raise ValueError(f"vehicle {vehicle!r} has {number} subjects, allowed is one")
+        self._vehicles = dict(vehicle_of_subject)
+        self._names: tuple[str, ...] = ()
+        self._listed: dict[str, int] = {}
+        self._occluded_since_s: dict[str, float] = {}
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Subjects the Tracker lists and the configuration does not know."""
+        return tuple(name for name in self._listed if name not in self._vehicles)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Subjects of the configuration that the Tracker does not list."""
+        return tuple(name for name in self._vehicles if name not in self._listed)
+
+    @property
+    def ambiguous(self) -> tuple[str, ...]:
+        """Subjects listed more than once; no pose is delivered for them."""
+        return tuple(name for name, number in self._listed.items() if number > 1)
+
+    def update(self, frame: Frame) -> list[tuple[str, SubjectPose]]:
+        """Take in a frame and return (vehicle, pose) of every vehicle that is listed, occluded or not."""
+        names = tuple(pose.name for pose in frame.subjects)
+        if names != self._names:
+            self._names, self._listed = names, dict(Counter(names))
+        since_s = self._occluded_since_s
+        self._occluded_since_s = {
+            pose.name: since_s.get(pose.name, frame.received_s) for pose in frame.subjects if pose.occluded
+        }
+        return [
+            (self._vehicles[pose.name], pose)
+            for pose in frame.subjects
+            if pose.name in self._vehicles and self._listed[pose.name] == 1
+        ]
+
+    def statuses(self, now_s: float) -> tuple[SubjectStatus, ...]:
+        """Return every configured and every listed subject; `now_s` is the clock of the frames."""
+        statuses = []
+        for name in dict.fromkeys((*self._vehicles, *self._listed)):
+            since_s = self._occluded_since_s.get(name)
+            occluded_s = None if since_s is None else now_s - since_s
+            statuses.append(SubjectStatus(name, self._vehicles.get(name), name in self._listed, occluded_s))
+        return tuple(statuses)

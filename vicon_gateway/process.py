@@ -1,0 +1,120 @@
+"""The Vicon gateway process: frames of the Tracker in, one pose per vehicle out."""
+
+import signal
+import time
+
+from bus import channels
+from bus.messages import Pose, SubjectState, TrackerStatus
+from bus.realtime import request_realtime, settle
+from bus.session import Session
+from vicon_gateway.client import DataStreamClient
+from vicon_gateway.epoch import EpochCounter, Stamp
+from vicon_gateway.frame import Frame, SubjectPose
+from vicon_gateway.mapping import SubjectMap
+from vicon_gateway.settings import TrackerSettings
+
+STATUS_PERIOD_S = 0.2
+LONGEST_WAIT_S = 0.1
+
+
+class TrackerGateway:
+    """Publishes what a client reads."""
+
+    def __init__(
+        self, settings: TrackerSettings, client: DataStreamClient, session: Session, realtime: bool
+    ) -> None:
+        self._settings = settings
+        self._client = client
+        self._session = session
+        self._realtime = realtime
+        self._subjects = SubjectMap(settings.subjects)
+        self._epochs = EpochCounter()
+        self._stamp = Stamp(0, 0)
+        self._frame: Frame | None = None
+        self._report_at_s = 0.0
+        session.announce(channels.TRACKER_UNIT, "vicon_gateway")
+
+    def step(self) -> None:
+        """Wait for the next frame, publish its poses, and now and then the status."""
+        frame = self._client.next_frame(LONGEST_WAIT_S)
+        if frame is not None:
+            stamp = self._epochs.stamp(frame, time.time())
+            if stamp is not None:
+                self._frame, self._stamp = frame, stamp
+                for vehicle, subject in self._subjects.update(frame):
+                    self._session.publish(channels.POSE, vehicle, pose_message(frame, stamp, subject))
+        now_s = self._session.clock()
+        if now_s >= self._report_at_s:
+            self._report_at_s = now_s + STATUS_PERIOD_S
+            self._session.publish(channels.TRACKER_STATUS, channels.TRACKER_UNIT, self._status(now_s))
+
+    def _status(self, now_s: float) -> TrackerStatus:
+        state = self._client.state
+        counters = {
+            "connects": state.connects,
+            "frames": state.frames,
+            "skipped": state.skipped,
+            "lost": state.lost,
+            "repeated": state.repeated,
+            "restarts": state.restarts,
+            "rejected": state.rejected,
+            "epochs": self._epochs.epochs,
+        }
+        trying = state.doing if state.last_error is None else f"{state.doing} (before: {state.last_error})"
+        return TrackerStatus(
+            state=state.name,
+            trying=trying[:400],
+            address=f"{self._settings.host}:{self._settings.port}",
+            epoch=self._stamp.epoch,
+            frame=self._stamp.frame,
+            period_s=0.0 if self._frame is None else self._frame.period_s,
+            latency_s=0.0 if self._frame is None else self._frame.latency_s,
+            subjects=tuple(
+                SubjectState(
+                    subject=status.subject[:400],
+                    vehicle=status.vehicle,
+                    listed=status.listed,
+                    occluded_s=None if status.occluded_s is None else max(0.0, status.occluded_s),
+                )
+                for status in self._subjects.statuses(now_s)
+            ),
+            counters=counters,
+            realtime=self._realtime,
+        )
+
+
+def pose_message(frame: Frame, stamp: Stamp, subject: SubjectPose) -> Pose:
+    """Bus message of one subject in one frame."""
+    return Pose(
+        epoch=stamp.epoch,
+        frame=stamp.frame,
+        period_s=frame.period_s,
+        latency_s=max(0.0, frame.latency_s),
+        received_s=frame.received_s,
+        occluded=subject.occluded,
+        position_m=subject.position_m,
+        quaternion_xyzw=subject.quaternion_xyzw,
+        quality=subject.quality,
+    )
+
+
+def run_tracker_gateway(settings: TrackerSettings) -> None:
+    """Run the gateway until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    BusUnreachableError
+        No router answers. A Tracker that does not answer is no error: the gateway keeps trying and says so.
+    """
+    stopping: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda caught, _: stopping.append(caught))
+    realtime = request_realtime(settings.realtime_priority)
+    with (
+        Session(settings.bus, clock=time.monotonic) as session,
+        DataStreamClient(settings.host, settings.port) as client,
+    ):
+        gateway = TrackerGateway(settings, client, session, realtime)
+        settle()
+        while not stopping:
+            gateway.step()
