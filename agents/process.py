@@ -92,9 +92,8 @@ class Agent:
     def _observe(self) -> None:
         for applied in self._applied.drain():
             before = self._pilot.guidance.phase
-            self._pilot.note_applied(
-                applied.message.state, self._own(applied.message.sequence), np.array(applied.message.input)
-            )
+            sequence = applied.message.sequence - self._sequence
+            self._pilot.note_applied(applied.message.state, sequence, np.array(applied.message.input))
             if before not in AIRBORNE and self._pilot.guidance.phase in AIRBORNE and self._previous:
                 self._desk.resume(self._previous)
         for received in self._poses.drain():
@@ -123,9 +122,6 @@ class Agent:
         self._session.publish(channels.COMMAND, self._settings.vehicle, command)
         plan = plan_message(self._settings, self._pilot, flight, self._leaders)
         self._session.publish(channels.PLAN, self._settings.vehicle, plan)
-
-    def _own(self, sequence: int) -> int:
-        return sequence - self._sequence
 
     def _recall(self) -> AgentStatus | None:
         try:
@@ -159,7 +155,7 @@ def run_agent(settings: AgentSettings) -> None:
     """
     stop, wake = threading.Event(), threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: (stop.set(), wake.set()))
+        signal.signal(number, lambda *_: stop.set())
     pilot = build_pilot(settings)
     realtime = request_realtime(settings.realtime_priority)
     with Session(settings.bus, wake=wake.set) as session:

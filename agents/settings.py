@@ -22,6 +22,8 @@ class AgentSettings:
         Names of all vehicles of the fleet.
     volume_min_m, volume_max_m
         Flight volume, inertial frame; set points outside are refused.
+    generations_below
+        Levels of followers below this vehicle at start; leaders leave their followers authority.
     leader_wait_s
         How long after its own pose a follower waits for the leader's plan of the same frame.
     """
@@ -39,5 +41,6 @@ class AgentSettings:
     controller_settings: Mapping[str, object] = field(default_factory=dict)
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     following: tuple[Following, ...] = ()
+    generations_below: int = 0
     realtime_priority: int = 0
     leader_wait_s: float = 0.004

@@ -268,6 +268,8 @@ class SubjectState(Struct, frozen=True, kw_only=True):
     subject: Text
     vehicle: Name | None = None
     """Absent for a subject that the fleet file does not name."""
+    listed: bool = True
+    """False for a subject of the fleet file that the Tracker does not know."""
     occluded_s: Seconds | None = None
     """How long the subject has been listed but not seen."""
 

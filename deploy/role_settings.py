@@ -1,0 +1,249 @@
+"""What each process of a fleet needs, read from the fleet file."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from agents.settings import AgentSettings
+from bus.messages import Following
+from bus.session import BusAddress
+from deploy.fleet import Fleet, FleetError, Vehicle, formation_place, leader_generations
+from deploy.run_directory import serial_path
+from deploy.tables import dataclass_from, replaced
+from simulator.conditions import Conditions, conditions_from
+from simulator.plant import Pose
+from simulator.settings import SimulatedVehicle, SimulatorSettings
+from transmitter_gateway.calibration import Calibration
+from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
+from transmitter_gateway.protocols.base import RadioProtocol
+from transmitter_gateway.protocols.multi import LINE, MultiProtocol, MultiSettings
+from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
+from vehicles.model import Model
+from vehicles.types import TYPES
+from vicon_gateway.settings import TrackerSettings
+
+
+def bus_address(fleet: Fleet, host: str) -> BusAddress:
+    """Where processes of a host find their router."""
+    return BusAddress((fleet.endpoint(host),), fleet.name, fleet.bus.namespace)
+
+
+def model_of(fleet: Fleet, name: str) -> Model:
+    """Model of a vehicle: its type with the parameters the file changes and the volume's position bounds.
+
+    Raises
+    ------
+    FleetError
+        Unknown type or parameter.
+    """
+    vehicle = fleet.vehicles[name]
+    where = f"vehicles.{name}"
+    if vehicle.type not in TYPES:
+        raise FleetError(f"{where}.type: unknown type {vehicle.type!r}, allowed are {', '.join(TYPES)}")
+    model = replaced(TYPES[vehicle.type], vehicle.model, f"{where}.model")
+    low, high = fleet.volume.min_m, fleet.volume.max_m
+    return replace(
+        model,
+        state_min=(*low, *model.state_min[3:]),
+        state_max=(*high, *model.state_max[3:]),
+    )
+
+
+def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
+    """Settings of the agent of a vehicle."""
+    vehicle = fleet.vehicles[name]
+    control = vehicle.control
+    return AgentSettings(
+        bus=bus_address(fleet, vehicle.host),
+        vehicle=name,
+        vehicles=tuple(fleet.vehicles),
+        model=model_of(fleet, name),
+        volume_min_m=fleet.volume.min_m,
+        volume_max_m=fleet.volume.max_m,
+        controller=control.controller,
+        estimator=control.estimator,
+        horizon=control.horizon,
+        period_s=control.period_s,
+        controller_settings=control.settings,
+        estimator_settings=control.estimator_settings,
+        following=tuple(
+            Following(
+                leader=link.leader,
+                offset_m=link.offset_m,
+                yaw_offset_rad=link.yaw_offset_rad,
+                frame=link.frame,
+                weight=link.weight,
+            )
+            for link in vehicle.follow
+        ),
+        generations_below=leader_generations(fleet, name),
+        realtime_priority=fleet.bus.realtime_priority,
+    )
+
+
+def calibration_of(vehicle: Vehicle, name: str) -> Calibration:
+    """Calibration of a vehicle's transmitter."""
+    return dataclass_from(
+        Calibration, vehicle.transmitter.calibration, f"vehicles.{name}.transmitter.calibration"
+    )
+
+
+def protocol_of(fleet: Fleet, name: str) -> RadioProtocol:
+    """Radio protocol of a vehicle's transmitter.
+
+    A pseudo-terminal keeps no parity, so simulated lines have none (dsm2_transmitters.md section 9).
+    """
+    transmitter = fleet.vehicles[name].transmitter
+    settings: Mapping[str, Any] = {"rx_num": transmitter.model_match} | transmitter.settings
+    where = f"vehicles.{name}.transmitter.settings"
+    line = LINE if fleet.simulator is None else replace(LINE, parity="N")
+    return MultiProtocol(dataclass_from(MultiSettings, settings, where), line)
+
+
+def limits_of(fleet: Fleet, name: str) -> ArbiterLimits:
+    """Limits the transmitter gateway enforces for a vehicle."""
+    table = dict(fleet.safety.settings)
+    surveillance = dict(table.pop("surveillance", {}))
+    model = model_of(fleet, name)
+    fence = Fence(fleet.volume.min_m, fleet.volume.max_m) if fleet.safety.geofence else None
+    base = ArbiterLimits(
+        lower=model.input_min,
+        upper=model.input_max,
+        surveillance=replaced(SurveillanceLimits(fence=fence), surveillance, "safety.settings.surveillance"),
+    )
+    return replaced(base, table, "safety.settings")
+
+
+def gateway_settings(fleet: Fleet, gateway: str, directory: Path) -> GatewaySettings:
+    """Settings of a transmitter gateway process."""
+    return GatewaySettings(
+        bus=bus_address(fleet, fleet.gateways[gateway].host),
+        name=gateway,
+        transmitters=tuple(
+            TransmitterSettings(
+                vehicle=name,
+                port=str(serial_path(vehicle.transmitter.port, directory)),
+                protocol=protocol_of(fleet, name),
+                calibration=calibration_of(vehicle, name),
+                limits=limits_of(fleet, name),
+            )
+            for name, vehicle in fleet.vehicles.items()
+            if vehicle.transmitter.gateway == gateway
+        ),
+        vehicles=tuple(fleet.vehicles),
+        realtime_priority=fleet.bus.realtime_priority,
+    )
+
+
+def tracker_address(fleet: Fleet) -> tuple[str, int]:
+    """Host and port of the Tracker.
+
+    Raises
+    ------
+    FleetError
+        Not of the form host:port.
+    """
+    host, separator, port = fleet.tracker.address.rpartition(":")
+    if not separator or not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise FleetError(f"tracker.address: {fleet.tracker.address!r}, must be HOST:PORT")
+    return host, int(port)
+
+
+def tracker_settings(fleet: Fleet) -> TrackerSettings:
+    """Settings of the Vicon gateway process."""
+    host, port = tracker_address(fleet)
+    return TrackerSettings(
+        bus=bus_address(fleet, fleet.tracker.host),
+        host=host,
+        port=port,
+        subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},
+        realtime_priority=fleet.bus.realtime_priority,
+    )
+
+
+def conditions_of(fleet: Fleet) -> Conditions:
+    """Conditions of the simulated laboratory.
+
+    Raises
+    ------
+    FleetError
+        No simulator, unknown preset or field.
+    """
+    if fleet.simulator is None:
+        raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
+    low, high = fleet.volume.min_m, fleet.volume.max_m
+    # The radio link is emulated, so its delay must not be simulated a second time.
+    fixed: dict[str, Any] = {
+        "transport_delay_s": 0.0,
+        "volume_min_m": (low[0], low[1], -0.1),
+        "volume_max_m": high,
+    }
+    overrides = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in fleet.simulator.condition_overrides.items()
+    }
+    try:
+        return conditions_from(fleet.simulator.conditions, fixed | overrides)
+    except ValueError as error:
+        raise FleetError(f"simulator.{error}") from None
+
+
+def simulator_settings(fleet: Fleet, directory: Path) -> SimulatorSettings:
+    """Settings of the simulator process."""
+    conditions = conditions_of(fleet)
+    simulator = fleet.simulator
+    if simulator is None:
+        raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
+    host, port = tracker_address(fleet)
+    return SimulatorSettings(
+        bus=bus_address(fleet, simulator.host),
+        tracker_host=host,
+        tracker_port=port,
+        profile=simulator.profile,
+        rate_hz=simulator.rate_hz,
+        conditions=conditions,
+        seed=simulator.seed,
+        vehicles=tuple(_simulated(fleet, name, directory) for name in fleet.vehicles),
+        realtime_priority=fleet.bus.realtime_priority,
+    )
+
+
+def _simulated(fleet: Fleet, name: str, directory: Path) -> SimulatedVehicle:
+    vehicle = fleet.vehicles[name]
+    start = {} if fleet.simulator is None else fleet.simulator.start
+    x, y, _, yaw_rad = formation_place(fleet, name)
+    place = start.get(name, (x, y, 0.0, yaw_rad))
+    return SimulatedVehicle(
+        name=name,
+        subject=vehicle.subject,
+        model=model_of(fleet, name),
+        start=Pose(place[:3], place[3]),
+        port=str(serial_path(vehicle.transmitter.port, directory)),
+        protocol=vehicle.transmitter.protocol,
+        model_match=vehicle.transmitter.model_match,
+        calibration=calibration_of(vehicle, name),
+    )
+
+
+def check_fleet(fleet: Fleet, directory: Path) -> None:
+    """Build the settings of every process, so that nothing is started from a file with a wrong field.
+
+    Raises
+    ------
+    FleetError
+        Names the field.
+    """
+    # Controllers and estimators check their own settings when they are built.
+    from agents.process import build_pilot
+
+    for name in fleet.vehicles:
+        try:
+            build_pilot(agent_settings(fleet, name))
+        except ValueError as error:
+            raise FleetError(f"vehicles.{name}.control: {error}") from None
+    for gateway in fleet.gateways:
+        gateway_settings(fleet, gateway, directory)
+    tracker_settings(fleet)
+    if fleet.simulator is not None:
+        simulator_settings(fleet, directory)

@@ -1,0 +1,108 @@
+"""Runs one process of a fleet: `python -m deploy.roles ROLE UNIT FLEET_FILE`.
+
+The supervisor starts processes through this module; it imports no command-line library, so that an agent that
+crashed in flight is back quickly.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from bus.session import BusUnreachableError
+from deploy.fleet import FleetError, load_fleet
+from deploy.run_directory import run_directory
+
+ROLES = ("router", "simulator", "tracker", "transmitters", "agent")
+PR_SET_PDEATHSIG = 1
+EXIT_USAGE = 2
+EXIT_UNREACHABLE = 3
+
+
+def end_with_parent() -> None:
+    """Receive SIGTERM when the launcher dies, however it dies; gateways then bring their vehicles down."""
+    parent = os.environ.get("RCOPTERX_PARENT")
+    if parent is None:
+        return
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != int(parent):
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def run_role(role: str, unit: str, fleet_path: Path) -> None:
+    """Run one role until it is asked to stop.
+
+    Parameters
+    ----------
+    role
+        One of `ROLES`.
+    unit
+        Host of a router, simulator or tracker gateway; gateway name of transmitters; vehicle of an agent.
+    fleet_path
+        The fleet file.
+
+    Raises
+    ------
+    FleetError
+        The file or the unit is wrong.
+    BusUnreachableError
+        No router answers.
+    OSError
+        An address or a device cannot be used.
+    """
+    fleet = load_fleet(fleet_path)
+    known: dict[str, Mapping[str, object]] = {
+        "router": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,
+        "transmitters": fleet.gateways, "agent": fleet.vehicles,
+    }  # fmt: skip
+    if role not in known:
+        raise FleetError(f"role {role!r} is unknown, allowed are {', '.join(ROLES)}")
+    if unit not in known[role]:
+        raise FleetError(f"{role}: unknown unit {unit!r}, known are {', '.join(known[role])}")
+    # Only what the role needs is imported: start-up time counts when an agent restarts in flight.
+    if role == "router":
+        from bus.router import run_router
+
+        others = [fleet.endpoint(host) for host in list(fleet.hosts)[: list(fleet.hosts).index(unit)]]
+        run_router([fleet.endpoint(unit)], others, fleet.bus.namespace, fleet.bus.realtime_priority)
+        return
+    import deploy.role_settings as build
+
+    directory = run_directory(fleet.name, fleet.bus.namespace)
+    if role == "simulator":
+        from simulator.process import run_simulator
+
+        run_simulator(build.simulator_settings(fleet, directory))
+    elif role == "tracker":
+        from vicon_gateway.process import run_tracker_gateway
+
+        run_tracker_gateway(build.tracker_settings(fleet))
+    elif role == "transmitters":
+        from transmitter_gateway.process import run_gateway
+
+        run_gateway(build.gateway_settings(fleet, unit, directory))
+    else:
+        from agents.process import run_agent
+
+        run_agent(build.agent_settings(fleet, unit))
+
+
+def main() -> None:
+    """Entry point of a supervised process."""
+    if len(sys.argv) != 4:
+        sys.exit(f"usage: python -m deploy.roles {{{','.join(ROLES)}}} UNIT FLEET_FILE")
+    end_with_parent()
+    try:
+        run_role(sys.argv[1], sys.argv[2], Path(sys.argv[3]))
+    except FleetError as error:
+        print(error, file=sys.stderr)
+        sys.exit(EXIT_USAGE)
+    except (BusUnreachableError, OSError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(EXIT_UNREACHABLE)
+
+
+if __name__ == "__main__":
+    main()

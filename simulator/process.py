@@ -1,0 +1,105 @@
+"""The simulator process: a Tracker on TCP, radio modules on pseudo-terminals, and plants in real time."""
+
+import math
+import select
+import signal
+import time
+
+from bus import channels
+from bus.messages import LaboratoryState, LaboratoryVehicle
+from bus.realtime import request_realtime, settle
+from bus.session import Session
+from simulator.room import Room
+from simulator.settings import SimulatedVehicle, SimulatorSettings
+from simulator.tracker import TrackerServer
+from vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
+
+STEP_S = 0.004
+
+
+class Simulator:
+    """The fake laboratory on its wires."""
+
+    def __init__(self, settings: SimulatorSettings, session: Session) -> None:
+        self._session = session
+        self._clock = session.clock
+        self._period_s = 1 / settings.rate_hz
+        self._tracker = TrackerServer(
+            settings.tracker_host, settings.tracker_port, profile=settings.profile, rate_hz=settings.rate_hz
+        )
+        start_s = self._clock()
+        self._room = Room(settings.vehicles, settings.conditions, settings.seed, start_s)
+        self._frame = 0
+        self._frame_at_s = start_s + self._period_s
+        session.announce(channels.SIMULATOR_UNIT, "simulator")
+
+    def wait(self) -> None:
+        """Wait for bytes, for the next integration step or for the next frame."""
+        now_s = self._clock()
+        due_s = min(self._frame_at_s, now_s + STEP_S, self._tracker.next_due_s() or math.inf)
+        radios = [radio.fileno() for radio in self._room.radios.values() if radio.is_open]
+        select.select([self._tracker.fileno(), *radios], [], [], max(0.0, due_s - now_s))
+
+    def step(self) -> None:
+        """Everything that is due now."""
+        self._tracker.poll()
+        now_s = self._clock()
+        self._room.advance(min(now_s, self._frame_at_s))
+        if now_s >= self._frame_at_s:
+            published = self._tracker.publish(self._room.capture(self._frame))
+            self._session.publish(
+                channels.LABORATORY, channels.SIMULATOR_UNIT, self._truth(published.frame, published.sent_s)
+            )
+            self._frame += 1
+            self._frame_at_s += self._period_s
+
+    def close(self) -> None:
+        """Switch the laboratory off."""
+        self._tracker.close()
+        self._room.close()
+
+    def _truth(self, frame: int, sent_s: float) -> LaboratoryState:
+        vehicles = {vehicle.name: self._vehicle(vehicle) for vehicle in self._room.vehicles}
+        return LaboratoryState(frame=frame, sent_s=sent_s, vehicles=vehicles)
+
+    def _vehicle(self, vehicle: SimulatedVehicle) -> LaboratoryVehicle:
+        plant = self._room.laboratory.plant(vehicle.name)
+        motion = plant.motion
+        c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
+        xd, yd = motion[XD_BODY], motion[YD_BODY]
+        frames = self._room.radios[vehicle.name].link.take_frames()
+        return LaboratoryVehicle(
+            position_m=plant.pose.position_m,
+            yaw_rad=motion[YAW],
+            velocity_m_s=(c * xd - s * yd, s * xd + c * yd, motion[ZD_BODY]),
+            on_floor=plant.on_floor,
+            outside=plant.left_volume,
+            touchdown_speed_m_s=plant.touchdown_speed_m_s or 0.0,
+            touchdowns=plant.touchdowns,
+            radio=tuple((frame.arrival_s, *frame.pulses_us) for frame in frames),
+        )
+
+
+def run_simulator(settings: SimulatorSettings) -> None:
+    """Run the fake laboratory until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    OSError
+        The Tracker's address cannot be listened on, or a pseudo-terminal's path is taken.
+    BusUnreachableError
+        No router answers.
+    """
+    stopping: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda caught, _: stopping.append(caught))
+    request_realtime(settings.realtime_priority)
+    with Session(settings.bus, clock=time.monotonic) as session:
+        simulator = Simulator(settings, session)
+        settle()
+        try:
+            while not stopping:
+                simulator.wait()
+                simulator.step()
+        finally:
+            simulator.close()

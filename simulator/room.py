@@ -1,0 +1,79 @@
+"""The fake laboratory in real time: plants between their radios and the Tracker that sees them."""
+
+from simulator.conditions import Conditions
+from simulator.laboratory import Laboratory
+from simulator.plant import Pose
+from simulator.radio import RadioLink, RadioPty
+from simulator.radio_multi import MultiModule
+from simulator.radio_receiver import Receiver
+from simulator.settings import SimulatedVehicle
+from simulator.tracker_frame import TrackedBody, TrackerFrame
+
+MOTOR_START_US = 15.0
+"""Pulse width above throttle low from which the vehicle's motor controller runs."""
+
+
+class Room:
+    """Vehicles with their receivers; time comes from outside.
+
+    Parameters
+    ----------
+    vehicles
+        Who flies.
+    conditions, seed
+        See `Laboratory`.
+    start_s
+        Clock at the beginning.
+    """
+
+    def __init__(
+        self, vehicles: tuple[SimulatedVehicle, ...], conditions: Conditions, seed: int, start_s: float
+    ) -> None:
+        self.vehicles = vehicles
+        self.laboratory = Laboratory(
+            {vehicle.name: vehicle.model for vehicle in vehicles},
+            {vehicle.name: vehicle.start for vehicle in vehicles},
+            conditions,
+            seed,
+        )
+        self.radios = {
+            vehicle.name: RadioPty(
+                vehicle.port, RadioLink(MultiModule(start_s), Receiver(vehicle.model_match))
+            )
+            for vehicle in vehicles
+        }
+        self._now_s = start_s
+        self._pulses: dict[str, tuple[float, ...]] = {}
+
+    def advance(self, now_s: float) -> None:
+        """Let radios and vehicles live on until `now_s`."""
+        for vehicle in self.vehicles:
+            radio = self.radios[vehicle.name]
+            radio.service(now_s)
+            pulses = radio.output(now_s).pulses_us
+            if pulses != self._pulses.get(vehicle.name):
+                self._pulses[vehicle.name] = pulses
+                self._drive(vehicle, pulses)
+        if now_s > self._now_s:
+            self.laboratory.advance(now_s - self._now_s)
+            self._now_s = now_s
+
+    def _drive(self, vehicle: SimulatedVehicle, pulses_us: tuple[float, ...]) -> None:
+        throttle = vehicle.calibration.throttle
+        if pulses_us[throttle.index] < throttle.low_us + MOTOR_START_US:
+            self.laboratory.stop_motors(vehicle.name)
+        else:
+            self.laboratory.set_input(vehicle.name, vehicle.calibration.inputs(pulses_us))
+
+    def capture(self, frame: int) -> TrackerFrame:
+        """What the Tracker sees now."""
+        return TrackerFrame(frame, tuple(self._body(vehicle) for vehicle in self.vehicles))
+
+    def _body(self, vehicle: SimulatedVehicle) -> TrackedBody:
+        pose: Pose = self.laboratory.measured_pose(vehicle.name)
+        return TrackedBody(vehicle.subject, pose.position_m, pose.quaternion_xyzw)
+
+    def close(self) -> None:
+        """Remove the pseudo-terminals."""
+        for radio in self.radios.values():
+            radio.close()

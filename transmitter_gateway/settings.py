@@ -1,0 +1,39 @@
+"""Everything one transmitter gateway process needs to know at start."""
+
+from dataclasses import dataclass
+
+from bus.session import BusAddress
+from transmitter_gateway.calibration import Calibration
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.protocols.base import RadioProtocol
+
+
+@dataclass(frozen=True)
+class TransmitterSettings:
+    """One vehicle's transmitter.
+
+    Attributes
+    ----------
+    vehicle
+        Name of the vehicle.
+    port
+        Serial device.
+    """
+
+    vehicle: str
+    port: str
+    protocol: RadioProtocol
+    calibration: Calibration
+    limits: ArbiterLimits
+    low_power: bool = False
+
+
+@dataclass(frozen=True)
+class GatewaySettings:
+    """One gateway process with its transmitters; `vehicles` are all vehicles whose poses matter."""
+
+    bus: BusAddress
+    name: str
+    transmitters: tuple[TransmitterSettings, ...]
+    vehicles: tuple[str, ...]
+    realtime_priority: int = 0

@@ -1,0 +1,36 @@
+"""Wakes a loop that waits for serial ports when something arrives on the bus."""
+
+import os
+import select
+from collections.abc import Iterable
+
+
+class Wakeup:
+    """An event that `wait` sees together with file descriptors."""
+
+    def __init__(self) -> None:
+        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+
+    def notify(self) -> None:
+        """Wake the loop; may be called from any thread and from signal handlers."""
+        os.eventfd_write(self._event, 1)
+
+    def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
+        """Wait for an event, for data or for the time-out.
+
+        Returns
+        -------
+        set of int
+            Descriptors that are readable or hung up.
+        """
+        # `select` counts in microseconds; `poll` and `epoll` would round deadlines to milliseconds.
+        readable, _, _ = select.select([self._event, *descriptors], [], [], max(0.0, timeout_s))
+        ready = set(readable)
+        if self._event in ready:
+            os.eventfd_read(self._event)
+            ready.discard(self._event)
+        return ready
+
+    def close(self) -> None:
+        """Release the descriptor."""
+        os.close(self._event)
