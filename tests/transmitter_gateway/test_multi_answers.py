@@ -1,0 +1,141 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from transmitter_gateway.protocols.multi_answers import (
+    AnswerParser,
+    MultiBindAnswer,
+    MultiInputSync,
+    MultiStatus,
+    MultiTelemetry,
+)
+
+# dsm2_transmitters.md section 3.6
+READY = bytes.fromhex("4D 50 01 18 47 01 03 04 48 E4 46 06 44 53 4D 00 00 00 00 77 32 20 31 46 00 00 00 00")
+BIND_ANSWER = bytes.fromhex("4D 50 05 0A ED CB A9 84 01 07 01 00 04 5E")
+
+
+def with_flags(flags: int) -> bytes:
+    return READY[:4] + bytes((flags,)) + READY[5:]
+
+
+UNKNOWN_PROTOCOL = READY[:4] + bytes((0x03,)) + READY[5:12] + bytes(16)
+
+
+def test_ready_example_parses() -> None:
+    (status,) = AnswerParser().feed(READY)
+    assert status == MultiStatus(0x47, (1, 3, 4, 72), "AETR", "DSM", "2 1F")
+    assert status.ready
+    assert not status.binding
+
+
+def test_binding_example_is_not_ready() -> None:
+    (status,) = AnswerParser().feed(with_flags(0x4F))
+    assert isinstance(status, MultiStatus)
+    assert status.binding
+    assert not status.ready
+
+
+def test_bind_answer_example_parses() -> None:
+    assert AnswerParser().feed(BIND_ANSWER) == [MultiBindAnswer(bytes.fromhex("1234567B"), 1, 7, 1)]
+
+
+def test_telemetry_and_input_sync_parse() -> None:
+    telemetry = b"MP\x04\x11\x50" + bytes(range(16))
+    sync = b"MP\x08\x06\x55\xf0\x00\x64\x14\x02"
+    assert AnswerParser().feed(telemetry + sync) == [
+        MultiTelemetry(0x50, bytes(range(16))),
+        MultiInputSync(22000, 100),
+    ]
+
+
+def test_unknown_and_short_answers_are_counted_and_skipped() -> None:
+    parser = AnswerParser()
+    assert (
+        parser.feed(b"MP\x77\x02ab" + b"MP\x01\x02ab" + BIND_ANSWER)[0] == AnswerParser().feed(BIND_ANSWER)[0]
+    )
+    assert parser.unknown_answers == 2
+
+
+def test_answer_longer_than_40_bytes_is_skipped() -> None:
+    parser = AnswerParser()
+    assert len(parser.feed(b"MP\x01\x29" + READY)) == 1
+    assert parser.skipped_bytes == 4
+
+
+@given(st.binary(max_size=30).filter(lambda b: b"M" not in b), st.lists(st.integers(1, 20), max_size=40))
+def test_answers_are_found_however_the_stream_is_cut(garbage: bytes, cuts: list[int]) -> None:
+    stream = garbage + READY + garbage + BIND_ANSWER
+    parser = AnswerParser()
+    answers = []
+    for cut in [*cuts, len(stream)]:
+        answers += parser.feed(stream[:cut])
+        stream = stream[cut:]
+    answers += parser.feed(stream)
+    assert [type(answer) for answer in answers] == [MultiStatus, MultiBindAnswer]
+    assert parser.skipped_bytes == 2 * len(garbage)
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_survived(data: bytes) -> None:
+    parser = AnswerParser()
+    parser.feed(data)
+    parser.feed(bytes(50))
+    assert AnswerParser().feed(READY)
+
+
+def opened() -> MultiProtocol:
+    protocol = MultiProtocol()
+    protocol.link_opened(0.0)
+    return protocol
+
+
+def test_module_is_ready_after_its_status_and_gone_after_2_s_of_silence() -> None:
+    protocol = opened()
+    assert not protocol.status(0.1).ready
+    protocol.receive(READY, 0.5)
+    assert protocol.status(0.6).ready
+    assert protocol.status(2.5).ready
+    silent = protocol.status(2.6)
+    assert not silent.ready
+    assert "module gone" in silent.text
+
+
+def test_reopened_port_needs_a_new_status() -> None:
+    protocol = opened()
+    protocol.receive(READY, 0.5)
+    protocol.receive(READY[:10], 0.5)
+    protocol.link_opened(0.6)
+    assert not protocol.status(0.7).ready
+    protocol.receive(READY, 0.8)
+    assert protocol.status(0.9).ready
+
+
+def test_port_never_opened_is_said() -> None:
+    assert MultiProtocol().status(0.0).text == "port not open"
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (UNKNOWN_PROTOCOL, "refuses the protocol"),
+        (with_flags(0x46), "receives no valid frames"),
+        (with_flags(0x45), "not in serial mode"),
+        (with_flags(0x4F), "binding"),
+        (READY.replace(b"DSM", b"FRS"), "runs protocol 'FRS'"),
+    ],
+)
+def test_module_that_is_not_ready_says_why(answer: bytes, words: str) -> None:
+    protocol = opened()
+    protocol.receive(answer, 0.1)
+    status = protocol.status(0.2)
+    assert not status.ready
+    assert words in status.text
+
+
+def test_module_without_answer_line_is_ready_after_settling() -> None:
+    protocol = MultiProtocol(MultiSettings(answers_wired=False))
+    protocol.link_opened(0.0)
+    assert not protocol.status(1.9).ready
+    assert protocol.status(2.0).ready
