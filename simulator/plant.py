@@ -130,7 +130,8 @@ class Plant:
         self._delay_s = model.delay_s if delay_s is None else delay_s
         self._time_s = 0.0
         self._hover_seconds_used = 0.0
-        self._decays: dict[float, tuple[Four, Four]] = {}
+        self._lag_rates = _four([1 / lag if lag > 0 else math.inf for lag in self.model.lag_s])
+        self._set_step(conditions.substep_s)
         self.place(start)
 
     def place(self, pose: Pose) -> None:
@@ -151,7 +152,7 @@ class Plant:
             raise ValueError(f"{self._name}: cannot be placed at {pose}: allowed are finite numbers, z >= 0")
         self._motion = (x, y, z, pose.yaw_rad, 0.0, 0.0, 0.0, 0.0)
         self.on_floor = z == 0.0
-        self.turbulence: Four = _NOTHING
+        self.turbulence: tuple[float, ...] = _NOTHING
         self.touchdowns = 0
         self.touchdown_speed_m_s: float | None = None
         self.left_volume = False
@@ -232,6 +233,9 @@ class Plant:
                 return
             steps = max(1, math.ceil((until_s - self._time_s) / self._conditions.substep_s - 1e-6))
             step_s = round((until_s - self._time_s) / steps, 12)
+            if step_s != self._step_s:
+                self._set_step(step_s)
+            self._sag = self.thrust_factor
             for _ in range(steps):
                 self._substep(self._time_s, step_s)
                 self._time_s += step_s
@@ -245,17 +249,19 @@ class Plant:
         pitch, roll, thrust, yaw = (u + offset for u, offset in zip(inputs, self.trim, strict=True))
         self._target = (pitch, roll, max(thrust, 0.0), yaw)
 
-    def _decay(self, step_s: float) -> tuple[Four, Four]:
-        """Exact poles of the actuator lags over half a step and a whole step."""
-        if step_s not in self._decays:
-            if len(self._decays) > 100:
-                self._decays.clear()
-            half, full = (
-                _four([math.exp(-part_s / lag) if lag > 0 else 0.0 for lag in self.model.lag_s])
-                for part_s in (step_s / 2, step_s)
-            )
-            self._decays[step_s] = half, full
-        return self._decays[step_s]
+    def _set_step(self, step_s: float) -> None:
+        """Compute the exact poles of the actuator lags over half a step and a whole step."""
+        self._step_s = step_s
+        p, r, t, y = self._lag_rates
+        half_s = 0.5 * step_s
+        p, r, t, y = (
+            math.exp(-half_s * p),
+            math.exp(-half_s * r),
+            math.exp(-half_s * t),
+            math.exp(-half_s * y),
+        )
+        self._half = p, r, t, y
+        self._full = p * p, r * r, t * t, y * y
 
     def _attitude(self, actuator: Four) -> tuple[float, float]:
         if self._tilt_limit_rad == 0.0 or self.on_floor:
@@ -281,7 +287,7 @@ class Plant:
 
     def _substep(self, time_s: float, step_s: float) -> None:
         """Explicit midpoint rule for the motion under the exact response of the actuators."""
-        half, full = self._decay(step_s)
+        half, full = self._half, self._full
         p, r, t, y = self._actuator
         up, ur, ut, uy = self._target
         middle = (
@@ -298,7 +304,6 @@ class Plant:
             uy + (y - uy) * full[3],
         )
         self._hover_seconds_used += step_s * middle[2] / self._nominal.hover_thrust
-        self._sag = self.thrust_factor
         if self.on_floor:
             if self._tilt_limit_rad:
                 self._actuator = (0.0, 0.0, *self._actuator[2:])  # the floor keeps it level
@@ -314,7 +319,8 @@ class Plant:
         c, s = math.cos(heading), math.sin(heading)
         weather = _NOTHING
         if self._weather is not None:
-            self.turbulence = wx, wy, wz, w_yaw = _four(self._weather.at(time_s + half_s))
+            self.turbulence = self._weather.at(time_s + half_s)
+            wx, wy, wz, w_yaw = self.turbulence
             weather = (c * wx + s * wy, c * wy - s * wx, wz, w_yaw)
         d_xd, d_yd, d_zd, d_rate = self._acceleration((xd, yd, zd, yaw_rate), start, weather)
         xd_m, yd_m, zd_m, rate_m = (

@@ -20,7 +20,9 @@ _LIFTING_FRACTION: Final = 0.9
 """Modelled thrust over weight from which a standing vehicle may lift."""
 _MOVED_M: Final = 0.01
 """Departure from where it stood that shows that a vehicle stands no more."""
-_MOST_PERIODS: Final = 16
+_MOST_PERIODS: Final = 64
+_PERIOD_DIGITS: Final = 5
+"""Periods are told apart to 10 us, so that the rounding of time stamps costs no preparation."""
 _START_DEVIATION: Final = np.array(
     [0.001, 0.001, 0.001, 0.005, 0.3, 0.3, 0.3, 1.0, 0.03, 0.03, 0.03, 0.03, 0.3, 0.3, 0.8, 3.0]
 )
@@ -81,6 +83,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
 
     def _prepared(self, period_s: float) -> tuple[Linearization, Array]:
         """Linearization and process noise of a period, kept because preparing takes longer than a step."""
+        period_s = round(period_s, _PERIOD_DIGITS)
         prepared = self._preparations.get(period_s)
         if prepared is None:
             if len(self._preparations) >= _MOST_PERIODS:
