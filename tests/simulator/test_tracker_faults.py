@@ -1,0 +1,189 @@
+import msgspec
+import pytest
+
+from simulator.tracker_faults import (
+    AddSubject,
+    Burst,
+    Close,
+    Delay,
+    Dribble,
+    Fault,
+    FaultError,
+    Occlude,
+    Recover,
+    RemoveSubject,
+    RenameRootSegment,
+    Reset,
+    ResetFrameId,
+    SetQuality,
+    Silence,
+    SwapSubjects,
+    TimedFault,
+    TrackerFaults,
+    UnknownObject,
+    WrongMagic,
+    YUp,
+)
+from simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
+
+H1, H2 = TrackedBody("h1", (1.0, 0.0, 0.0)), TrackedBody("h2", (2.0, 0.0, 0.0))
+
+
+def frame(number: int = 0) -> TrackerFrame:
+    return TrackerFrame(number, (H1, H2))
+
+
+def faults(profile: str = "tracker3") -> TrackerFaults:
+    found = TrackerFaults(PROFILES[profile])
+    found.transform(frame())
+    return found
+
+
+def seen(fault: Fault) -> tuple[TrackedBody, ...]:
+    active = faults()
+    active.apply(fault, 0.0)
+    return active.transform(frame()).bodies
+
+
+def test_frame_without_faults_stays_as_it_is() -> None:
+    assert faults().transform(frame(7)) == frame(7)
+
+
+def test_faults_of_subjects_change_what_is_captured() -> None:
+    assert seen(Occlude("h1")) == (H1._replace(occluded=True), H2)
+    assert seen(SetQuality("h2", 0.25)) == (H1, H2._replace(quality=0.25))
+    assert seen(RenameRootSegment("h1", "body")) == (H1._replace(root_segment="body"), H2)
+    assert seen(RemoveSubject("h1")) == (H2,)
+    assert seen(AddSubject("ghost", (0.0, 1.0, 2.0))) == (H1, H2, TrackedBody("ghost", (0.0, 1.0, 2.0)))
+    assert seen(SwapSubjects("h1", "h2")) == (H2._replace(name="h1"), H1._replace(name="h2"))
+
+
+def test_lasting_fault_ends_by_itself() -> None:
+    active = faults()
+    active.apply(Occlude("h1", duration_s=0.5), 10.0)
+    assert active.next_change_s() == 10.5
+    active.advance(10.499)
+    assert active.transform(frame()).bodies[0].occluded
+    active.advance(10.5)
+    assert not active.transform(frame()).bodies[0].occluded
+    assert active.next_change_s() is None
+
+
+def test_lasting_fault_without_duration_stays_until_recovery() -> None:
+    active = faults()
+    active.apply(Silence(), 0.0)
+    active.apply(Occlude("h1"), 0.0)
+    active.advance(1e9)
+    assert active.active(Silence) is not None
+    active.apply(Recover(), 1e9)
+    assert active.active(Silence) is None
+    assert active.transform(frame()) == frame()
+
+
+def test_same_fault_again_replaces_the_first_but_another_subject_is_another_fault() -> None:
+    active = faults()
+    active.apply(SetQuality("h1", 0.1, duration_s=1.0), 0.0)
+    active.apply(SetQuality("h1", 0.2), 0.0)
+    active.apply(SetQuality("h2", 0.3), 0.0)
+    active.advance(5.0)
+    assert [body.quality for body in active.transform(frame()).bodies] == [0.2, 0.3]
+
+
+def test_frame_id_goes_on_from_the_reset() -> None:
+    active = faults()
+    active.apply(ResetFrameId(3), 0.0)
+    assert [active.transform(frame(number)).frame for number in (100, 101, 103)] == [3, 4, 6]
+
+
+def test_frame_id_never_takes_the_value_that_means_none() -> None:
+    active = faults()
+    active.apply(ResetFrameId(0xFFFFFFFE), 0.0)
+    assert [active.transform(frame(number)).frame for number in (0, 1)] == [0xFFFFFFFE, 0]
+
+
+def test_time_table_is_carried_out_in_its_order() -> None:
+    active = faults()
+    table = [TimedFault(2.0, Close()), TimedFault(1.0, Burst(3)), TimedFault(2.0, Reset())]
+    active.schedule(table, 100.0)
+    assert active.next_change_s() == 101.0
+    active.advance(100.9)
+    assert active.take_pending() == []
+    active.advance(101.0)
+    assert active.take_pending() == [Burst(3)]
+    active.advance(150.0)
+    assert active.take_pending() == [Close(), Reset()]
+    assert active.take_pending() == []
+    assert active.applied == 3
+
+
+def test_duration_of_a_planned_fault_counts_from_its_own_time() -> None:
+    active = faults()
+    active.schedule([TimedFault(1.0, Silence(duration_s=0.5))], 0.0)
+    active.advance(1.2)
+    assert active.next_change_s() == 1.5
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Occlude("h9"),
+        SwapSubjects("h1", "h9"),
+        AddSubject("h1"),
+        Silence(duration_s=-1.0),
+        Silence(duration_s=float("nan")),
+        Dribble(chunk_bytes=0),
+        Dribble(interval_s=2.0),
+        Delay(delay_s=11.0),
+        Burst(0),
+        ResetFrameId(0xFFFFFFFF),
+        UnknownObject(object_type=9),
+        UnknownObject(size_bytes=10**9),
+    ],
+)
+def test_request_that_makes_no_sense_is_refused_and_says_what_is_allowed(fault: Fault) -> None:
+    active = faults()
+    with pytest.raises(FaultError, match=r"allowed is|tracked"):
+        active.apply(fault, 0.0)
+    with pytest.raises(FaultError):
+        active.schedule([TimedFault(0.0, Close()), TimedFault(1.0, fault)], 0.0)
+    active.advance(10.0)
+    assert active.take_pending() == []
+    assert active.transform(frame()) == frame()
+
+
+@pytest.mark.parametrize("fault", [YUp(), SetQuality("h1", 0.5)])
+def test_fault_that_the_profile_cannot_show_is_refused(fault: Fault) -> None:
+    with pytest.raises(FaultError, match="does not offer"):
+        faults("tracker1").apply(fault, 0.0)
+
+
+def test_planned_fault_whose_subject_is_gone_is_refused_and_listed() -> None:
+    active = TrackerFaults(PROFILES["tracker3"])
+    active.schedule([TimedFault(0.0, Occlude("h9"))], 0.0)
+    active.transform(frame())
+    active.advance(1.0)
+    assert list(active.refused) == ["no subject 'h9'; tracked are 'h1', 'h2'"]
+
+
+@pytest.mark.parametrize(
+    ("message", "fault"),
+    [
+        ({"kind": "close"}, Close()),
+        ({"kind": "wrong_magic"}, WrongMagic()),
+        ({"kind": "silence", "duration_s": 0.5}, Silence(duration_s=0.5)),
+        ({"kind": "occlude", "subject": "h1"}, Occlude("h1")),
+        ({"kind": "swap_subjects", "subject": "h1", "other": "h2"}, SwapSubjects("h1", "h2")),
+        ({"kind": "dribble", "chunk_bytes": 3}, Dribble(chunk_bytes=3)),
+    ],
+)
+def test_faults_are_read_from_plain_messages(message: dict[str, object], fault: Fault) -> None:
+    assert msgspec.convert(message, Fault) == fault
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(fault), type=Fault) == fault
+
+
+@pytest.mark.parametrize(
+    "message", [{"kind": "explode"}, {"kind": "close", "now": True}, {"kind": "occlude"}]
+)
+def test_unknown_fault_messages_are_refused(message: dict[str, object]) -> None:
+    with pytest.raises(msgspec.ValidationError):
+        msgspec.convert(message, Fault)
