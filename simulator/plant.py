@@ -235,7 +235,6 @@ class Plant:
             step_s = round((until_s - self._time_s) / steps, 12)
             if step_s != self._step_s:
                 self._set_step(step_s)
-            self._sag = self.thrust_factor
             for _ in range(steps):
                 self._substep(self._time_s, step_s)
                 self._time_s += step_s
@@ -304,6 +303,8 @@ class Plant:
             uy + (y - uy) * full[3],
         )
         self._hover_seconds_used += step_s * middle[2] / self._nominal.hover_thrust
+        if self._conditions.battery_sag:
+            self._sag = self.thrust_factor
         if self.on_floor:
             if self._tilt_limit_rad:
                 self._actuator = (0.0, 0.0, *self._actuator[2:])  # the floor keeps it level
