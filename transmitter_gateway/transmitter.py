@@ -25,7 +25,7 @@ from transmitter_gateway.inputs import (
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, RadioProtocol
+from transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError, RadioProtocol
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 
 THROTTLE_LOW_FRAMES = 25
@@ -112,6 +112,8 @@ class Transmitter:
     ------
     PulseRangeError
         The calibration can ask for a pulse width that the protocol cannot carry.
+    ProtocolError
+        Low power is asked for and the radio has none.
     """
 
     def __init__(
@@ -131,6 +133,8 @@ class Transmitter:
         self.last_write: Write | None = None
         self._calibration = calibration
         self._low_power = low_power
+        if low_power and "low_power" not in protocol.offers:
+            raise ProtocolError(f"{protocol.name}: low_power cannot be asked for")
         for extreme in (limits.lower, limits.upper):
             for throttle_low in (False, True):
                 protocol.check(calibration.pulses_us(extreme, throttle_low=throttle_low))
@@ -177,6 +181,8 @@ class Transmitter:
         """Start binding: bind frames until the module is done, then 5 s of neutral frames (section 3.4)."""
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"binding is only possible while DISARMED, not {self.arbiter.state}")
+        if "bind" not in self.protocol.offers:
+            return Answer(False, f"{self.protocol.name}: bind with the radio itself")
         if not self.port.is_open:
             return Answer(False, f"binding is not possible: {self.port.problem}")
         self._bind_since_s, self._bind_seen = now_s, False
@@ -187,6 +193,8 @@ class Transmitter:
         """Switch the reduced range-check power on or off; while it is on, arming is refused."""
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"range check is only possible while DISARMED, not {self.arbiter.state}")
+        if "range_check" not in self.protocol.offers:
+            return Answer(False, f"{self.protocol.name}: check the range with the radio itself")
         self._range_check = wanted
         self._run(now_s, urgent=True)
         return Answer(True, "range check on" if wanted else "range check off")
@@ -240,7 +248,7 @@ class Transmitter:
         disarmed = output.state is State.DISARMED
         flags = FrameFlags(
             bind=disarmed and self._bind_since_s is not None,
-            range_check=disarmed and self._range_check,
+            range_check=disarmed and self._range_check and self._bind_since_s is None,
             kill=output.kill,
             low_power=self._low_power,
         )

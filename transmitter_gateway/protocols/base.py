@@ -98,6 +98,10 @@ class RadioProtocol(ABC):
 
     Attributes
     ----------
+    name : str
+        Name in the fleet file.
+    offers : frozenset of str
+        Flags the radio understands.
     line : SerialLine
         Serial line the radio expects.
     channel_count : int
@@ -111,6 +115,7 @@ class RadioProtocol(ABC):
     """
 
     name: ClassVar[str]
+    offers: ClassVar[frozenset[str]]
     line: SerialLine
     channel_count: int
     pulse_range_us: tuple[float, float]
@@ -137,6 +142,8 @@ class RadioProtocol(ABC):
         ------
         PulseRangeError
             A pulse width is not finite, outside `pulse_range_us`, or there are too many of them.
+        ProtocolError
+            A flag the radio does not offer; kill is no such flag, throttle low does the same more slowly.
         ForbiddenInFlightError
             `flags.bind` without `disarmed`.
         """
@@ -182,7 +189,10 @@ class RadioProtocol(ABC):
                 raise PulseRangeError(f"{self.name}: {name} pulse {pulse} us is outside {low:g}..{high:g} us")
         return [*pulses_us, *([CENTER_US] * (self.channel_count - len(pulses_us)))]
 
-    def _refuse_bind_in_flight(self, flags: FrameFlags, disarmed: bool) -> None:
+    def _refuse(self, flags: FrameFlags, disarmed: bool) -> None:
+        for wish in ("bind", "range_check", "low_power"):
+            if getattr(flags, wish) and wish not in self.offers:
+                raise ProtocolError(f"{self.name}: {wish} cannot be asked for")
         if flags.bind and not disarmed:
             raise ForbiddenInFlightError(f"{self.name}: binding interrupts the radio link; disarm first")
 

@@ -180,6 +180,7 @@ class MultiProtocol(RadioProtocol):
     """Driver of a Multiprotocol module; never asks for autobind and keeps the channel mapping off."""
 
     name: ClassVar[str] = "multi"
+    offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check", "kill", "low_power"})
 
     def __init__(self, settings: MultiSettings | None = None, line: SerialLine = LINE) -> None:
         self.settings = settings or MultiSettings()
@@ -214,7 +215,7 @@ class MultiProtocol(RadioProtocol):
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
     ) -> bytes:
         """Build a frame; see `RadioProtocol.encode`. Kill puts channel 14 to -100 %."""
-        self._refuse_bind_in_flight(flags, disarmed)
+        self._refuse(flags, disarmed)
         counts = [count_of(pulse) for pulse in self.check(pulses_us)]
         if flags.kill:
             counts[KILL_CHANNEL] = KILL_COUNT

@@ -1,0 +1,82 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transmitter_gateway.protocols.base import FrameDecodeError, FrameFlags, ProtocolError, PulseRangeError
+from transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings, Sc8000pProtocol, TrainerProtocol
+
+# dsm2_transmitters.md section 6: 1100 + 5 x 1500 us
+GOLDEN = bytes.fromhex("01 11 01 4C 04 DC 05 DC 05 DC 05 DC 05 DC 05 C8 04")
+
+
+def test_ppm_gen_packet_is_the_golden_one() -> None:
+    assert PpmGenProtocol().encode([1100]) == GOLDEN
+
+
+def test_golden_ppm_gen_packet_decodes() -> None:
+    assert PpmGenProtocol().decode(GOLDEN).pulses_us == (1100, 1500, 1500, 1500, 1500, 1500)
+
+
+def test_channels_are_arranged_as_the_radio_expects_them() -> None:
+    protocol = PpmGenProtocol(PpmSettings(order="AETR"))
+    packet = protocol.encode([1100, 1200, 1300, 1400])
+    assert [int.from_bytes(packet[i : i + 2], "little") for i in (3, 5, 7, 9)] == [1200, 1300, 1100, 1400]
+    assert protocol.decode(packet).pulses_us[:4] == (1100, 1200, 1300, 1400)
+
+
+def test_sc8000p_message_has_mask_digital_and_tenths_of_microseconds() -> None:
+    message = Sc8000pProtocol(PpmSettings(channels=4)).encode([1100])
+    assert message == bytes.fromhex("7E 7E 0F 30 2A F8 3A 98 3A 98 3A 98")
+
+
+def test_sc8000p_line_is_not_overrun() -> None:
+    assert Sc8000pProtocol(PpmSettings(channels=4)).minimum_interval_s > 0.0125
+    slow = Sc8000pProtocol(PpmSettings(channels=8))
+    assert slow.keepalive_s >= slow.minimum_interval_s
+
+
+@given(
+    st.integers(4, 8).flatmap(lambda n: st.lists(st.integers(800, 2200), min_size=n, max_size=n)),
+    st.permutations("TAER").map("".join),
+    st.sampled_from([PpmGenProtocol, Sc8000pProtocol]),
+)
+def test_every_packet_survives_encoding_and_decoding(
+    pulses: list[int], order: str, kind: type[PpmGenProtocol] | type[Sc8000pProtocol]
+) -> None:
+    protocol: TrainerProtocol = kind(PpmSettings(channels=len(pulses), order=order))
+    assert protocol.decode(protocol.encode(pulses)).pulses_us == tuple(pulses)
+
+
+@pytest.mark.parametrize("kind", [PpmGenProtocol, Sc8000pProtocol])
+def test_what_the_radio_itself_does_cannot_be_asked_for(
+    kind: type[PpmGenProtocol] | type[Sc8000pProtocol],
+) -> None:
+    for flags in (FrameFlags(bind=True), FrameFlags(range_check=True), FrameFlags(low_power=True)):
+        with pytest.raises(ProtocolError, match="cannot be asked for"):
+            kind().encode([1100], flags, disarmed=True)
+    with pytest.raises(PulseRangeError, match="throttle pulse 799"):
+        kind().encode([799])
+    assert kind().encode([1100], FrameFlags(kill=True)) == kind().encode([1100])
+
+
+@pytest.mark.parametrize("position", range(len(GOLDEN)))
+def test_a_packet_with_any_byte_changed_is_refused(position: int) -> None:
+    broken = bytearray(GOLDEN)
+    broken[position] ^= 0x01
+    with pytest.raises(FrameDecodeError):
+        PpmGenProtocol().decode(bytes(broken))
+
+
+@pytest.mark.parametrize(
+    "message", ["7E 7E 0F 30 2A F8", "7E 7D 0F 30" + "3A98" * 4, "7E 7E 07 30" + "3A98" * 4]
+)
+def test_broken_sc8000p_messages_are_refused(message: str) -> None:
+    with pytest.raises(FrameDecodeError):
+        Sc8000pProtocol(PpmSettings(channels=4)).decode(bytes.fromhex(message))
+
+
+def test_wrong_settings_name_the_field() -> None:
+    with pytest.raises(ProtocolError, match="channels: 9"):
+        PpmSettings(channels=9)
+    with pytest.raises(ProtocolError, match="order: 'TAEE'"):
+        PpmSettings(order="TAEE")

@@ -1,0 +1,36 @@
+import pytest
+
+from transmitter_gateway.protocols.base import ProtocolError, SerialLine
+from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, create_protocol, default_line
+
+
+@pytest.mark.parametrize("name", PROTOCOL_NAMES)
+def test_every_radio_is_created_with_its_own_line(name: str) -> None:
+    protocol = create_protocol(name)
+    assert protocol.name == name
+    assert protocol.line == default_line(name)
+    assert protocol.keepalive_s <= 0.04
+
+
+def test_options_and_line_reach_the_protocol() -> None:
+    line = SerialLine(100_000, "N", 2)
+    protocol = create_protocol("multi", {"rx_num": 3, "channels": 7}, line)
+    assert protocol.line is line
+    assert protocol.encode([1100])[2:4] == bytes((3, 7))
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("sbus", {}, "protocol: 'sbus' is unknown, choose one of multi"),
+        ("multi", {"rxnum": 3}, "multi.rxnum: unknown option, known are rx_num"),
+        ("multi", {"rx_num": "3"}, "multi.rx_num: '3' must be of type int"),
+        ("multi", {"rx_num": True}, "multi.rx_num: True must be of type int"),
+        ("multi", {"rx_num": 64}, "multi.rx_num: 64 is outside 0..63"),
+    ],
+)
+def test_wrong_options_name_the_field_and_what_is_allowed(
+    name: str, options: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ProtocolError, match=words):
+        create_protocol(name, options)

@@ -1,0 +1,105 @@
+"""14-byte frames for Spektrum radio boards (dsm2_transmitters.md section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from transmitter_gateway.protocols.base import (
+    NO_FLAGS,
+    TEN_BIT_RANGE_US,
+    DecodedFrame,
+    FrameDecodeError,
+    FrameFlags,
+    OneWayRadio,
+    ProtocolError,
+    SerialLine,
+    ten_bit_count,
+    ten_bit_pulse_us,
+)
+
+CHANNEL_COUNT = 6
+FRAME_LENGTH = 2 + 2 * CHANNEL_COUNT
+PERIOD_S = 0.022
+LINE = SerialLine(125_000)
+FAMILIES = {"lp": 0x00, "dsm2": 0x10, "dsmx": 0x18}
+BIND = 0x80
+RANGE_CHECK = 0x20
+
+
+@dataclass(frozen=True, slots=True)
+class Dsm2Settings:
+    """Header and model match of the frames.
+
+    Parameters
+    ----------
+    model : int
+        Model match number, 0..63.
+    family : {"dsm2", "dsmx", "lp"}
+        Radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board.
+    """
+
+    model: int = 0
+    family: str = "dsm2"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.model <= 63:
+            raise ProtocolError(f"dsm2_serial.model: {self.model} is outside 0..63")
+        if self.family not in FAMILIES:
+            allowed = ", ".join(FAMILIES)
+            raise ProtocolError(f"dsm2_serial.family: {self.family!r} is unknown, choose one of {allowed}")
+
+
+def encode_counts(header: int, model: int, counts: Sequence[int]) -> bytes:
+    """Frame of six 10-bit values, each tagged with its channel index."""
+    frame = bytearray((header, model))
+    for index, count in enumerate(counts):
+        frame += ((index << 10) | count).to_bytes(2, "big")
+    return bytes(frame)
+
+
+class Dsm2SerialProtocol(OneWayRadio):
+    """Driver of a bare radio board.
+
+    The board answers nothing and is assumed to repeat its last frame for ever, so silence stops no motor. It
+    looks at the bind flag only just after power-up: power it up while bind frames are sent.
+    """
+
+    name: ClassVar[str] = "dsm2_serial"
+    offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check"})
+
+    def __init__(self, settings: Dsm2Settings | None = None, line: SerialLine = LINE) -> None:
+        self.settings = settings or Dsm2Settings()
+        self.line = line
+        self.channel_count = CHANNEL_COUNT
+        self.pulse_range_us = TEN_BIT_RANGE_US
+        self.minimum_interval_s = PERIOD_S
+        self.keepalive_s = PERIOD_S
+
+    def encode(
+        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
+    ) -> bytes:
+        """Build a frame; see `RadioProtocol.encode`. Bind and range check exclude each other."""
+        self._refuse(flags, disarmed)
+        if flags.bind and flags.range_check:
+            raise ProtocolError("dsm2_serial: bind and range check cannot be asked for together")
+        header = FAMILIES[self.settings.family]
+        header |= (BIND if flags.bind else 0) | (RANGE_CHECK if flags.range_check else 0)
+        counts = [ten_bit_count(pulse) for pulse in self.check(pulses_us)]
+        return encode_counts(header, self.settings.model, counts)
+
+    def decode(self, frame: bytes) -> DecodedFrame:
+        """Read a frame back; see `RadioProtocol.decode`."""
+        if len(frame) != FRAME_LENGTH:
+            raise FrameDecodeError(f"dsm2_serial: frame of {len(frame)} bytes, {FRAME_LENGTH} are needed")
+        if frame[0] & ~(BIND | RANGE_CHECK) not in FAMILIES.values():
+            raise FrameDecodeError(f"dsm2_serial: unknown header 0x{frame[0]:02X}")
+        pulses = []
+        for index in range(CHANNEL_COUNT):
+            word = int.from_bytes(frame[2 + 2 * index : 4 + 2 * index], "big")
+            if word >> 10 != index:
+                raise FrameDecodeError(f"dsm2_serial: word {index + 1} says it is channel {(word >> 10) + 1}")
+            pulses.append(ten_bit_pulse_us(word & 0x3FF))
+        flags = FrameFlags(bind=bool(frame[0] & BIND), range_check=bool(frame[0] & RANGE_CHECK))
+        return DecodedFrame(tuple(pulses), flags)

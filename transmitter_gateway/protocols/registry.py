@@ -1,0 +1,65 @@
+"""Radio protocols by the name used in the fleet file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+from transmitter_gateway.protocols import dsm2_serial, dsmp, multi, ppm
+from transmitter_gateway.protocols.base import ProtocolError, RadioProtocol, SerialLine
+
+_KINDS: dict[str, tuple[type[Any], Callable[..., RadioProtocol], SerialLine]] = {
+    "multi": (multi.MultiSettings, multi.MultiProtocol, multi.LINE),
+    "dsm2_serial": (dsm2_serial.Dsm2Settings, dsm2_serial.Dsm2SerialProtocol, dsm2_serial.LINE),
+    "dsmp": (dsmp.DsmpSettings, dsmp.DsmpProtocol, dsmp.LINE),
+    "ppm": (ppm.PpmSettings, ppm.PpmGenProtocol, ppm.PPM_GEN_LINE),
+    "sc8000p": (ppm.PpmSettings, ppm.Sc8000pProtocol, ppm.SC8000P_LINE),
+}
+PROTOCOL_NAMES = tuple(_KINDS)
+
+
+def default_line(name: str) -> SerialLine:
+    """Serial line settings the radio expects.
+
+    Raises
+    ------
+    ProtocolError
+        No such radio.
+    """
+    return _kind(name)[2]
+
+
+def create_protocol(
+    name: str, options: Mapping[str, object] | None = None, line: SerialLine | None = None
+) -> RadioProtocol:
+    """Make the protocol `name`.
+
+    Parameters
+    ----------
+    name : str
+        One of `PROTOCOL_NAMES`.
+    options : mapping, optional
+        Fields of the radio's settings class.
+    line : SerialLine, optional
+        Line settings other than the radio's own, such as parity "N" on a pseudo-terminal.
+
+    Raises
+    ------
+    ProtocolError
+        Unknown radio, unknown option, or an option's value that is not allowed.
+    """
+    settings_class, protocol_class, own_line = _kind(name)
+    allowed = {item.name: type(item.default) for item in fields(settings_class)}
+    for key, value in (options or {}).items():
+        if key not in allowed:
+            raise ProtocolError(f"{name}.{key}: unknown option, known are {', '.join(allowed)}")
+        if type(value) is not allowed[key]:
+            raise ProtocolError(f"{name}.{key}: {value!r} must be of type {allowed[key].__name__}")
+    return protocol_class(settings_class(**(options or {})), line or own_line)
+
+
+def _kind(name: str) -> tuple[type[Any], Callable[..., RadioProtocol], SerialLine]:
+    if name not in _KINDS:
+        raise ProtocolError(f"protocol: {name!r} is unknown, choose one of {', '.join(_KINDS)}")
+    return _KINDS[name]
