@@ -212,7 +212,7 @@ class Fleet(AbstractContextManager["Fleet"]):
     ) -> None:
         try:
             if kind is not None:
-                self.land_all()
+                self.land()
         finally:
             self.close()
 
@@ -306,17 +306,18 @@ class Fleet(AbstractContextManager["Fleet"]):
             "not all vehicles have taken off",
         )
 
-    def land_all(self, timeout_s: float = 15.0) -> None:
-        """Land and disarm every vehicle that is in the air."""
-        for vehicle in self:
+    def land(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
+        """Land and disarm vehicles, by default every one that is in the air."""
+        vehicles = list(self) if names is None else [self[name] for name in names]
+        for vehicle in vehicles:
             if vehicle.state.airborne:
                 vehicle.land()
         self.wait_until(
-            lambda: not any(vehicle.state.airborne for vehicle in self),
+            lambda: not any(vehicle.state.airborne for vehicle in vehicles),
             timeout_s,
             "not all vehicles have landed",
         )
-        for vehicle in self:
+        for vehicle in vehicles:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 vehicle.disarm()
 

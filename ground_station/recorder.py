@@ -1,6 +1,6 @@
 """Keeps what travels on the bus during a flight, undecoded until the flight is over."""
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -46,10 +46,18 @@ class Recording:
 
 
 class Recorder:
-    """Records everything on the bus between `start` and `stop`."""
+    """Records everything on the bus between `start` and `stop`.
 
-    def __init__(self, session: Session) -> None:
-        self._records: list[Record] = []
+    Parameters
+    ----------
+    session
+        Open bus session.
+    kept
+        How many messages are kept, the newest ones; None keeps all.
+    """
+
+    def __init__(self, session: Session, kept: int | None = None) -> None:
+        self._records: deque[Record] = deque(maxlen=kept)
         self._topics = {channel.topic for channel in CHANNELS if channel.recorded}
         self._active = False
         session.tap(self._store)

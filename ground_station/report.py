@@ -1,6 +1,7 @@
 """Figures of a flight from its recording: latencies, errors, ticks, fallbacks."""
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -154,6 +155,7 @@ class FlightFigures:
         table: dict[str, Any] = {
             "formation_error_mm": rms_and_max(self.formation_error_m(name)),
             "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
+            "radio_frames": dict(Counter(applied.state for applied in self._applied[name])),
         }
         if first is None or last is None:
             return table | {"ticks": 0, "missed_ticks": 0, "fallbacks": {}, "solve_ms": None}

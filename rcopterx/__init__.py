@@ -1,1 +1,5 @@
-"""The command line `rcopterx` and the scripting interface."""
+"""rcopterx: formation flight of miniature helicopters. `Fleet` is the scripting interface."""
+
+from ground_station.fleet import Fleet, NotReachedError, RefusedError, Vehicle, VehicleState
+
+__all__ = ["Fleet", "NotReachedError", "RefusedError", "Vehicle", "VehicleState"]

@@ -1,0 +1,112 @@
+"""What `rcopterx demo` flies: the paper's set points in a loop, until somebody has seen enough."""
+
+import math
+import threading
+import time
+from collections.abc import Callable
+
+from rich.table import Table
+
+from bus.session import RequestFailedError
+from experiments.manoeuvres import fly_paper_sequence
+from ground_station.fleet import Fleet, NotReachedError, RefusedError
+from ground_station.recorder import Recorder
+from ground_station.report import FlightFigures
+
+TURNS_PER_SEQUENCE = 3 * math.pi
+RECORDS_KEPT = 40_000
+
+
+class _Stopped(Exception):  # noqa: N818 - not an error, the way out of a sequence
+    pass
+
+
+class Demonstration:
+    """Flies in a thread of its own.
+
+    Parameters
+    ----------
+    fleet
+        A running fleet.
+    wait
+        Waits a time [s] and tells whether the user has asked to stop.
+    """
+
+    def __init__(self, fleet: Fleet, wait: Callable[[float], bool]) -> None:
+        self._fleet = fleet
+        self._wait = wait
+        self._recorder = Recorder(fleet.session, RECORDS_KEPT)
+        self._thread = threading.Thread(target=self._run, name="demonstration", daemon=True)
+        self._end_s = math.inf
+        self._flown_s = 0.0
+        self._seconds: float | None = None
+        self.problem: str | None = None
+
+    @property
+    def finished(self) -> bool:
+        """Whether the demonstration has ended, by itself or for a problem."""
+        return not self._thread.is_alive()
+
+    def start(self, seconds: float | None) -> None:
+        """Take off and fly, for a time or for ever."""
+        self._seconds = seconds
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Wait for the thread after the user has asked to stop."""
+        self._thread.join(20.0)
+
+    def _run(self) -> None:
+        try:
+            self._fleet.wait_ready()
+            self._fleet.take_off()
+            started_s = time.monotonic()
+            if self._seconds is not None:
+                self._end_s = started_s + self._seconds
+            self._recorder.start()
+            try:
+                turns = 0
+                while True:
+                    fly_paper_sequence(
+                        self._fleet, lambda _: None, self._wait_or_stop, turns * TURNS_PER_SEQUENCE
+                    )
+                    turns += 1
+            finally:
+                self._flown_s = time.monotonic() - started_s
+        except _Stopped:
+            return
+        except (NotReachedError, RefusedError, RequestFailedError) as error:
+            self.problem = str(error)
+
+    def _wait_or_stop(self, seconds: float) -> None:
+        left_s = self._end_s - time.monotonic()
+        if self._wait(max(0.0, min(seconds, left_s))) or time.monotonic() >= self._end_s:
+            raise _Stopped
+
+    def summary(self) -> Table:
+        """Figures of the flight, or of its last minute or so."""
+        names = list(self._fleet.file.vehicles)
+        figures = FlightFigures(self._recorder.stop(), names)
+        table = Table(title=f"flown for {self._flown_s:.0f} s", title_justify="left")
+        for heading in (
+            "vehicle", "formation error rms / max [mm]", "tracking error rms / max [mm]", "control periods",
+            "missed", "solve p50 / p99 [ms]", "fallbacks",
+        ):  # fmt: skip
+            table.add_column(heading)
+        for name in names:
+            row = figures.vehicle(name)
+            solve = row["solve_ms"] or {"p50": 0.0, "p99": 0.0}
+            table.add_row(
+                name,
+                _pair(row["formation_error_mm"], "rms", "max"),
+                _pair(row["tracking_error_mm"], "rms", "max"),
+                str(row["ticks"]),
+                str(row["missed_ticks"]),
+                _pair(solve, "p50", "p99"),
+                ", ".join(f"{kind} {count}" for kind, count in row["fallbacks"].items()) or "none",
+            )
+        return table
+
+
+def _pair(figures: dict[str, float] | None, first: str, second: str) -> str:
+    return "-" if figures is None else f"{figures[first]:.2f} / {figures[second]:.2f}"

@@ -1,0 +1,33 @@
+"""The command line `rcopterx`."""
+
+from collections.abc import Callable
+
+import typer
+
+from rcopterx.commands import launch, roles, steer
+
+app = typer.Typer(
+    name="rcopterx",
+    help="Formation flight of miniature helicopters with distributed model predictive control. "
+    "Lengths are metres, times seconds, angles on the command line degrees.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
+    "Fly": (launch.up, launch.demo, launch.fly),
+    "Steer a running fleet": (
+        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.land, steer.disarm, steer.kill,
+        steer.reset,
+    ),
+    "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
+}  # fmt: skip
+for panel, commands in COMMANDS.items():
+    for command in commands:
+        app.command(rich_help_panel=panel)(command)
+
+
+def main() -> None:
+    """Entry point."""
+    app()

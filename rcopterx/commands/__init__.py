@@ -1,0 +1,1 @@
+"""Subcommands of `rcopterx`, by theme."""

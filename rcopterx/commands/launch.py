@@ -1,0 +1,228 @@
+"""Starting a fleet: `up`, `demo`, and `fly --up`."""
+
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.live import Live
+
+from deploy.fleet import Fleet as FleetFile
+from deploy.fleet import load_fleet
+from deploy.launcher import Launcher
+from ground_station.fleet import Fleet, NotReachedError
+from ground_station.table import fleet_table
+from rcopterx.fleet_option import (
+    DEFAULT_FLEET,
+    EXIT_FAILED,
+    FleetArgument,
+    FleetOption,
+    HostOption,
+    chosen_host,
+    fleet_path,
+    running_fleet,
+    user_errors,
+)
+
+REFRESH_S = 0.2
+PLAIN_REFRESH_S = 5.0
+FIRST_STATUS_S = 15.0
+
+
+class Interrupts:
+    """Counts Ctrl-C: the first one lands, the second one cuts."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.event = threading.Event()
+
+    def __call__(self, *_: object) -> None:
+        """Signal handler."""
+        self.count += 1
+        self.event.set()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait; True as soon as the user has asked to stop."""
+        return self.event.wait(seconds)
+
+
+@contextmanager
+def launched(name: str, host: str | None) -> Iterator[tuple[FleetFile, Launcher, Fleet, Interrupts]]:
+    """Start the processes of a host and join the fleet; everything is stopped at the end."""
+    path = fleet_path(name)
+    file = load_fleet(path)
+    this_host = chosen_host(file, host)
+    launcher = Launcher(file, path, this_host)
+    interrupts = Interrupts()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, interrupts)
+    with launcher:
+        fleet = Fleet(file, this_host, timeout_s=FIRST_STATUS_S)
+        try:
+            yield file, launcher, fleet, interrupts
+        finally:
+            _bring_down(fleet, interrupts)
+            fleet.close()
+
+
+def _bring_down(fleet: Fleet, interrupts: Interrupts) -> None:
+    """Land what flies; a second Ctrl-C cuts the motors."""
+    if not any(vehicle.state.airborne for vehicle in fleet):
+        return
+    typer.echo("landing; Ctrl-C again cuts the motors", err=True)
+    before = interrupts.count
+
+    def work() -> None:
+        try:
+            fleet.land()
+        except (NotReachedError, RuntimeError) as error:
+            typer.echo(f"error: {error}; the transmitter gateways bring the vehicles down", err=True)
+
+    landing = threading.Thread(target=work, daemon=True)
+    landing.start()
+    while landing.is_alive():
+        landing.join(0.1)
+        if interrupts.count > before:
+            typer.echo("cutting the motors", err=True)
+            fleet.kill(reason="second Ctrl-C")
+            return
+
+
+class Watch:
+    """Shows the fleet while something else happens: a live table, or lines where there is no terminal."""
+
+    def __init__(self, fleet: Fleet, launcher: Launcher, interrupts: Interrupts) -> None:
+        self._fleet = fleet
+        self._launcher = launcher
+        self._interrupts = interrupts
+        self._console = Console()
+
+    def until(self, done: Callable[[], bool]) -> None:
+        """Show until a condition holds or the user asks to stop."""
+        live = self._console.is_terminal
+        if live:
+            with Live(console=self._console, refresh_per_second=1 / REFRESH_S, transient=False) as view:
+                while not done() and not self._interrupts.wait(REFRESH_S):
+                    self._print_events(view.console)
+                    view.update(fleet_table(self._fleet))
+            return
+        next_s = 0.0
+        while not done() and not self._interrupts.wait(REFRESH_S):
+            self._print_events(self._console)
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + PLAIN_REFRESH_S
+                phases = " ".join(f"{vehicle.name}:{vehicle.state.phase}" for vehicle in self._fleet)
+                self._console.print(phases, highlight=False)
+
+    def _print_events(self, console: Console) -> None:
+        while self._launcher.events:
+            console.print(self._launcher.events.popleft(), highlight=False)
+
+
+def up(fleet: FleetArgument = DEFAULT_FLEET, host: HostOption = None) -> None:
+    """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
+    with user_errors(), launched(fleet, host) as (_, launcher, running, interrupts):
+        typer.echo(f"logs: {launcher.directory / 'log'}", err=True)
+        Watch(running, launcher, interrupts).until(lambda: False)
+
+
+def demo(
+    fleet: FleetOption = DEFAULT_FLEET,
+    seconds: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", min=1, help="End by itself after this flight time [s]."),
+    ] = None,
+) -> None:
+    """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
+    # The experiments are only imported where they are flown.
+    from experiments.demonstration import Demonstration
+
+    with user_errors(), launched(fleet, None) as (_, launcher, running, interrupts):
+        demonstration = Demonstration(running, interrupts.wait)
+        demonstration.start(seconds)
+        Watch(running, launcher, interrupts).until(lambda: demonstration.finished)
+        demonstration.stop()
+        problem = demonstration.problem
+        Console().print(demonstration.summary())
+    if problem is not None:
+        typer.echo(f"error: {problem}", err=True)
+        raise typer.Exit(EXIT_FAILED)
+
+
+def fly(
+    manoeuvre: Annotated[
+        str, typer.Argument(metavar="MANOEUVRE", help="Name of a manoeuvre, see --list.")
+    ] = "",
+    fleet: FleetOption = DEFAULT_FLEET,
+    start: Annotated[bool, typer.Option("--up", help="Start the fleet first, stop it afterwards.")] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write report.json into this directory.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres.")] = False,
+) -> None:
+    """Fly a manoeuvre, judge it, and write a report. Exit code 1 if a check failed."""
+    from experiments.manoeuvres import MANOEUVRES
+
+    if show_list:
+        for row in MANOEUVRES.values():
+            typer.echo(f"{row.name:20} {row.title}")
+        return
+    if manoeuvre not in MANOEUVRES:
+        raise typer.BadParameter(
+            f"unknown manoeuvre {manoeuvre!r}, known are {', '.join(MANOEUVRES)}", param_hint="MANOEUVRE"
+        )
+    with user_errors():
+        if start:
+            with launched(fleet, None) as (_, _, running, interrupts):
+                table = _flown(manoeuvre, running, report, interrupts.wait)
+        else:
+            with running_fleet(fleet) as running:
+                table = _flown(manoeuvre, running, report, threading.Event().wait)
+    typer.echo(json.dumps(table, indent=2) if as_json else _readable(table))
+    if table["verdict"] != "passed":
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _flown(
+    name: str, running: Fleet, directory: Path | None, wait: Callable[[float], bool]
+) -> dict[str, object]:
+    from experiments.flight import fly as fly_manoeuvre
+    from experiments.flight import report_of, write_report
+    from experiments.manoeuvres import MANOEUVRES
+
+    def wait_or_stop(seconds: float) -> None:
+        if wait(seconds):
+            raise NotReachedError("interrupted")
+
+    row = MANOEUVRES[name]
+    started_s = time.monotonic()
+    running.wait_ready()
+    recording = fly_manoeuvre(row, running, lambda text: typer.echo(text, err=True), wait_or_stop)
+    table = report_of(row, recording, list(running.file.vehicles), time.monotonic() - started_s)
+    if directory is not None:
+        typer.echo(f"report: {write_report(table, directory)}", err=True)
+    return table
+
+
+def _readable(report: dict[str, object]) -> str:
+    lines = [f"{report['manoeuvre']}: {report['verdict']} ({report['seconds']} s)"]
+    checks = report["checks"]
+    if isinstance(checks, list):
+        lines += [
+            f"  {'ok    ' if check['passed'] else 'FAILED'} {check['name']}: {check['figure']}"
+            for check in checks
+        ]
+    for field in ("pose_to_command_ms", "frame_to_radio_ms"):
+        lines.append(f"  {field}: {report[field]}")
+    vehicles = report["vehicles"]
+    if isinstance(vehicles, dict):
+        for name, table in vehicles.items():
+            lines.append(f"  {name}: {json.dumps(table)}")
+    return "\n".join(lines)

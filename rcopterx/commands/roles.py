@@ -1,0 +1,51 @@
+"""One subcommand per process role, for hosts that start processes by hand or by systemd."""
+
+from typing import Annotated
+
+import typer
+
+from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, fleet_path, user_errors
+
+Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
+
+Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
+
+
+def _run(role: str, unit: str, fleet: str) -> None:
+    from deploy.roles import run_role
+
+    with user_errors():
+        run_role(role, unit, fleet_path(fleet))
+
+
+def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Run the bus router of a host."""
+    _run("router", host, fleet)
+
+
+def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Run the fake laboratory: Tracker, radio modules and vehicles."""
+    _run("simulator", host, fleet)
+
+
+def tracker(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Run the Vicon gateway: motion capture to poses."""
+    _run("tracker", host, fleet)
+
+
+def transmitters(
+    gateway: Annotated[
+        str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")
+    ] = "transmitters",
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Run a transmitter gateway: commands to radio modules, with the safety arbiter."""
+    _run("transmitters", gateway, fleet)
+
+
+def agent(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Vehicle of the fleet file.")],
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Run the agent of a vehicle: estimator, controller, plan."""
+    _run("agent", vehicle, fleet)

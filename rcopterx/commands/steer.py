@@ -1,0 +1,127 @@
+"""Steering a running fleet from the command line."""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Annotated
+
+import typer
+
+from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, running_fleet
+
+Vehicles = Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.")]
+Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
+
+
+def arm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Let the agents command the transmitters. Rotors stay still until take-off."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, vehicles)
+        running.wait_ready(vehicles or None, timeout_s=3.0)
+        running.arm(vehicles or None)
+        typer.echo("armed")
+
+
+def disarm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Keep the throttle low until armed again."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, vehicles)
+        for name in vehicles or running.file.vehicles:
+            running[name].disarm()
+        typer.echo("disarmed")
+
+
+def takeoff(
+    vehicles: Vehicles = None,
+    height: Annotated[
+        float, typer.Option(metavar="METRES", min=0.2, help="Height above the floor [m].")
+    ] = 1.0,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Arm and take off, and wait until the vehicles fly."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, vehicles)
+        running.take_off(vehicles or None, height)
+        typer.echo("flying")
+
+
+def goto(
+    vehicle: Vehicle,
+    x: Annotated[float, typer.Argument(help="x in the inertial frame [m].")],
+    y: Annotated[float, typer.Argument(help="y in the inertial frame [m].")],
+    z: Annotated[float, typer.Argument(help="Height z [m].")],
+    yaw: Annotated[float, typer.Argument(help="Heading [deg]; more than a turn is allowed.")] = 0.0,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Give a leader a new set point. Put -- before negative numbers: goto h1 -- -0.5 0 1."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, [vehicle])
+        running[vehicle].go_to((x, y, z), math.radians(yaw))
+        typer.echo(f"{vehicle}: on the way to {x:g} {y:g} {z:g} m, {yaw:g} deg")
+
+
+def follow(
+    vehicle: Vehicle,
+    leader: Annotated[str, typer.Argument(metavar="LEADER")],
+    offset: Annotated[str, typer.Option(metavar="X,Y,Z", help="Offset from the leader [m].")] = "0,0,0",
+    yaw: Annotated[float, typer.Option(metavar="DEG", help="Heading relative to the leader's [deg].")] = 0.0,
+    frame: Annotated[
+        str, typer.Option(help="inertial: offset fixed in the room; heading: turns with the leader.")
+    ] = "inertial",
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Let a vehicle follow another one's plan, in flight or on the floor."""
+    if frame not in ("inertial", "heading"):
+        raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, [vehicle, leader])
+        running[vehicle].follow(leader, _three(offset), math.radians(yaw), frame)
+        typer.echo(f"{vehicle}: follows {leader}")
+
+
+def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Let a vehicle follow nobody; it holds its place."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, [vehicle])
+        running[vehicle].lead()
+        typer.echo(f"{vehicle}: leads")
+
+
+def land(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Land, wait for the floor, and disarm."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, vehicles)
+        running.land(vehicles or None)
+        typer.echo("landed")
+
+
+def kill(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Cut the motors at once, latching. Vehicles in the air fall. `rcopterx reset` ends it."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, vehicles)
+        running.kill(vehicles or ())
+        typer.echo("killed")
+
+
+def reset(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Leave the killed state; the vehicles are disarmed then."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, vehicles)
+        for name in vehicles or running.file.vehicles:
+            running[name].reset()
+        typer.echo("reset")
+
+
+def _known(known: Mapping[str, object], names: Iterable[str] | None) -> None:
+    for name in names or ():
+        if name not in known:
+            raise typer.BadParameter(f"no vehicle {name!r}, known are {', '.join(known)}")
+
+
+def _three(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r}: three numbers separated by commas", param_hint="--offset"
+        ) from None
+    return x, y, z

@@ -1,0 +1,99 @@
+"""Finds the fleet file a user means, and turns what can go wrong into messages and exit codes."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bus.session import BusUnreachableError, RequestFailedError
+from deploy.fleet import Fleet as FleetFile
+from deploy.fleet import FleetError, load_fleet
+from ground_station.fleet import Fleet, NotReachedError, RefusedError
+
+DEFAULT_FLEET = "trio"
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+
+FleetArgument = Annotated[
+    str, typer.Argument(metavar="FLEET", help="Fleet file (TOML), or the name of a shipped one.")
+]
+FleetOption = Annotated[
+    str, typer.Option("--fleet", "-f", metavar="FLEET", help="Fleet file (TOML), or name of a shipped one.")
+]
+HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
+
+
+def shipped_fleets() -> dict[str, Path]:
+    """Fleet files that come with the package, by name."""
+    with as_file(files("deploy") / "fleets") as directory:
+        return {path.stem: path for path in sorted(directory.glob("*.toml"))}
+
+
+def fleet_path(name: str) -> Path:
+    """Path of a fleet file or of a shipped fleet.
+
+    Raises
+    ------
+    FleetError
+        Neither a file nor a shipped fleet.
+    """
+    path = Path(name)
+    if path.exists():
+        return path
+    shipped = shipped_fleets()
+    # A path of the source tree also names the shipped file, so that documentation holds in any directory.
+    if name in shipped or (path.suffix == ".toml" and path.parent.name == "fleets" and path.stem in shipped):
+        return shipped[path.stem]
+    raise FleetError(f"{name}: no such file; shipped fleets are {', '.join(shipped)}")
+
+
+def chosen_host(fleet: FleetFile, host: str | None) -> str:
+    """Host a command runs on: the only one, or the one that was named.
+
+    Raises
+    ------
+    FleetError
+        Several hosts and none was named, or an unknown one.
+    """
+    if host is None and len(fleet.hosts) == 1:
+        return next(iter(fleet.hosts))
+    if host is None:
+        raise FleetError(f"--host: this fleet has several, name one of {', '.join(fleet.hosts)}")
+    if host not in fleet.hosts:
+        raise FleetError(f"--host: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
+    return host
+
+
+@contextmanager
+def user_errors() -> Iterator[None]:
+    """Errors that are somebody's to mend become a line on standard error, never a traceback."""
+    try:
+        yield
+    except FleetError as error:
+        _say(error)
+        raise typer.Exit(EXIT_USAGE) from None
+    except (BusUnreachableError, RequestFailedError, RefusedError, NotReachedError, OSError) as error:
+        _say(error)
+        raise typer.Exit(EXIT_FAILED) from None
+
+
+def _say(error: Exception) -> None:
+    typer.echo(f"error: {error}", err=True)
+
+
+@contextmanager
+def running_fleet(name: str, host: str | None = None) -> Iterator[Fleet]:
+    """Join the running fleet of a file."""
+    with user_errors():
+        file = load_fleet(fleet_path(name))
+        try:
+            fleet = Fleet(file, host)
+        except BusUnreachableError as error:
+            raise BusUnreachableError(f"{error}; is the fleet up? (rcopterx up {name})") from None
+        try:
+            yield fleet
+        finally:
+            fleet.close()
