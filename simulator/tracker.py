@@ -136,8 +136,8 @@ class TrackerServer:
         self._subject_ids: dict[str, int] = {}
         self._burst_left = 0
         self._accepted = self._frames = self._dropped = self._rejected = 0
-        self._selector = selectors.EpollSelector()
         self._listener = socket.create_server((host, port), backlog=16)
+        self._selector = selectors.EpollSelector()
         self._listener.setblocking(False)
         self._selector.register(self._listener, selectors.EVENT_READ)
 

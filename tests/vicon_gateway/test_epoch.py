@@ -1,0 +1,98 @@
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vicon_gateway.epoch import EpochCounter, Stamp
+from vicon_gateway.frame import Frame
+
+PERIOD_S = 0.02
+
+
+def frame(number: int, received_s: float, connection: int = 1) -> Frame:
+    return Frame(number, connection, PERIOD_S, received_s, 0.0, (), ())
+
+
+def started(number: int = 1000, received_s: float = 50.0) -> EpochCounter:
+    counter = EpochCounter()
+    assert counter.stamp(frame(number, received_s), 1_700_000_000.5) == Stamp(1_700_000_000_500, number)
+    return counter
+
+
+def test_epoch_is_the_wall_clock_in_milliseconds_at_the_first_frame_and_stays() -> None:
+    counter = started()
+    assert counter.stamp(frame(1001, 50.02), 1_800_000_000.0) == Stamp(1_700_000_000_500, 1001)
+    assert counter.epochs == 1
+
+
+def test_frame_number_that_jumps_back_begins_a_new_epoch() -> None:
+    counter = started()
+    assert counter.stamp(frame(3, 50.02), 1_700_000_100.0) == Stamp(1_700_000_100_000, 3)
+    assert counter.epochs == 2
+
+
+def test_lost_frames_keep_the_epoch() -> None:
+    assert started().stamp(frame(1005, 50.1), 0.0) == Stamp(1_700_000_000_500, 1005)
+
+
+def test_late_and_bunched_frames_keep_the_epoch() -> None:
+    counter = started()
+    for number, received_s in ((1001, 50.2), (1002, 50.2), (1010, 50.2), (1011, 50.22)):
+        assert counter.stamp(frame(number, received_s), 0.0) == Stamp(1_700_000_000_500, number)
+
+
+def test_frames_from_the_future_begin_a_new_epoch() -> None:
+    counter = started()
+    counter.stamp(frame(100_000, 50.02), 1_700_000_100.0)
+    assert counter.epochs == 2
+
+
+@pytest.mark.parametrize("outage_s", [0.1, 1.0, 60.0, 3600.0])
+def test_reconnect_whose_frames_went_on_meanwhile_keeps_the_epoch(outage_s: float) -> None:
+    counter = started()
+    later = frame(1000 + round(outage_s / PERIOD_S), 50.0 + outage_s, connection=2)
+    assert counter.stamp(later, 1_800_000_000.0) == Stamp(1_700_000_000_500, later.frame)
+
+
+@pytest.mark.parametrize(
+    ("number", "outage_s"),
+    [(0, 1.0), (999, 0.1), (1001, 5.0), (1000, 5.0), (5000, 5.0), (1200, 5.0)],
+)
+def test_reconnect_whose_frames_do_not_fit_the_time_begins_a_new_epoch(number: int, outage_s: float) -> None:
+    counter = started()
+    stamp = counter.stamp(frame(number, 50.0 + outage_s, connection=2), 1_700_000_100.0)
+    assert stamp == Stamp(1_700_000_100_000, number)
+
+
+def test_capture_delivered_again_after_a_reconnect_gets_no_second_stamp() -> None:
+    counter = started()
+    assert counter.stamp(frame(1000, 50.05, connection=2), 0.0) is None
+    assert counter.stamp(frame(1003, 50.06, connection=2), 0.0) == Stamp(1_700_000_000_500, 1003)
+
+
+def test_wall_clock_set_back_still_gives_a_later_epoch() -> None:
+    counter = started()
+    first = counter.stamp(frame(1, 50.02), 1_000.0)
+    second = counter.stamp(frame(0, 50.04), 1_000.0)
+    assert first == Stamp(1_700_000_000_501, 1)
+    assert second == Stamp(1_700_000_000_502, 0)
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2**32 - 2), st.floats(0.0, 100.0), st.booleans(), st.floats(0.0, 4e9)),
+        max_size=30,
+    )
+)
+def test_stamps_always_grow(sequence: list[tuple[int, float, bool, float]]) -> None:
+    counter = EpochCounter()
+    received_s, connection = 0.0, 1
+    stamps = []
+    for number, elapsed_s, reconnected, wall_clock_s in sequence:
+        received_s += elapsed_s
+        connection += reconnected
+        stamp = counter.stamp(frame(number, received_s, connection), wall_clock_s)
+        if stamp is not None:
+            stamps.append(stamp)
+    assert all(earlier < later for earlier, later in itertools.pairwise(stamps))

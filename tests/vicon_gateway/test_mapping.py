@@ -1,0 +1,84 @@
+import pytest
+
+from vicon_gateway.frame import Frame, SubjectPose
+from vicon_gateway.mapping import SubjectMap, SubjectStatus
+
+
+def seen(name: str) -> SubjectPose:
+    return SubjectPose(name, False, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), None)
+
+
+def hidden(name: str) -> SubjectPose:
+    return SubjectPose(name, True, None, None, None)
+
+
+def frame(received_s: float, *subjects: SubjectPose) -> Frame:
+    return Frame(0, 1, 0.02, received_s, 0.0, (), subjects)
+
+
+def test_subjects_are_given_to_their_vehicles_occluded_or_not() -> None:
+    subjects = SubjectMap({"Heli One": "h1", "Heli Two ": "h2"})
+    poses = subjects.update(frame(0.0, seen("Heli One"), hidden("Heli Two ")))
+    assert poses == [("h1", seen("Heli One")), ("h2", hidden("Heli Two "))]
+
+
+def test_unknown_and_missing_subjects_are_listed() -> None:
+    subjects = SubjectMap({"Heli One": "h1", "Heli Two": "h2"})
+    assert subjects.update(frame(0.0, seen("Heli One"), seen("wand"))) == [("h1", seen("Heli One"))]
+    assert subjects.unknown == ("wand",)
+    assert subjects.missing == ("Heli Two",)
+    subjects.update(frame(0.1, seen("Heli Two")))
+    assert subjects.unknown == ()
+    assert subjects.missing == ("Heli One",)
+
+
+def test_names_are_compared_exactly() -> None:
+    subjects = SubjectMap({"Heli": "h1"})
+    assert subjects.update(frame(0.0, seen("Heli "), seen("heli"))) == []
+    assert subjects.unknown == ("Heli ", "heli")
+
+
+def test_time_of_occlusion_counts_from_the_first_frame_without_pose() -> None:
+    subjects = SubjectMap({"a": "h1", "b": "h2", "c": "h3"})
+    subjects.update(frame(10.0, seen("a"), hidden("b")))
+    subjects.update(frame(11.0, hidden("a"), hidden("b")))
+    assert subjects.statuses(12.5) == (
+        SubjectStatus("a", "h1", True, 1.5),
+        SubjectStatus("b", "h2", True, 2.5),
+        SubjectStatus("c", "h3", False, None),
+    )
+    subjects.update(frame(13.0, seen("a"), hidden("b"), hidden("wand")))
+    assert subjects.statuses(13.0)[0] == SubjectStatus("a", "h1", True, None)
+    assert subjects.statuses(13.0)[3] == SubjectStatus("wand", None, True, 0.0)
+
+
+def test_occlusion_starts_anew_for_a_subject_that_was_not_listed_meanwhile() -> None:
+    subjects = SubjectMap({"a": "h1"})
+    for received_s, poses in ((1.0, (hidden("a"),)), (2.0, ()), (3.0, (hidden("a"),))):
+        subjects.update(frame(received_s, *poses))
+    assert subjects.statuses(3.5) == (SubjectStatus("a", "h1", True, 0.5),)
+
+
+def test_subject_listed_twice_is_ambiguous_and_gets_no_pose() -> None:
+    subjects = SubjectMap({"a": "h1", "b": "h2"})
+    poses = subjects.update(frame(0.0, seen("a"), seen("b"), seen("a")))
+    assert poses == [("h2", seen("b"))]
+    assert subjects.ambiguous == ("a",)
+
+
+def test_number_of_remembered_names_is_bounded_by_the_last_frame() -> None:
+    subjects = SubjectMap({})
+    for number in range(100):
+        subjects.update(frame(0.0, hidden(f"s{number}")))
+    assert len(subjects.statuses(0.0)) == 1
+
+
+@pytest.mark.parametrize("name", ["", "h 1", "h/1", "*", "1h", "h1?", "hé", "x" * 33])
+def test_vehicle_name_that_is_not_key_safe_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="allowed are up to 32"):
+        SubjectMap({"Heli": name})
+
+
+def test_vehicle_with_two_subjects_is_refused() -> None:
+    with pytest.raises(ValueError, match="'h1' has 2 subjects"):
+        SubjectMap({"a": "h1", "b": "h1"})
