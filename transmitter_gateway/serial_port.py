@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import math
 import os
+import select
 import struct
 import termios
 from collections import Counter
@@ -167,10 +168,12 @@ class SerialPort:
         """Return the bytes that have arrived, possibly none."""
         if self._serial is None:
             return b""
+        descriptor = self._serial.fileno()
         try:
-            data = os.read(self._serial.fileno(), READ_SIZE)
-        except BlockingIOError:
-            return b""
+            # An idle terminal reads as nothing, like one that is gone: only "readable" tells them apart.
+            if not select.select([descriptor], [], [], 0)[0]:
+                return b""
+            data = os.read(descriptor, READ_SIZE)
         except (OSError, termios.error) as error:
             self._lose(f"read from {self.path} failed: {error}", now_s)
             return b""

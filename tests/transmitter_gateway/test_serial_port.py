@@ -1,0 +1,236 @@
+import errno
+import fcntl
+import os
+import pty
+import select
+import termios
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from transmitter_gateway.protocols.base import SerialLine
+from transmitter_gateway.serial_port import LONGEST_BACKLOG_S, RETRY_S, SerialPort, WriteOutcome, set_baud
+
+LINE = SerialLine(100_000, "N", 2)
+FRAME = bytes(range(27))
+
+
+class Device:
+    """The other end of a pseudo-terminal reached through a symbolic link."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.plug()
+
+    def plug(self) -> None:
+        self.master, self.slave = pty.openpty()
+        tty.setraw(self.slave)
+        os.set_blocking(self.master, False)
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(self.slave))
+
+    def unplug(self) -> None:
+        os.close(self.master)
+        os.close(self.slave)
+        self.path.unlink()
+
+    def read(self) -> bytes:
+        assert select.select([self.master], [], [], 5.0)[0]
+        return os.read(self.master, 65536)
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> Iterator[Device]:
+    device = Device(tmp_path / "h1")
+    yield device
+    if device.path.is_symlink():
+        device.unplug()
+
+
+@pytest.fixture
+def port(device: Device) -> Iterator[SerialPort]:
+    port = SerialPort(str(device.path), LINE)
+    assert port.service(0.0)
+    yield port
+    port.close()
+
+
+def test_frames_arrive_whole(device: Device, port: SerialPort) -> None:
+    assert port.write_frame(FRAME, 0.0) is WriteOutcome.WRITTEN
+    assert device.read() == FRAME
+    assert port.problem is None
+    assert port.next_attempt_s == float("inf")
+
+
+@pytest.mark.parametrize("baud", [100_000, 125_000, 115_200])
+def test_standard_and_custom_baud_rates_are_set(device: Device, baud: int) -> None:
+    port = SerialPort(str(device.path), SerialLine(baud, "N", 2))
+    assert port.service(0.0)
+    descriptor = port.fileno()
+    assert descriptor is not None
+    flags = fcntl.ioctl(descriptor, 0x802C542A, bytes(44))
+    assert int.from_bytes(flags[40:44], "little") == baud
+    assert int.from_bytes(flags[8:12], "little") & termios.CSTOPB
+    port.close()
+
+
+def test_a_device_that_is_no_terminal_refuses_the_baud_rate() -> None:
+    with open(os.devnull, "wb") as file, pytest.raises(OSError, match="Inappropriate ioctl"):
+        set_baud(file.fileno(), 100_000)
+
+
+def test_answers_are_read_without_waiting(device: Device, port: SerialPort) -> None:
+    assert port.read_available(0.0) == b""
+    os.write(device.master, b"MP")
+    assert select.select([port.fileno()], [], [], 5.0)[0]
+    assert port.read_available(0.0) == b"MP"
+
+
+def test_missing_device_is_said_and_tried_again(tmp_path: Path) -> None:
+    path = tmp_path / "h1"
+    port = SerialPort(str(path), LINE)
+    assert not port.service(0.0)
+    assert port.problem is not None
+    assert str(path) in port.problem
+    assert port.next_attempt_s == RETRY_S
+    assert 0.1 <= RETRY_S <= 0.2
+    device = Device(path)
+    assert not port.service(RETRY_S - 0.01)
+    assert port.service(RETRY_S)
+    assert port.write_frame(FRAME, RETRY_S) is WriteOutcome.WRITTEN
+    port.close()
+    device.unplug()
+
+
+def test_a_second_gateway_cannot_open_the_port(device: Device, port: SerialPort) -> None:
+    second = SerialPort(str(device.path), LINE)
+    assert not second.service(0.0)
+    assert second.problem is not None
+    assert port.write_frame(FRAME, 0.0) is WriteOutcome.WRITTEN
+
+
+def test_parity_the_device_drops_is_a_clear_problem_and_not_a_crash(device: Device) -> None:
+    first = SerialPort(str(device.path), SerialLine(115_200, "E", 2))
+    assert first.service(0.0)
+    first.close()
+    second = SerialPort(str(device.path), SerialLine(115_200, "E", 2))
+    assert not second.service(0.0)
+    assert second.problem is not None
+    assert "Invalid argument" in second.problem
+
+
+def test_closed_port_reports_frames_as_not_sent(port: SerialPort) -> None:
+    port.close()
+    assert port.fileno() is None
+    assert port.write_frame(FRAME, 0.0) is WriteOutcome.CLOSED
+    assert port.read_available(0.0) == b""
+    assert port.problem == "closed"
+
+
+def test_unplugging_during_writes_loses_the_port_and_closes_the_descriptor(
+    device: Device, port: SerialPort
+) -> None:
+    descriptor = port.fileno()
+    assert descriptor is not None
+    device.unplug()
+    assert port.write_frame(FRAME, 1.0) is WriteOutcome.FAILED
+    assert not port.is_open
+    assert port.counters["losses"] == 1
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptor)
+    assert port.next_attempt_s == 1.0 + RETRY_S
+
+
+def test_unplugging_is_noticed_by_reading_too(device: Device, port: SerialPort) -> None:
+    device.unplug()
+    assert port.read_available(1.0) == b""
+    assert not port.is_open
+    assert port.problem is not None
+    assert str(device.path) in port.problem
+
+
+def test_port_is_reopened_through_the_symbolic_link_of_the_new_device(
+    device: Device, port: SerialPort
+) -> None:
+    device.unplug()
+    port.write_frame(FRAME, 1.0)
+    device.plug()
+    assert not port.service(1.1)
+    assert port.service(1.0 + RETRY_S)
+    assert port.write_frame(FRAME, 1.2) is WriteOutcome.WRITTEN
+    assert device.read() == FRAME
+    assert port.counters["openings"] == 2
+
+
+def fill(port: SerialPort, now_s: float) -> WriteOutcome:
+    """Write until the kernel takes no whole frame any more."""
+    outcome = WriteOutcome.WRITTEN
+    for _ in range(10_000):
+        outcome = port.write_frame(FRAME, now_s)
+        if outcome is not WriteOutcome.WRITTEN:
+            break
+    return outcome
+
+
+def test_slow_reader_gets_no_fragment_extended_and_the_port_is_given_up(
+    device: Device, port: SerialPort
+) -> None:
+    outcome = fill(port, 0.0)
+    assert outcome in (WriteOutcome.SHORT, WriteOutcome.BACKLOG)
+    if outcome is WriteOutcome.SHORT:
+        assert port.write_frame(FRAME, 0.0019) is WriteOutcome.SILENT
+    now_s = 0.01
+    while port.is_open and now_s < 1.0:
+        port.write_frame(FRAME, now_s)
+        now_s += 0.02
+    assert not port.is_open
+    assert now_s < LONGEST_BACKLOG_S + 0.06
+    assert port.problem is not None
+    assert "takes no bytes" in port.problem
+
+
+def test_short_write_is_followed_by_silence(port: SerialPort, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "write", lambda descriptor, data: len(data) - 1)
+    assert port.write_frame(FRAME, 1.0) is WriteOutcome.SHORT
+    monkeypatch.undo()
+    assert port.write_frame(FRAME, 1.0015) is WriteOutcome.SILENT
+    assert port.write_frame(FRAME, 1.0021) is WriteOutcome.WRITTEN
+    assert port.counters[WriteOutcome.SHORT] == 1
+
+
+def test_queued_bytes_drop_frames_so_that_no_stale_burst_builds_up(
+    port: SerialPort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    serial_class = type(port._serial)
+    queued = 28
+    monkeypatch.setattr(serial_class, "out_waiting", property(lambda self: queued))
+    assert port.write_frame(FRAME, 0.0) is WriteOutcome.BACKLOG
+    queued = 27
+    assert port.write_frame(FRAME, 0.02) is WriteOutcome.WRITTEN
+    queued = 100
+    assert port.write_frame(FRAME, 0.04) is WriteOutcome.BACKLOG
+    assert port.write_frame(FRAME, 0.13) is WriteOutcome.BACKLOG
+    assert port.is_open
+    assert port.write_frame(FRAME, 0.15) is WriteOutcome.BACKLOG
+    assert not port.is_open
+    assert port.next_attempt_s == 0.15 + RETRY_S
+
+
+def test_full_queue_drops_the_frame_without_waiting(
+    port: SerialPort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(descriptor: int, data: bytes) -> int:
+        raise BlockingIOError(errno.EAGAIN, "full")
+
+    monkeypatch.setattr(os, "write", refuse)
+    assert port.write_frame(FRAME, 0.0) is WriteOutcome.BACKLOG
+    assert port.is_open
+
+
+def test_closing_lets_another_user_open_the_port(device: Device, port: SerialPort) -> None:
+    port.close()
+    second = SerialPort(str(device.path), LINE)
+    assert second.service(0.0)
+    second.close()
