@@ -303,6 +303,7 @@ class DataStreamSession:
         return SubjectPose(subject.name, False, *pose, quality)
 
     def _root_segment(self, subject: _Subject) -> tuple[float, ...] | None:
+        """Return translation and rotation of the root segment, None for a subject not in this frame."""
         payload = self._segments.get(subject.id)
         if payload is None:
             return None
@@ -310,7 +311,7 @@ class DataStreamSession:
         for start in range(8, 8 + number * _SEGMENT.size, _SEGMENT.size):
             values = _SEGMENT.unpack_from(payload, start)
             if values[0] == subject.root_segment:
-                return values
+                return values[1:]
         return None
 
     def _ping(self, now_s: float) -> None:
@@ -328,11 +329,13 @@ class DataStreamSession:
 
 
 def _pose(values: tuple[float, ...], y_up: bool) -> tuple[Position, Quaternion] | None:
-    """Convert a segment of the wire (id, translation in mm, rotation) to metres and a quaternion, Z up."""
-    _, x, y, z = values[:4]
-    quaternion = quaternion_from_matrix(values[4:])
-    within = abs(x) <= MAX_POSITION_MM and abs(y) <= MAX_POSITION_MM and abs(z) <= MAX_POSITION_MM
-    if quaternion is None or not within:
+    """Convert translation in mm and rotation matrix to metres and a quaternion, Z up; None for no pose."""
+    x, y, z = values[:3]
+    limit = MAX_POSITION_MM
+    if not (-limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit):
+        return None
+    quaternion = quaternion_from_matrix(values[3:])
+    if quaternion is None:
         return None
     position = (x / 1000.0, y / 1000.0, z / 1000.0)
     if y_up:

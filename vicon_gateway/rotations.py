@@ -16,27 +16,27 @@ def quaternion_from_matrix(matrix: tuple[float, ...]) -> Quaternion | None:
     """
     m00, m01, m02, m10, m11, m12, m20, m21, m22 = matrix
     trace = m00 + m11 + m22
-    # The largest of the four squared components is the divisor, so that nothing is lost to cancellation.
-    largest = max(trace, m00, m11, m22)
-    if largest == trace:
+    # The divisor must be one of the larger components, so that nothing is lost to cancellation.
+    if trace > 0.0:
         root = 1.0 + trace
         x, y, z, w = m21 - m12, m02 - m20, m10 - m01, root
-    elif largest == m00:
+    elif m00 >= m11 and m00 >= m22:
         root = 1.0 + m00 - m11 - m22
         x, y, z, w = root, m01 + m10, m02 + m20, m21 - m12
-    elif largest == m11:
+    elif m11 >= m22:
         root = 1.0 + m11 - m00 - m22
         x, y, z, w = m01 + m10, root, m12 + m21, m02 - m20
     else:
         root = 1.0 + m22 - m00 - m11
         x, y, z, w = m02 + m20, m12 + m21, root, m10 - m01
-    if not root > 0.0:
-        return None
-    # The components so far are 2 sqrt(root) times the quaternion of a proper rotation.
+    # For a rotation the components so far are 2 sqrt(root) times the quaternion.
     squared = x * x + y * y + z * z + w * w
-    if not abs(squared - 4.0 * root) <= NORM_TOLERANCE * 4.0 * root:
+    expected = 4.0 * root
+    if not (root > 0.0 and abs(squared - expected) <= NORM_TOLERANCE * expected):
         return None
-    scale = math.copysign(1.0 / math.sqrt(squared), w)
+    scale = 1.0 / math.sqrt(squared)
+    if w < 0.0:
+        scale = -scale
     return x * scale, y * scale, z * scale, w * scale
 
 
