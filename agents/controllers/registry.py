@@ -16,6 +16,7 @@ from vehicles.model import Model
 
 ENTRY_POINT_GROUP: Final = "rcopterx.controllers"
 BUILT_IN: Final[Mapping[str, str]] = {
+    "cascade": "agents.controllers.cascade:CascadeController",
     "paper": "agents.controllers.paper:PaperController",
 }
 """Where the built-in controllers are; they work without installed metadata."""

@@ -1,0 +1,272 @@
+"""Yaw-first cascade ("trajectory MPC"): the default controller (control.md section 6).
+
+Three small quadratic programs per step. Yaw does not depend on the rest and comes first; the vertical does
+not either; along the planned yaw the horizontal motion is exactly linear, time-varying. Together they are the
+paper's problem with the true dynamics in place of the frozen ones, with actuator lags as states, estimated
+disturbances in the prediction and the inputs that fly the reference as input reference.
+"""
+
+from typing import Annotated, Final
+
+import msgspec
+import numpy as np
+
+from agents.controllers.base import GuardedController, Solution
+from agents.controllers.cascade_terms import (
+    ChainReference,
+    HeadingCost,
+    chain_reference,
+    riccati_cost,
+    to_body,
+)
+from agents.controllers.chain import ChainParameters
+from agents.controllers.chain_qp import ChainQP, ChainSolution
+from agents.controllers.disturbance_observer import DisturbanceObserver
+from agents.controllers.prediction import lag_poles
+from agents.controllers.settings import ControllerSettings, FourWeights, Fraction, PositiveFloat
+from agents.interfaces import Estimate
+from agents.trajectory import COLUMNS, Trajectory
+from vehicles.model import Model
+from vehicles.state import Array
+
+EightWeights = tuple[
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+]  # fmt: skip
+
+HEADING_TOLERANCE_RAD: Final = 2e-5
+TURN_TOLERANCE_RAD: Final = 4e-6
+"""A heading plan that differs less (turn: per period) leaves the matrices as they are: the error stays below
+a tenth of a millimetre after two seconds at full speed."""
+
+_YAW_BOUND = 6
+"""Where psid is among the bounded states."""
+
+
+class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
+    """Settings of the cascade."""
+
+    state_weights: EightWeights = (800.0, 800.0, 800.0, 40.0, 1.0, 1.0, 1.0, 1.0)
+    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid."""
+    input_weights: FourWeights = (1.5, 1.5, 1.5, 0.3)
+    """Diagonal of R: pitch, roll, thrust, yaw."""
+    actuator_lag: bool = True
+    """Model the actuators' lag."""
+    feed_forward: bool = True
+    """Input reference from the reference's accelerations; False refers inputs to hovering."""
+    disturbance_compensation: bool = True
+    """Predict with the estimated disturbance."""
+    integrators: bool | None = None
+    """Integral action; by default only while no disturbance is estimated or used."""
+    input_range: Fraction = 1.0
+    """Share of the input range around hovering to plan with; leaders leave their followers the rest."""
+    soft_weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e7)] = 1e5
+    """Weight of the squared excess over a state bound, in SI units."""
+    max_iterations: Annotated[int, msgspec.Meta(ge=1, le=200)] = 40
+    """Interior-point steps in each problem before its best point is taken."""
+
+
+class CascadeController(GuardedController):
+    """Trajectory MPC, yaw first.
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    period_s
+        Control period T_s.
+    settings
+        Horizon, weights, bounds and switches.
+
+    Raises
+    ------
+    SettingsError
+        Bounds that the vehicle cannot have.
+    """
+
+    Settings = CascadeSettings
+
+    def __init__(self, model: Model, period_s: float, settings: CascadeSettings) -> None:
+        super().__init__(model, period_s, settings.horizon, settings.limits(model))
+        self._settings = settings
+        self._observer = DisturbanceObserver(model, period_s)
+        self._decay = 1.0 + period_s * model.k
+        self._levels = 3 if settings.actuator_lag else 2
+        yaw, vertical, horizontal = (self._parameters(axes) for axes in ([3], [2], [0, 1]))
+        self._yaw, self._vertical, self._horizontal = (
+            ChainQP(chain, settings.max_iterations) for chain in (yaw, vertical, horizontal)
+        )
+        self._chains = yaw, vertical, horizontal
+        self._heading_cost = HeadingCost(horizontal, self._decay[:2])
+        turns, transitions = self._horizon + self._levels - 2, self._horizon + self._levels - 3
+        for qp, chain, axis in ((self._yaw, yaw, 3), (self._vertical, vertical, 2)):
+            decay = self._decay[axis : axis + 1]
+            transition = np.full((transitions, 1, 1), decay[0])
+            qp.set_matrices(np.ones((turns, 1, 1)), transition, riccati_cost(chain, decay))
+        self._heading_plan: Array | None = None
+        self.set_input_range(settings.input_range)
+
+    def set_input_range(self, fraction: float) -> None:
+        """Plan with a share of the input range around hovering, from the next step on.
+
+        Parameters
+        ----------
+        fraction
+            Above 0, at most 1.
+
+        Raises
+        ------
+        ValueError
+            Outside that range.
+        """
+        if not 0.0 < fraction <= 1.0:
+            raise ValueError(f"input range must be above 0 and at most 1, got {fraction}")
+        hover, limits = self._model.hover_input, self._limits
+        lower = hover + fraction * (limits.input_min - hover)
+        upper = hover + fraction * (limits.input_max - hover)
+        self._bounds = tuple(
+            (
+                np.concatenate((positions[0], limits.state_min[rates], lower[axes])),
+                np.concatenate((positions[1], limits.state_max[rates], upper[axes])),
+            )
+            for positions, rates, axes in (
+                ((np.array([-np.inf]), np.array([np.inf])), [_YAW_BOUND], [3]),
+                ((limits.state_min[2:3], limits.state_max[2:3]), [5], [2]),
+                ((limits.state_min[:2], limits.state_max[:2]), [3, 4], [0, 1]),
+            )
+        )
+
+    def _parameters(self, axes: list[int]) -> ChainParameters:
+        weights = np.array(self._settings.state_weights)
+        poles = lag_poles(self._model, self._period_s)
+        return ChainParameters(
+            stages=self._horizon,
+            period_s=self._period_s,
+            gain=self._model.b[axes],
+            pole=poles[axes] if self._settings.actuator_lag else None,
+            position_weights=weights[:4][axes],
+            velocity_weights=weights[4:][axes],
+            input_weights=np.array(self._settings.input_weights)[axes],
+            soft_weight=self._settings.soft_weight,
+            position_bounded=axes != [3],
+        )
+
+    def _start(self, estimate: Estimate, last_input: Array) -> None:
+        self._observer.start(estimate.motion, last_input)
+        for qp in (self._yaw, self._vertical, self._horizontal):
+            qp.forget()
+
+    def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution:  # noqa: ARG002
+        disturbance = self._disturbance(estimate)
+        gravity = np.array([0.0, 0.0, -self._model.gravity_m_s2, 0.0])
+        push = disturbance + gravity
+        yaw = self._solve(self._yaw, 0, [3], estimate, push, self._axis_reference(0, 3, reference, push))
+        vertical = self._solve(
+            self._vertical, 1, [2], estimate, push, self._axis_reference(1, 2, reference, push)
+        )
+        heading = yaw.flat[:, 0]
+        self._linearize(heading)
+        horizontal = self._solve(
+            self._horizontal, 2, [0, 1], estimate, push, self._horizontal_reference(heading, reference, push)
+        )
+        inputs = np.concatenate((horizontal.inputs, vertical.inputs, yaw.inputs), axis=1)
+        parts = (horizontal, vertical, yaw)
+        return Solution(
+            np.clip(inputs, self._limits.input_min, self._limits.input_max),
+            self._plan(np.concatenate((horizontal.flat, vertical.flat, yaw.flat), axis=1)),
+            sum(part.iterations for part in parts),
+            early=not all(part.solved for part in parts),
+        )
+
+    def _disturbance(self, estimate: Estimate) -> Array:
+        """Accelerations to predict with, in the order of `Estimate.disturbance`."""
+        told = estimate.disturbance if self._settings.disturbance_compensation else np.zeros(4)
+        integrate = self._settings.integrators
+        if integrate is None:
+            integrate = not told.any()
+        if not integrate:
+            return told
+        if self._last_plan is not None:
+            self._observer.observe(estimate.motion, self._last_plan)
+        return np.asarray(told + self._observer.disturbance(estimate.motion))
+
+    def _solve(
+        self,
+        qp: ChainQP,
+        chain: int,
+        axes: list[int],
+        estimate: Estimate,
+        push: Array,
+        reference: ChainReference,
+    ) -> ChainSolution:
+        lower, upper = self._bounds[chain]
+        inputs = reference.rows[:, -len(axes) :]
+        np.clip(inputs, lower[-len(axes) :], upper[-len(axes) :], out=inputs)
+        motion = estimate.motion
+        first = np.stack((motion[:4][axes], motion[4:][axes], estimate.actuator[axes]))[: self._levels]
+        return qp.solve(first, push[axes], (reference.rows, reference.terminal), (lower, upper))
+
+    def _axis_reference(self, chain: int, axis: int, reference: Trajectory, push: Array) -> ChainReference:
+        """Yaw and the vertical: the chain's frame is the inertial one."""
+        samples, period = reference.samples, self._period_s
+        position, velocity = samples[:, axis : axis + 1], samples[:, axis + 4 : axis + 5]
+        carried = self._decay[axis] * velocity + period * push[axis]
+        if self._settings.feed_forward:
+            after = velocity + period * samples[:, axis + 8 : axis + 9]
+        else:
+            after = carried - period * push[axis]
+        return chain_reference(self._chains[chain], position, velocity, after, carried)
+
+    def _horizontal_reference(self, heading: Array, reference: Trajectory, push: Array) -> ChainReference:
+        """Velocities and accelerations in the body frame of the planned heading."""
+        samples, period, stages = reference.samples, self._period_s, self._horizon
+        middle = 0.5 * (heading[1:] + heading[:-1])
+        if len(middle) == stages:
+            middle = np.append(middle, middle[-1])
+        c, s = np.cos(middle[: stages + 1]), np.sin(middle[: stages + 1])
+        inertial = samples[:, 4:6]
+        velocity = to_body(c[:-1], s[:-1], inertial)
+        turn = np.diff(heading)[:stages]
+        carried = self._decay[:2] * velocity + period * push[:2]
+        carried[:, 0] += turn * velocity[:, 1]
+        carried[:, 1] -= turn * velocity[:, 0]
+        if self._settings.feed_forward:
+            after = to_body(c[1:], s[1:], inertial + period * samples[:, 8:10])
+        else:
+            after = carried - period * push[:2]
+        return chain_reference(self._chains[2], samples[:, :2], velocity, after, carried)
+
+    def _linearize(self, heading: Array) -> None:
+        """Matrices of the horizontal chain along the planned heading."""
+        known = self._heading_plan
+        if known is not None:
+            moved = heading - known
+            if (
+                np.abs(moved).max() < HEADING_TOLERANCE_RAD
+                and np.abs(np.diff(moved)).max() < TURN_TOLERANCE_RAD
+            ):
+                return
+        self._heading_plan = heading
+        middle = 0.5 * (heading[1:] + heading[:-1])
+        turn = np.empty((len(middle), 2, 2))
+        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(middle)
+        turn[:, 1, 0] = np.sin(middle)
+        turn[:, 0, 1] = -turn[:, 1, 0]
+        transition = np.empty((len(middle) - 1, 2, 2))
+        transition[:, 0, 0], transition[:, 1, 1] = self._decay[:2]
+        transition[:, 0, 1] = np.diff(heading)[:-1]
+        transition[:, 1, 0] = -transition[:, 0, 1]
+        last = float(middle[self._horizon - 1])
+        self._horizontal.set_matrices(turn, transition, self._heading_cost.at(last))
+
+    def _plan(self, flat: Array) -> Trajectory:
+        """Trajectory whose velocities and accelerations are the differences of its positions."""
+        stages, period = self._horizon, self._period_s
+        samples = np.empty((stages, COLUMNS))
+        velocity = np.diff(flat, axis=0) / period
+        acceleration = np.diff(velocity, axis=0) / period
+        samples[:, :4] = flat[:stages]
+        samples[:, 4:8] = velocity[:stages]
+        samples[: len(acceleration), 8:] = acceleration[:stages]
+        samples[len(acceleration) :, 8:] = acceleration[-1]
+        return Trajectory(samples, period)

@@ -1,0 +1,139 @@
+"""The terms of the cascade's three problems: terminal costs, body-frame references, feed-forward.
+
+control.md section 6. Horizontal quantities that depend on the heading are turned with the mid-interval
+heading of the vehicle's own yaw plan, so a reference that is another vehicle's plan is reproduced exactly.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag, solve_discrete_are
+
+from agents.controllers.chain import ChainParameters
+from vehicles.state import Array, heading_matrix
+
+
+@dataclass(frozen=True, slots=True)
+class ChainReference:
+    """Reference of one chain, as `ChainQP.solve` takes it.
+
+    Attributes
+    ----------
+    rows
+        Shape (N, 3 m): position, velocity, input.
+    terminal
+        Shape (levels m,): position, velocity[, actuator] at stage N.
+    """
+
+    rows: Array
+    terminal: Array
+
+
+def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0) -> Array:
+    """Solution of the Riccati equation of a chain at rest.
+
+    Parameters
+    ----------
+    parameters
+        Dynamics and weights of the chain with m axes.
+    decay
+        F without turning: one plus T_s times the damping, shape (m,).
+    yaw_rad
+        Heading, for two axes.
+
+    Returns
+    -------
+    Array
+        Cost of (position, velocity[, actuator]), shape (levels m, levels m).
+    """
+    m, levels, period = parameters.axes, parameters.levels, parameters.period_s
+    size = levels * m
+    a, b = np.eye(size), np.zeros((size, m))
+    a[:m, m : 2 * m] = period * (heading_matrix(yaw_rad) if m == 2 else np.eye(1))
+    a[m : 2 * m, m : 2 * m] = np.diag(decay)
+    if parameters.pole is None:
+        b[m:] = np.diag(period * parameters.gain)
+    else:
+        a[m : 2 * m, 2 * m :] = np.diag(period * parameters.gain)
+        a[2 * m :, 2 * m :] = np.diag(parameters.pole)
+        b[2 * m :] = np.diag(1 - parameters.pole)
+    q = np.zeros(size)
+    q[:m], q[m : 2 * m] = parameters.position_weights, parameters.velocity_weights
+    cost = np.asarray(solve_discrete_are(a, b, np.diag(q), np.diag(parameters.input_weights)))
+    return np.asarray(0.5 * (cost + cost.T))
+
+
+class HeadingCost:
+    """Terminal cost of the horizontal chain at any heading.
+
+    With equal weights of x and y, P(psi) = T(psi)' P(0) T(psi), T turning positions into the body frame
+    (control.md section 6.6): one Riccati equation at start-up. Otherwise one per heading, on a grid.
+
+    Parameters
+    ----------
+    parameters
+        The horizontal chain.
+    decay
+        One plus T_s times the damping, shape (2,).
+    """
+
+    def __init__(self, parameters: ChainParameters, decay: Array) -> None:
+        self._parameters, self._decay = parameters, decay
+        weights = parameters.position_weights
+        self._isotropic = bool(weights[0] == weights[1])
+        self._solved: dict[float, Array] = {}
+
+    def at(self, yaw_rad: float) -> Array:
+        """P at a heading, shape (2 levels, 2 levels)."""
+        if not self._isotropic:
+            return self._at_grid(round(float(np.remainder(yaw_rad, 2 * np.pi)), 2))
+        turn = block_diag(heading_matrix(yaw_rad).T, np.eye(2 * self._parameters.levels - 2))
+        return np.asarray(turn.T @ self._at_grid(0.0) @ turn)
+
+    def _at_grid(self, yaw_rad: float) -> Array:
+        if yaw_rad not in self._solved:
+            self._solved[yaw_rad] = riccati_cost(self._parameters, self._decay, yaw_rad)
+        return self._solved[yaw_rad]
+
+
+def chain_reference(
+    parameters: ChainParameters, position: Array, velocity: Array, next_velocity: Array, carried: Array
+) -> ChainReference:
+    """Reference of a chain with the inputs that fly it.
+
+    The actuator must make the next velocity out of what the present one carries over; the input must make the
+    next actuator out of the present one (inverse of the lag).
+
+    Parameters
+    ----------
+    parameters
+        The chain with m axes.
+    position, velocity
+        Shape (N, m), in the chain's own frames.
+    next_velocity
+        Velocity one stage later, shape (N, m).
+    carried
+        F velocity + T_s disturbance, shape (N, m).
+
+    Returns
+    -------
+    ChainReference
+        Rows and terminal.
+    """
+    m = parameters.axes
+    actuator = (next_velocity - carried) / (parameters.period_s * parameters.gain)
+    rows = np.zeros((len(position), 3 * m))
+    rows[:, :m], rows[:, m : 2 * m] = position, velocity
+    if parameters.pole is None:
+        rows[:-1, 2 * m :] = actuator[:-1]
+        return ChainReference(rows, np.concatenate((position[-1], velocity[-1])))
+    rows[:-1, 2 * m :] = (actuator[1:] - parameters.pole * actuator[:-1]) / (1 - parameters.pole)
+    return ChainReference(rows, np.concatenate((position[-1], velocity[-1], actuator[-1])))
+
+
+def to_body(cosine: Array, sine: Array, inertial: Array) -> Array:
+    """Turn inertial vectors, shape (N, 2), into body frames of given headings."""
+    turned = np.empty_like(inertial)
+    turned[:, 0] = cosine * inertial[:, 0] + sine * inertial[:, 1]
+    turned[:, 1] = cosine * inertial[:, 1] - sine * inertial[:, 0]
+    return turned

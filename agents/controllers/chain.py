@@ -1,0 +1,256 @@
+"""A chain of integrators with a lagged input, written in its flat output.
+
+    position_{i+1} = position_i + T_s E_i velocity_i
+    velocity_{i+1} = F_i velocity_i + T_s (b actuator_i + disturbance)
+    actuator_{i+1} = pole actuator_i + (1 - pole) input_i        (without lag: actuator_i = input_i)
+
+with E_i orthogonal and one or two axes: yaw, the vertical and, along a known heading plan, the horizontal
+motion are all of this form (control.md section 6). Positions determine everything else: velocities are their
+differences, actuators differences of those, inputs differences of those. In the positions y_i alone there are
+no dynamics left to respect, every quantity of stage i is a row times the window (y_i, .., y_{i + levels}),
+and the Hessian is a band: one Newton step is one banded Cholesky factorisation (LAPACK pbtrf), linear in N.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import as_strided, sliding_window_view
+from scipy.linalg import lapack
+
+from vehicles.state import Array
+
+
+@dataclass(frozen=True, slots=True)
+class ChainParameters:
+    """What does not change in flight; m is the number of axes.
+
+    Attributes
+    ----------
+    stages
+        N.
+    period_s
+        T_s.
+    gain
+        b, shape (m,).
+    pole
+        Discrete actuator pole, shape (m,); None for no lag.
+    position_weights, velocity_weights, input_weights
+        Diagonals of the stage cost, shape (m,).
+    soft_weight
+        Weight of the squared excess over a state bound.
+    position_bounded
+        False for positions without bounds (yaw).
+    """
+
+    stages: int
+    period_s: float
+    gain: Array
+    pole: Array | None
+    position_weights: Array
+    velocity_weights: Array
+    input_weights: Array
+    soft_weight: float
+    position_bounded: bool = True
+
+    @property
+    def axes(self) -> int:
+        """Number of axes m."""
+        return len(self.gain)
+
+    @property
+    def levels(self) -> int:
+        """States per axis."""
+        return 2 if self.pole is None else 3
+
+
+@dataclass(frozen=True, slots=True)
+class ChainTarget:
+    """Reference and bounds of the rows, with the disturbance's share of the inputs taken out.
+
+    Attributes
+    ----------
+    rows
+        Shape (N, 3 m): position, velocity, input of each stage; the last stage has no input.
+    terminal
+        Shape (levels m,): position, velocity[, actuator] of stage N.
+    lower, upper
+        Shape (3 m,).
+    """
+
+    rows: Array
+    terminal: Array
+    lower: Array
+    upper: Array
+
+
+class Chain:
+    """Rows, cost and banded Hessian of one chain.
+
+    Parameters
+    ----------
+    parameters
+        Sizes, dynamics and weights.
+
+    Attributes
+    ----------
+    weights
+        Cost of each row, shape (N, 3 m).
+    bounded
+        1 where a row has bounds that bind, 0 else, shape (N, 3 m).
+    inputs
+        Columns of the inputs among the rows.
+    flat
+        The positions y, shape (N + levels, m); the last is padding.
+    """
+
+    def __init__(self, parameters: ChainParameters) -> None:
+        self.parameters = parameters
+        stages, m, levels = parameters.stages, parameters.axes, parameters.levels
+        self.inputs = slice(2 * m, 3 * m)
+        self._push = parameters.period_s * parameters.gain
+        self._width = width = (levels + 1) * m
+        self._rows: Array = np.zeros((stages, 3 * m, width))
+        self._rows[:, :m, :m] = np.eye(m)
+        self._terminal_map: Array = np.eye(levels * m)
+        self.weights: Array = np.zeros((stages, 3 * m))
+        self.weights[1:-1, :m] = parameters.position_weights
+        self.weights[1:-1, m : 2 * m] = parameters.velocity_weights
+        self.weights[:-1, self.inputs] = parameters.input_weights
+        # the measured first state and the input after the horizon cannot be chosen, so no bound binds them
+        self.bounded: Array = np.ones((stages, 3 * m))
+        self.bounded[0, : 2 * m] = 0.0
+        self.bounded[-1, self.inputs] = 0.0
+        if not parameters.position_bounded:
+            self.bounded[:, :m] = 0.0
+        self._products: Array = np.zeros((stages, width, 2 * width))
+        step, row, item = self._products.strides
+        # entry (s, j, a, d) of this view is products[s, j m + a, j m + a + d]: a diagonal as a column
+        self._diagonals = as_strided(
+            self._products, (stages, levels + 1, m, width), (step, m * (row + item), row + item, item)
+        )
+        self._band: Array = np.zeros((stages + levels, m, width))
+        self._free = slice(levels * m, (stages + levels - 1) * m)
+        self.flat: Array = np.zeros((stages + levels, m))
+        self._flat_windows = sliding_window_view(self.flat.reshape(-1), width)[::m]
+        self._change: Array = np.zeros((stages + levels) * m)
+        self._change_windows = sliding_window_view(self._change, width)[::m]
+
+    def set_matrices(self, turn: Array, transition: Array, terminal_cost: Array) -> None:
+        """Replace E, F and the terminal cost.
+
+        Parameters
+        ----------
+        turn
+            E of the stages 1 to N + levels - 2, shape (.., m, m).
+        transition
+            F of the stages 1 to N + levels - 3, shape (.., m, m).
+        terminal_cost
+            Of (position, velocity[, actuator]) at stage N, shape (levels m, levels m).
+        """
+        m, stages, pole = self.parameters.axes, self.parameters.stages, self.parameters.pole
+        back = np.swapaxes(turn, 1, 2) / self.parameters.period_s
+        velocity = np.concatenate((-back, back), axis=2)
+        self._rows[:, m : 2 * m, : 2 * m] = velocity[:stages]
+        actuator = np.zeros((len(transition), m, 3 * m))
+        actuator[:, :, m:] = velocity[1:]
+        actuator[:, :, : 2 * m] -= transition @ velocity[:-1]
+        actuator /= self._push[:, None]
+        self._terminal_map[m : 2 * m, : 2 * m] = velocity[stages - 1]
+        if pole is None:
+            self._rows[:-1, self.inputs] = actuator
+        else:
+            self._terminal_map[2 * m :] = actuator[stages - 1]
+            inputs = self._rows[:-1, self.inputs]
+            inputs[:, :, m:] = actuator[1:]
+            inputs[:, :, :m] = 0.0
+            inputs[:, :, :-m] -= pole[:, None] * actuator[:-1]
+            inputs /= (1.0 - pole)[:, None]
+        self._first_turns = turn[:2].copy()
+        self._first_transition = transition[0].copy()
+        self._terminal_cost = terminal_cost
+        self._terminal_hessian = self._terminal_map.T @ terminal_cost @ self._terminal_map
+
+    def balance(self, disturbance: Array) -> Array:
+        """Input that balances a disturbance, with the opposite sign, shape (m,)."""
+        return np.asarray(self.parameters.period_s * disturbance / self._push)
+
+    def set_start(self, first_state: Array, disturbance: Array) -> None:
+        """Fix the positions that the measured state determines: as many as it has levels.
+
+        Parameters
+        ----------
+        first_state
+            Position, velocity[, actuator] of stage 1, shape (levels, m).
+        disturbance
+            Acceleration, shape (m,).
+        """
+        flat, period = self.flat, self.parameters.period_s
+        flat[0] = first_state[0]
+        flat[1] = flat[0] + period * self._first_turns[0] @ first_state[1]
+        if self.parameters.levels == 3:
+            push = self._push * first_state[2] + period * disturbance
+            flat[2] = flat[1] + period * self._first_turns[1] @ (
+                self._first_transition @ first_state[1] + push
+            )
+
+    def values(self) -> Array:
+        """Rows at the present positions, shape (N, 3 m)."""
+        return np.asarray(np.einsum("srk,sk->sr", self._rows, self._flat_windows))
+
+    def change_of_values(self, step: Array) -> Array:
+        """Change of the rows under a step of the free positions, shape (N, 3 m)."""
+        self._change[self._free] = step
+        return np.asarray(np.einsum("srk,sk->sr", self._rows, self._change_windows))
+
+    def move(self, step: Array) -> None:
+        """Take a step of the free positions."""
+        self.flat.reshape(-1)[self._free] += step
+
+    def roll_out(self, inputs: Array) -> None:
+        """Set the free positions to what inputs (N - 1, m) without the disturbance's balance lead to."""
+        m, first = self.parameters.axes, self.parameters.levels
+        windows = self._rows[:-1, self.inputs]
+        for stage, wanted in enumerate(inputs):
+            window = self.flat[stage : stage + first].reshape(-1)
+            known = windows[stage, :, :-m] @ window
+            self.flat[stage + first] = np.linalg.solve(windows[stage, :, -m:], wanted - known)
+
+    def gradient(self, pull: Array) -> Array:
+        """Derivative with respect to the free positions of sum(pull * rows); `pull` has shape (N, 3 m)."""
+        return np.asarray(self._overlapped(pull).reshape(-1)[self._free])
+
+    def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
+        """As `gradient`, with the terminal cost's part."""
+        last = self.parameters.stages - 1
+        gradient = self._overlapped(pull)
+        error = self._terminal_map @ self.flat[last:-1].reshape(-1) - target.terminal
+        end = self._terminal_map.T @ (self._terminal_cost @ error)
+        gradient[last:-1] += end.reshape(-1, self.parameters.axes)
+        return np.asarray(gradient.reshape(-1)[self._free])
+
+    def factorize(self, weights: Array) -> Array | None:
+        """Banded Cholesky factor of the Hessian with these row weights; None if it is not definite."""
+        stages, width, band = self.parameters.stages, self._width, self._band
+        scaled = self._rows * weights[:, :, None]
+        products = self._products[:, :, :width]
+        np.matmul(self._rows.transpose(0, 2, 1), scaled, out=products)
+        size = len(self._terminal_hessian)
+        products[-1, :size, :size] += self._terminal_hessian
+        band[:] = 0.0
+        for shift in range(self.parameters.levels + 1):
+            band[shift : shift + stages] += self._diagonals[:, shift]
+        factor, info = lapack.dpbtrf(band.reshape(-1, width)[self._free].T, lower=1)
+        return None if info else factor
+
+    @staticmethod
+    def solve(factor: Array, right_side: Array) -> Array:
+        """Solve with a factor from `factorize`."""
+        return np.asarray(lapack.dpbtrs(factor, right_side, lower=1)[0])
+
+    def _overlapped(self, pull: Array) -> Array:
+        stages, m, levels = self.parameters.stages, self.parameters.axes, self.parameters.levels
+        windows = np.einsum("srk,sr->sk", self._rows, pull).reshape(stages, levels + 1, m)
+        total = np.zeros((stages + levels, m))
+        for shift in range(levels + 1):
+            total[shift : shift + stages] += windows[:, shift]
+        return total

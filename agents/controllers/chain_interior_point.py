@@ -1,0 +1,133 @@
+"""Primal-dual interior-point method (Mehrotra's predictor and corrector) for a chain's quadratic program.
+
+Every bounded row v has two inequalities, v - z/w + t = upper and -v - z/w + t = -lower, with slack t and
+multiplier z both positive; 1/w is zero for a hard bound, and the inverse penalty weight for a soft one, whose
+excess z/w is thereby eliminated. Each step costs one banded factorisation and two solves.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from agents.controllers.chain import Chain, ChainTarget
+from vehicles.state import Array
+
+GAP: Final = 1e-6
+"""Mean complementarity at which the iteration ends; costs are of the order of one."""
+RESIDUAL: Final = 1e-7
+START_MULTIPLIER: Final = 10.0
+START_SLACK: Final = 0.5
+TO_BOUNDARY: Final = 0.99
+
+
+@dataclass(frozen=True, slots=True)
+class InteriorPoint:
+    """Where the iteration ended; the primal solution is in the chain.
+
+    Attributes
+    ----------
+    slacks, multipliers
+        Shape (2, N, 3 m): upper and lower bounds.
+    solved
+        The gap is closed.
+    iterations
+        Factorisations.
+    """
+
+    slacks: Array
+    multipliers: Array
+    solved: bool
+    iterations: int
+
+
+def solve_interior_point(chain: Chain, target: ChainTarget, max_iterations: int) -> InteriorPoint:
+    """Minimise from the chain's present positions.
+
+    Parameters
+    ----------
+    chain
+        Its `flat` is the start and becomes the solution.
+    target
+        Reference and bounds.
+    max_iterations
+        Largest number of steps.
+
+    Returns
+    -------
+    InteriorPoint
+        Slacks and multipliers.
+    """
+    return _InteriorPoint(chain, target).run(max_iterations)
+
+
+class _InteriorPoint:
+    def __init__(self, chain: Chain, target: ChainTarget) -> None:
+        self._chain, self._target = chain, target
+        self._mask = np.stack((chain.bounded, chain.bounded))
+        self._count = self._mask.sum()
+        self._give = chain.bounded / chain.parameters.soft_weight
+        self._give[:, chain.inputs] = 0.0
+        bounds = np.stack((target.upper, -target.lower))[:, None, :]
+        self._bounds = np.where(self._mask > 0, bounds, 0.0)
+        span = np.where(chain.bounded > 0, target.upper - target.lower, 1.0)
+        self._values = chain.values()
+        room = self._bounds - np.stack((self._values, -self._values))
+        self._slacks = np.where(self._mask > 0, np.maximum(room, START_SLACK * span), 1.0)
+        self._multipliers = self._mask * START_MULTIPLIER * span / self._slacks
+
+    def run(self, max_iterations: int) -> InteriorPoint:
+        for iteration in range(max_iterations):
+            slacks, multipliers = self._slacks, self._multipliers
+            residual = self._residual()
+            gap = float(np.vdot(slacks, multipliers)) / self._count
+            if gap < GAP and np.abs(residual).max() < RESIDUAL:
+                return InteriorPoint(slacks, multipliers, True, iteration)
+            if not self._step(residual, gap):
+                return InteriorPoint(slacks, multipliers, False, iteration)
+        return InteriorPoint(self._slacks, self._multipliers, False, max_iterations)
+
+    def _residual(self) -> Array:
+        both = np.stack((self._values, -self._values)) - self._give * self._multipliers
+        return np.asarray((both + self._slacks - self._bounds) * self._mask)
+
+    def _step(self, residual: Array, gap: float) -> bool:
+        """One predictor and corrector; False if the Hessian cannot be factorised."""
+        chain, slacks, multipliers = self._chain, self._slacks, self._multipliers
+        softened = slacks + self._give * multipliers
+        stiffness = multipliers / softened
+        factor = chain.factorize(chain.weights + stiffness[0] + stiffness[1])
+        if factor is None:
+            return False
+        pull = chain.weights * (self._values - self._target.rows) + multipliers[0] - multipliers[1]
+        gradient = chain.cost_gradient(pull, self._target)
+        forced = stiffness * residual
+
+        def direction(product: Array) -> tuple[Array, Array, Array, Array]:
+            shift = forced - product / softened
+            step = chain.solve(factor, -gradient - chain.gradient(shift[0] - shift[1]))
+            values = chain.change_of_values(step)
+            both = np.stack((values, -values))
+            to_multipliers = stiffness * both + shift
+            to_slacks = (self._give * to_multipliers - residual - both) * self._mask
+            return step, values, to_slacks, to_multipliers
+
+        product = slacks * multipliers
+        _, _, to_slacks, to_multipliers = direction(product)
+        length = min(_longest(slacks, to_slacks), _longest(multipliers, to_multipliers))
+        ahead = np.vdot(slacks + length * to_slacks, multipliers + length * to_multipliers) / self._count
+        centering = (float(ahead) / gap) ** 3
+        product += (to_slacks * to_multipliers - centering * gap) * self._mask
+        step, values, to_slacks, to_multipliers = direction(product)
+        length = TO_BOUNDARY * min(_longest(slacks, to_slacks), _longest(multipliers, to_multipliers))
+        chain.move(length * step)
+        self._values = self._values + length * values
+        slacks += length * to_slacks
+        multipliers += length * to_multipliers
+        return True
+
+
+def _longest(at: Array, direction: Array) -> float:
+    """Largest step up to 1 / TO_BOUNDARY that keeps `at` non-negative."""
+    ratio = float((direction / np.where(at > 0, at, np.inf)).min())
+    return min(1.0 / TO_BOUNDARY, -1.0 / ratio) if ratio < 0 else 1.0 / TO_BOUNDARY

@@ -1,0 +1,188 @@
+"""The chain's solver against an independent one, and its dynamics."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from agents.controllers.cascade_terms import HeadingCost, riccati_cost
+from agents.controllers.chain import ChainParameters
+from agents.controllers.chain_qp import ChainQP
+from vehicles.state import Array
+
+osqp = pytest.importorskip("osqp")
+PERIOD_S = 0.02
+
+
+@dataclass
+class Case:
+    """A horizontal chain that turns while it flies."""
+
+    parameters: ChainParameters
+    turn: Array
+    transition: Array
+    terminal_cost: Array
+    lower: Array
+    upper: Array
+
+    @property
+    def levels(self) -> int:
+        return self.parameters.levels
+
+    def workspace(self) -> ChainQP:
+        qp = ChainQP(self.parameters, 60)
+        qp.set_matrices(self.turn, self.transition, self.terminal_cost)
+        return qp
+
+    def matrices(self, stage: int) -> tuple[Array, Array]:
+        """A and B of one stage in the order position, velocity[, actuator]."""
+        p, t = self.parameters, PERIOD_S
+        a, b = np.eye(2 * self.levels), np.zeros((2 * self.levels, 2))
+        a[:2, 2:4] = t * self.turn[stage]
+        a[2:4, 2:4] = self.transition[stage]
+        if p.pole is None:
+            b[2:] = np.diag(t * p.gain)
+        else:
+            a[2:4, 4:] = np.diag(t * p.gain)
+            a[4:, 4:] = np.diag(p.pole)
+            b[4:] = np.diag(1 - p.pole)
+        return a, b
+
+
+def case(stages: int, lag: bool, yaw_rate: float = 1.5) -> Case:
+    pole = np.exp(-PERIOD_S / np.array([0.06, 0.05])) if lag else None
+    parameters = ChainParameters(
+        stages, PERIOD_S, np.array([2.0, 2.1]), pole, np.full(2, 800.0), np.ones(2), np.full(2, 1.5), 1e4
+    )
+    levels = parameters.levels
+    angle = yaw_rate * PERIOD_S * (np.arange(stages + levels - 2) + 0.5)
+    turn = np.array([[[np.cos(w), -np.sin(w)], [np.sin(w), np.cos(w)]] for w in angle])
+    decay = np.array([0.99, 0.992])
+    step = PERIOD_S * yaw_rate
+    transition = np.tile([[decay[0], step], [-step, decay[1]]], (stages + levels - 3, 1, 1))
+    cost = HeadingCost(parameters, decay).at(float(angle[stages - 1]))
+    lower, upper = np.array([-1.2, -1.2, -1, -1.3, -1, -1]), np.array([1.2, 1.2, 1, 1.3, 1, 1])
+    return Case(parameters, turn, transition, cost, lower, upper)
+
+
+def independent(problem: Case, first: Array, disturbance: Array, rows: Array, terminal: Array) -> Array:
+    """Inputs of the same problem in states and inputs, with slacks, by OSQP at tight tolerance."""
+    p, nx = problem.parameters, 2 * problem.levels
+    n, block = p.stages, nx + 2 + 4
+    cost_diagonal = np.concatenate(
+        (p.position_weights, p.velocity_weights, np.zeros(nx - 4), p.input_weights, np.full(4, p.soft_weight))
+    )
+    hessian = sparse.lil_matrix(sparse.diags(np.tile(cost_diagonal, n)))
+    gradient = np.zeros(n * block)
+    equal: list[tuple[Array, Array]] = []
+    boxes: list[tuple[Array, float, float]] = []
+    for i in range(n):
+        at = i * block
+        gradient[at : at + 4] = -cost_diagonal[:4] * rows[i, :4]
+        gradient[at + nx : at + nx + 2] = -p.input_weights * rows[i, 4:]
+        if i == n - 1:
+            hessian[at : at + nx, at : at + nx] = problem.terminal_cost
+            gradient[at : at + nx] = -problem.terminal_cost @ terminal
+            gradient[at + nx : at + nx + 2] = 0.0
+        else:
+            a, b = problem.matrices(i)
+            line = np.zeros((nx, n * block))
+            line[:, at : at + nx], line[:, at + nx : at + nx + 2] = a, b
+            line[:, at + block : at + block + nx] = -np.eye(nx)
+            push = np.zeros(nx)
+            push[2:4] = PERIOD_S * disturbance
+            equal.append((line, -push))
+            for axis in range(2):
+                row = np.zeros(n * block)
+                row[at + nx + axis] = 1.0
+                boxes.append((row, problem.lower[4 + axis], problem.upper[4 + axis]))
+        for axis in range(4 if i else 0):
+            row = np.zeros(n * block)
+            row[at + axis], row[at + nx + 2 + axis] = 1.0, -1.0
+            boxes.append((row, problem.lower[axis], problem.upper[axis]))
+    start = np.zeros((nx, n * block))
+    start[:, :nx] = np.eye(nx)
+    matrix = np.vstack([start, *(line for line, _ in equal), *(row for row, _, _ in boxes)])
+    fixed = np.concatenate([first.ravel(), *(right for _, right in equal)])
+    lower = np.concatenate([fixed, [low for _, low, _ in boxes]])
+    upper = np.concatenate([fixed, [high for _, _, high in boxes]])
+    solver = osqp.OSQP()
+    solver.setup(
+        sparse.csc_matrix(hessian), gradient, sparse.csc_matrix(matrix), lower, upper,
+        eps_abs=1e-8, eps_rel=1e-8, max_iter=200_000, verbose=False, polishing=True,
+    )  # fmt: skip
+    result = solver.solve(raise_error=True)
+    inputs: Array = result.x.reshape(n, block)[:-1, nx : nx + 2]
+    return inputs
+
+
+@pytest.mark.parametrize("lag", [True, False])
+@pytest.mark.parametrize("distance_m", [0.01, 0.2, 0.7, 1.1, 1.5])
+def test_solution_is_the_one_an_independent_solver_finds(lag: bool, distance_m: float) -> None:
+    """Inside the bounds, on input bounds, on speed bounds, and from outside the box."""
+    problem = case(16, lag)
+    first = np.array([[distance_m, -0.6 * distance_m], [0.3, -0.4], [0.2, 0.1]])[: problem.levels]
+    disturbance = np.array([0.1, -0.2])
+    rows, terminal = np.zeros((16, 6)), np.zeros(2 * problem.levels)
+    rows[:, 4:] = -disturbance / problem.parameters.gain
+    found = problem.workspace().solve(first, disturbance, (rows, terminal), (problem.lower, problem.upper))
+    expected = independent(problem, first, disturbance, rows, terminal)
+    assert found.solved
+    assert found.inputs == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("lag", [True, False])
+def test_plan_obeys_the_dynamics(lag: bool) -> None:
+    problem = case(30, lag)
+    first = np.array([[0.5, 0.2], [0.1, 0.3], [0.1, -0.1]])[: problem.levels]
+    disturbance = np.array([0.1, -0.2])
+    rows, terminal = np.zeros((30, 6)), np.zeros(2 * problem.levels)
+    found = problem.workspace().solve(first, disturbance, (rows, terminal), (problem.lower, problem.upper))
+    state = first.ravel()
+    for stage in range(29):
+        assert found.flat[stage] == pytest.approx(state[:2], abs=1e-6)
+        a, b = problem.matrices(stage)
+        state = a @ state + b @ found.inputs[stage]
+        state[2:4] += PERIOD_S * disturbance
+    assert found.flat[29] == pytest.approx(state[:2], abs=1e-6)
+
+
+def test_unfinished_iterations_still_give_a_plan_that_obeys_the_dynamics() -> None:
+    problem = case(30, lag=True)
+    qp = ChainQP(problem.parameters, 1)
+    qp.set_matrices(problem.turn, problem.transition, problem.terminal_cost)
+    first = np.array([[1.1, -1.0], [0.9, -1.2], [0.2, 0.1]])
+    found = qp.solve(first, np.zeros(2), (np.zeros((30, 6)), np.zeros(6)), (problem.lower, problem.upper))
+    assert not found.solved
+    assert (np.abs(found.inputs) <= 1.0).all()
+    state = first.ravel()
+    for stage in range(29):
+        a, b = problem.matrices(stage)
+        state = a @ state + b @ found.inputs[stage]
+        assert found.flat[stage + 1] == pytest.approx(state[:2], abs=1e-6)
+
+
+def test_next_step_starts_from_the_shifted_solution() -> None:
+    """Flying the plan itself, the active bounds are those of before: no fresh start is needed."""
+    problem = case(40, lag=True)
+    qp = problem.workspace()
+    state = np.array([0.8, -0.5, 0.0, 0.0, 0.0, 0.0])
+    iterations = []
+    for _ in range(10):
+        found = qp.solve(
+            state.reshape(3, 2), np.zeros(2), (np.zeros((40, 6)), np.zeros(6)), (problem.lower, problem.upper)
+        )
+        assert found.solved
+        iterations.append(found.iterations)
+        a, b = problem.matrices(0)
+        state = a @ state + b @ found.inputs[0]
+    assert max(iterations[1:]) < iterations[0]
+
+
+@pytest.mark.parametrize("yaw", [0.3, -2.0, 7.0])
+def test_turned_terminal_cost_solves_the_riccati_equation_of_the_heading(yaw: float) -> None:
+    problem = case(10, lag=True)
+    decay = np.array([0.99, 0.992])
+    direct = riccati_cost(problem.parameters, decay, yaw)
+    assert HeadingCost(problem.parameters, decay).at(yaw) == pytest.approx(direct, rel=1e-6, abs=1e-6)
