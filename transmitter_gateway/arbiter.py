@@ -252,7 +252,8 @@ class Arbiter:
             return found
         if self.state not in FLYING and self._candidate is None:
             return found
-        judgement = self.surveillance.judge(now_s, self._thrust_time_s)
+        thrust_time_s = self._thrust_time_s if self.state in FLYING else 0.0
+        judgement = self.surveillance.judge(now_s, thrust_time_s)
         for condition, reason in (
             (Condition.HOLD_CAUSE, judgement.hold),
             (Condition.DESCEND_CAUSE, judgement.descend),
@@ -313,20 +314,18 @@ class Arbiter:
         """Number of the planned input to be played at `now_s`: 0 none, 1 the first.
 
         Planned input n belongs to the time n periods after its command. The first one waits half a period
-        longer, so that a command that is merely a little late does not count as missing.
+        longer, but not until HOLD, so that a command that is merely a little late does not count as missing.
         """
-        command = stream.command
-        period_s = command.period_s
-        usable = min(
-            len(command.next_u), self.limits.bridge_steps, int(self.limits.bridge_s / period_s + 1e-9)
-        )
-        age_s = now_s - stream.arrival_s
-        if usable == 0 or age_s < 1.5 * period_s:
-            return 0
+        period_s = stream.command.period_s
+        within_time = int(self.limits.bridge_s / period_s + ROUNDING)
+        usable = min(len(stream.command.next_u), self.limits.bridge_steps, within_time)
         end_s = max((usable + 1) * period_s, self.limits.hold_after_s)
-        if now_s >= stream.arrival_s + end_s:
+        if not stream.arrival_s + self._bridge_delay_s(period_s) <= now_s < stream.arrival_s + end_s:
             return 0
-        return min(int(age_s / period_s + 1e-9), usable)
+        return min(max(int((now_s - stream.arrival_s) / period_s + ROUNDING), 1), usable)
+
+    def _bridge_delay_s(self, period_s: float) -> float:
+        return min(BRIDGE_DELAY * period_s, self.limits.hold_after_s)
 
     # Output -------------------------------------------------------------------------------------------
 
@@ -366,7 +365,8 @@ class Arbiter:
         stream = self._stream()
         if stream is not None:
             period_s = stream.command.period_s
-            ages = [limits.hold_after_s, limits.descend_after_s, limits.cut_after_s, BRIDGE_DELAY * period_s]
+            ages = [limits.hold_after_s, limits.descend_after_s, limits.cut_after_s]
+            ages.append(self._bridge_delay_s(period_s))
             ages += [n * period_s for n in range(2, limits.bridge_steps + 2)]
             times += [stream.arrival_s + age for age in ages]
         times.append(self._entered_s + limits.hold_limit_s)

@@ -1,0 +1,92 @@
+"""An arbiter with a virtual clock, poses and commands at 50 Hz."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from transmitter_gateway.arbiter import Arbiter
+from transmitter_gateway.inputs import (
+    Action,
+    Answer,
+    ArbiterOutput,
+    CommandInput,
+    Input,
+    LinkState,
+    PoseInput,
+    Position,
+    Request,
+    State,
+)
+from transmitter_gateway.limits import ArbiterLimits
+
+U_HOVER = 0.55
+SLEW: Input = (20.0, 20.0, 4.0, 8.0)
+PERIOD_S = 0.02
+IDLE: Input = (0.0, 0.0, 0.0, 0.0)
+HOVER: Input = (0.1, -0.1, 0.55, 0.05)
+
+
+class Bench:
+    def __init__(self, limits: ArbiterLimits | None = None, start_s: float = 1000.0) -> None:
+        self.arbiter = Arbiter("h1", limits or ArbiterLimits(), U_HOVER, SLEW)
+        self.arbiter.link(LinkState.READY)
+        self.now_s = start_s
+        self.frame = 0
+        self.sequence = 0
+        self.position: Position | None = (0.0, 0.0, 1.0)
+        self.epoch = 7
+        self.outputs: list[ArbiterOutput] = []
+
+    @property
+    def state(self) -> State:
+        return self.arbiter.state
+
+    @property
+    def reason(self) -> str:
+        return self.arbiter.reason
+
+    def wait(self, seconds: float) -> ArbiterOutput:
+        self.now_s += seconds
+        self.outputs.append(self.arbiter.step(self.now_s))
+        return self.outputs[-1]
+
+    def pose(self, vehicle: str = "h1", position: Position | None = None) -> None:
+        place = position or self.position
+        self.arbiter.pose(PoseInput(vehicle, self.epoch, self.frame, place, PERIOD_S), self.now_s)
+
+    def command(self, u: Sequence[float] = HOVER, **changes: Any) -> Answer:
+        self.sequence += 1
+        fields: dict[str, Any] = {
+            "source": "agent",
+            "epoch": self.epoch,
+            "sequence": self.sequence,
+            "frame": self.frame,
+            "u": u,
+            "next_u": (),
+            "period_s": PERIOD_S,
+        }
+        answer = self.arbiter.command(CommandInput(**{**fields, **changes}), self.now_s)
+        self.outputs.append(self.arbiter.step(self.now_s))
+        return answer
+
+    def request(self, action: Action, by: str = "operator", source: str = "") -> Answer:
+        return self.arbiter.request(Request(action, by, source), self.now_s)
+
+    def run(self, seconds: float, u: Sequence[float] | None = HOVER, **changes: Any) -> ArbiterOutput:
+        """Poses and, unless `u` is None, commands for `seconds`."""
+        for _ in range(round(seconds / PERIOD_S)):
+            self.wait(PERIOD_S)
+            self.frame += 1
+            self.pose()
+            if u is not None:
+                self.command(u, **changes)
+        return self.arbiter.step(self.now_s)
+
+    def arm(self) -> Answer:
+        self.run(0.6, IDLE)
+        return self.request(Action.ARM, source="agent")
+
+    def fly(self, u: Sequence[float] = HOVER) -> "Bench":
+        assert self.arm().accepted
+        self.run(0.6, u)
+        assert self.state is State.ARMED
+        return self
