@@ -170,7 +170,7 @@ class DataStreamSession:
         samples = self._latency_samples
         if (network := self.network_latency_s) is not None:
             samples = (*samples, (NETWORK_LATENCY, network))
-        latency_s = sum(seconds for _, seconds in samples)
+        latency_s = sum((seconds for _, seconds in samples), 0.0)
         subjects = tuple(self._subject_pose(subject) for subject in self._subjects)
         return Frame(frame, self._connection, self.period_s, received_s, latency_s, samples, subjects)
 

@@ -1,0 +1,272 @@
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from datastream_strategies import float32
+from tracker_bench import BODIES
+
+from simulator.tracker import TrackerServer
+from simulator.tracker_faults import Close, Occlude, Silence
+from simulator.tracker_frame import TrackerFrame
+from vicon_gateway.brands import BrandClient
+from vicon_gateway.client import ClientLimits
+from vicon_gateway.frame import Frame
+
+MOCK = {"rigid_bodies": "h1(1,-2,0.5,0.5,0.5,0.5,-0.5);h2(0,0,1,1,0,0,0)", "frequency": "200"}
+LIMITS = ClientLimits(connect_s=20.0, silence_min_s=0.5, retry_min_s=0.01, retry_max_s=0.05)
+DEADLINE_S = 40.0
+
+pytestmark = pytest.mark.integration
+
+
+def run_until(
+    client: BrandClient,
+    condition: Callable[[], bool],
+    step: Callable[[], object] = lambda: None,
+    frames: list[Frame] | None = None,
+) -> list[Frame]:
+    frames = [] if frames is None else frames
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline_s, client.state
+        step()
+        frame = client.next_frame(0.002)
+        if frame is not None:
+            frames.append(frame)
+    return frames
+
+
+def is_running(pid: int) -> bool:
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
+    with BrandClient("mock", MOCK, 200.0, latency_s=0.004, limits=LIMITS) as client:
+        frames = run_until(client, lambda: client.state.frames >= 3)
+        state = client.state
+    assert (state.name, state.connects, state.rejected, state.last_error) == ("up", 1, 0, None)
+    for frame in frames:
+        assert (frame.connection, frame.period_s, frame.latency_s) == (1, 0.005, 0.004)
+        h1, h2 = frame.subjects
+        assert (h1.name, h1.occluded, h1.position_m) == ("h1", False, (1.0, -2.0, 0.5))
+        assert h1.quaternion_xyzw == pytest.approx((0.5, 0.5, -0.5, 0.5))
+        assert (h2.name, h2.quaternion_xyzw) == ("h2", (0.0, 0.0, 0.0, 1.0))
+    numbers = [frame.frame for frame in frames]
+    assert numbers == sorted(set(numbers))
+
+
+def test_killed_child_is_replaced_and_its_frames_counted_from_zero() -> None:
+    with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
+        run_until(client, lambda: client.state.frames >= 5)
+        assert client.child_pid is not None
+        os.kill(client.child_pid, signal.SIGKILL)
+        frames = run_until(client, lambda: client.state.connects == 2 and client.state.name == "up")
+        assert client.state.last_error == "mock: its process ended with code -9"
+        assert (frames[-1].connection, frames[-1].frame) <= (2, 10)
+        assert frames[-1].connection == 2
+
+
+def test_frozen_child_is_killed_and_replaced() -> None:
+    with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
+        run_until(client, lambda: client.state.name == "up")
+        frozen = client.child_pid
+        assert frozen is not None
+        os.kill(frozen, signal.SIGSTOP)
+        run_until(client, lambda: client.state.connects == 2 and client.state.name == "up")
+        assert client.state.last_error == "mock: no frame for 0.5 s"
+        assert not is_running(frozen)
+
+
+def test_vicon_back_end_sees_what_the_tracker_captures_and_survives_its_faults() -> None:
+    number = 0
+    next_s = 0.0
+    with TrackerServer(port=0, profile="tracker2", rate_hz=100.0) as server:
+
+        def step() -> None:
+            nonlocal number, next_s
+            server.poll()
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + 0.01
+                server.publish(TrackerFrame(number, BODIES))
+                number += 1
+
+        settings = {"hostname": "{}:{}".format(*server.address)}
+        with BrandClient("vicon", settings, 100.0, limits=LIMITS) as client:
+
+            def wait_for(condition: Callable[[Frame], bool]) -> Frame:
+                frames: list[Frame] = []
+                run_until(client, lambda: bool(frames) and condition(frames[-1]), step, frames)
+                return frames[-1]
+
+            frame = wait_for(lambda frame: len(frame.subjects) == 2)
+            for subject, body in zip(sorted(frame.subjects), BODIES, strict=True):
+                assert subject.name == body.name
+                assert subject.position_m == tuple(map(float32, body.position_m))
+                assert subject.quaternion_xyzw == pytest.approx(body.quaternion_xyzw, abs=1e-6)
+            server.apply(Occlude("h1", duration_s=0.5))
+            hidden = wait_for(lambda frame: any(subject.occluded for subject in frame.subjects))
+            assert [subject.name for subject in hidden.subjects if subject.occluded] == ["h1"]
+            wait_for(lambda frame: not any(subject.occluded for subject in frame.subjects))
+            server.apply(Close())
+            wait_for(lambda frame: frame.connection == 2 and len(frame.subjects) == 2)
+            assert client.state.last_error == "vicon: no frame for 0.5 s"
+            server.apply(Silence(duration_s=1.0))
+            wait_for(lambda frame: frame.connection == 3 and len(frame.subjects) == 2)
+
+
+def test_library_that_hangs_in_connect_holds_up_nobody() -> None:
+    with TrackerServer(port=0) as server:
+        host, port = server.address
+    settings = {"hostname": f"{host}:{port}"}
+    with BrandClient("vicon", settings, 100.0, limits=LIMITS._replace(connect_s=1.5)) as client:
+        started: list[int] = []
+
+        def note_child() -> None:
+            started.extend([client.child_pid] if client.child_pid is not None else [])
+
+        run_until(client, lambda: client.state.connects >= 2, note_child)
+        assert client.state.last_error == "vicon: no frame for 1.5 s"
+        assert not is_running(started[0])
+
+
+def test_closed_client_leaves_no_process() -> None:
+    client = BrandClient("mock", MOCK, 200.0, limits=LIMITS)
+    run_until(client, lambda: client.state.name == "up")
+    child = client.child_pid
+    assert child is not None
+    client.close()
+    assert not is_running(child)
+    assert client.next_frame(60.0) is None
+    assert client.state.name == "closed"
+
+
+def test_child_dies_with_a_parent_that_is_killed() -> None:
+    code = f"""
+        from vicon_gateway.brands import BrandClient
+        client = BrandClient("mock", {MOCK!r}, 200.0)
+        while client.next_frame(1.0) is None:
+            pass
+        print(client.child_pid, flush=True)
+        while True:
+            client.next_frame(1.0)
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        assert is_running(child)
+        parent.kill()
+    deadline_s = time.monotonic() + DEADLINE_S
+    while is_running(child):
+        assert time.monotonic() < deadline_s
+
+
+def test_library_is_not_loaded_into_the_process_that_uses_it() -> None:
+    code = f"""
+        import sys
+        from vicon_gateway.brands import BrandClient
+        client = BrandClient("mock", {MOCK!r}, 200.0)
+        while client.next_frame(1.0) is None:
+            pass
+        client.close()
+        print("motioncapture" in sys.modules)
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code)]
+    assert subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout == "False\n"
+
+
+def fake_library(monkeypatch: pytest.MonkeyPatch, folder: Path, code: str) -> None:
+    (folder / "motioncapture.py").write_text(textwrap.dedent(code))
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+
+
+def error_of(client: BrandClient) -> str:
+    with client:
+        run_until(client, lambda: client.state.last_error is not None)
+        return str(client.state.last_error)
+
+
+def test_missing_library_is_named_with_the_way_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    fake_library(monkeypatch, tmp_path, "raise ImportError")
+    error = error_of(BrandClient("mock", MOCK, 200.0, limits=LIMITS))
+    assert error == "mock: the library motioncapture is not installed: pip install 'rcopterx[mocap]'"
+
+
+def test_error_of_the_library_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    code = """
+        def connect(brand, settings):
+            print("chatter of the library")
+            raise RuntimeError("no such host")
+    """
+    fake_library(monkeypatch, tmp_path, code)
+    assert error_of(BrandClient("mock", MOCK, 200.0, limits=LIMITS)) == "mock: no such host"
+
+
+def test_child_that_writes_nonsense_is_replaced(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    code = """
+        import os, time
+        def connect(brand, settings):
+            for descriptor in range(3, 10):
+                try:
+                    os.write(descriptor, b"\\x01\\0\\0\\0\\xc1")
+                except OSError:
+                    pass
+            time.sleep(60.0)
+    """
+    fake_library(monkeypatch, tmp_path, code)
+    assert "malformed message" in error_of(BrandClient("mock", MOCK, 200.0, limits=LIMITS))
+
+
+def test_pose_that_is_none_is_refused_counted_and_shown_as_occluded(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    code = """
+        import time
+        from types import SimpleNamespace as Record
+
+        class Capture:
+            rigidBodies = {
+                "bad": Record(name="bad", position=[float("nan"), 0, 0], rotation=Record(x=0, y=0, z=0, w=1)),
+                "odd": Record(name="odd", position=[0, 0, 0], rotation=Record(x=0, y=0, z=0, w=0)),
+                "good": Record(name="good", position=[0, 0, 0], rotation=Record(x=0, y=0, z=0, w=-1)),
+            }
+            def waitForNextFrame(self):
+                time.sleep(0.01)
+
+        def connect(brand, settings):
+            return Capture()
+    """
+    fake_library(monkeypatch, tmp_path, code)
+    with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
+        frame = run_until(client, lambda: client.state.frames >= 1)[-1]
+        assert [subject.occluded for subject in frame.subjects] == [True, True, False]
+        assert frame.subjects[2].quaternion_xyzw == (0.0, 0.0, 0.0, 1.0)
+        assert client.state.rejected == 2
+
+
+@pytest.mark.parametrize(
+    ("brand", "settings", "rate_hz", "latency_s", "allowed"),
+    [
+        ("nokov", {}, 100.0, 0.0, "optitrack, qualisys"),
+        ("qualisys", {"host": "x"}, 100.0, 0.0, "hostname, port"),
+        ("vrpn", {"hostname": "x"}, 0.0, 0.0, "more than 0"),
+        ("vrpn", {"hostname": "x"}, 100.0, 2.0, "0 to 1"),
+    ],
+)
+def test_wrong_settings_are_refused_with_what_is_allowed(
+    brand: str, settings: dict[str, str], rate_hz: float, latency_s: float, allowed: str
+) -> None:
+    with pytest.raises(ValueError, match=f"allowed .*{allowed}"):
+        BrandClient(brand, settings, rate_hz, latency_s=latency_s)

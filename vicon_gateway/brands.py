@@ -1,0 +1,378 @@
+"""Other motion-capture brands through the `motioncapture` library, in a process of its own.
+
+The library blocks without a limit, keeps the interpreter's lock while it connects, and never notices that its
+server has gone (vicon_datastream.md section 10). It therefore runs in a child process (``python -m
+vicon_gateway.brands``) that writes what it sees to a pipe; the parent watches, kills and restarts it, and
+never imports the library.
+
+The library tells neither frame numbers nor times: frames are counted by the child from 0, so a lost frame
+cannot be seen, and every restart of the child begins at 0 again, which begins a new epoch. A body that is not
+seen is missing from the library's answer: the bodies seen since the start of the child are the subjects.
+"""
+
+import ctypes
+import itertools
+import json
+import math
+import os
+import select
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import msgspec
+
+from vicon_gateway.client import ClientLimits, ClientState, StateName
+from vicon_gateway.datastream import MAX_POSITION_MM, StreamCounters
+from vicon_gateway.frame import Frame, SubjectPose
+
+BRANDS: Mapping[str, tuple[str, ...]] = {
+    "optitrack": ("hostname", "interface_ip", "port_command"),
+    "qualisys": ("hostname", "port"),
+    "vrpn": ("hostname",),
+    "vicon": ("hostname", "enable_objects", "enable_pointclout"),
+    "mock": ("rigid_bodies", "frequency"),
+}
+"""Back-ends compiled into the library's wheel and their settings, spelt as the library spells them."""
+
+DEFAULT_LIMITS = ClientLimits(connect_s=15.0, silence_min_s=0.5)
+"""The library looks for a server every 5 s, and a new child takes about half a second to start."""
+
+MAX_MESSAGE_BYTES = 1024 * 1024
+READ_BYTES = 64 * 1024
+MAX_POSITION_M = MAX_POSITION_MM / 1000.0
+_LENGTH = struct.Struct("<I")
+_PR_SET_PDEATHSIG = 1
+
+
+class Body(msgspec.Struct, frozen=True, array_like=True):
+    """One body the library sees."""
+
+    name: str
+    position_m: tuple[float, float, float]
+    quaternion_xyzw: tuple[float, float, float, float]
+
+
+class Seen(msgspec.Struct, frozen=True, tag=True):
+    """Message of the child: one frame."""
+
+    frame: int
+    bodies: tuple[Body, ...]
+
+
+class Failed(msgspec.Struct, frozen=True, tag=True):
+    """Message of the child: it gives up."""
+
+    error: str
+
+
+class _ChildError(Exception):
+    """The child is of no use any more; the text says why."""
+
+
+class _Child:
+    """The child process and the messages it has written."""
+
+    def __init__(self, brand: str, settings: Mapping[str, str]) -> None:
+        root = str(Path(__file__).resolve().parents[1])
+        path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+        command = [
+            sys.executable,
+            "-m",
+            "vicon_gateway.brands",
+            brand,
+            json.dumps(dict(settings)),
+            str(os.getpid()),
+        ]
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": path},
+            start_new_session=True,  # Ctrl-C in the terminal is for the parent to handle
+        )
+        assert self._process.stdout is not None
+        self._pipe = self._process.stdout.fileno()
+        os.set_blocking(self._pipe, False)
+        self._buffer = bytearray()
+        self._decoder = msgspec.msgpack.Decoder(Seen | Failed)
+        self._poller = select.poll()
+        self._poller.register(self._pipe, select.POLLIN)
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def read(self, timeout_s: float) -> list[Seen]:
+        """Wait for messages and return all that are there; raises `_ChildError` when none will come."""
+        self._poller.poll(math.ceil(timeout_s * 1000.0))
+        at_end = False
+        while len(self._buffer) <= MAX_MESSAGE_BYTES:
+            try:
+                data = os.read(self._pipe, READ_BYTES)
+            except BlockingIOError:
+                break
+            if not data:
+                at_end = True
+                break
+            self._buffer += data
+        found = self._messages()
+        if at_end and not found:
+            raise _ChildError(f"its process ended with code {self._process.wait()}")
+        return found
+
+    def kill(self) -> None:
+        """End the process, whatever it is doing."""
+        self._process.kill()
+        self._process.wait()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+
+    def _messages(self) -> list[Seen]:
+        found = []
+        while len(self._buffer) >= _LENGTH.size:
+            size: int = _LENGTH.unpack_from(self._buffer)[0]
+            if size > MAX_MESSAGE_BYTES:
+                raise _ChildError(f"its process sends a message of {size} bytes")
+            end = _LENGTH.size + size
+            if len(self._buffer) < end:
+                break
+            try:
+                message = self._decoder.decode(self._buffer[_LENGTH.size : end])
+            except msgspec.DecodeError as error:
+                raise _ChildError(f"its process sends a malformed message: {error}") from error
+            del self._buffer[:end]
+            if isinstance(message, Failed):
+                raise _ChildError(message.error)
+            found.append(message)
+        return found
+
+
+class BrandClient:
+    """Frames of a motion-capture system of another brand; the same face as `client.DataStreamClient`.
+
+    Create and use it in one thread: the child dies with the thread that started it.
+
+    Parameters
+    ----------
+    brand : str
+        One of `BRANDS`.
+    settings : mapping
+        Settings of the library's back-end, see `BRANDS`.
+    rate_hz : float
+        Capture rate; the library does not tell it.
+    latency_s : float
+        Capture to arrival; the library does not tell it either.
+    clock : callable
+        Monotonic seconds.
+    limits : ClientLimits
+        `connect_s` limits the time from the child's start to its first frame.
+
+    Raises
+    ------
+    ValueError
+        Unknown brand or setting, rate or latency out of range.
+    """
+
+    def __init__(
+        self,
+        brand: str,
+        settings: Mapping[str, str],
+        rate_hz: float,
+        *,
+        latency_s: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+        limits: ClientLimits = DEFAULT_LIMITS,
+    ) -> None:
+        _check(brand, settings, rate_hz, latency_s)
+        self._brand, self._settings = brand, dict(settings)
+        self._period_s = 1.0 / rate_hz
+        self._samples = (("Configured", latency_s),) if latency_s else ()
+        self._clock = clock
+        self._limits = limits
+        self._counters = StreamCounters()
+        self._name: StateName = "waiting"
+        self._child: _Child | None = None
+        self._subjects: dict[str, None] = {}
+        self._starts = 0
+        self._last_error: str | None = None
+        self._pause_s = limits.retry_min_s
+        self._deadline_s = clock()
+
+    @property
+    def state(self) -> ClientState:
+        """What the client is doing now; `connects` counts the starts of the child."""
+        counters = self._counters
+        return ClientState(
+            self._name,
+            self._sentence(),
+            self._last_error,
+            self._starts,
+            counters.frames,
+            counters.skipped,
+            counters.lost,
+            counters.repeated,
+            counters.restarts,
+            counters.rejected,
+            0,
+        )
+
+    @property
+    def child_pid(self) -> int | None:
+        """Process id of the child, None while there is none."""
+        return None if self._child is None else self._child.pid
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        """Wait for the next frame and return the newest; None when `timeout_s` is over."""
+        give_up_s = self._clock() + timeout_s
+        while self._name != "closed":
+            try:
+                frame = self._step(give_up_s)
+            except (_ChildError, OSError) as error:
+                self._fail(str(error))
+                frame = None
+            if frame is not None:
+                return frame
+            if self._clock() >= give_up_s:
+                return None
+        return None
+
+    def close(self) -> None:
+        """End the child; `next_frame` returns None from now on."""
+        self._kill()
+        self._name = "closed"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _step(self, give_up_s: float) -> Frame | None:
+        timeout_s = max(0.0, min(give_up_s, self._deadline_s) - self._clock())
+        if self._child is None:
+            if timeout_s > 0.0:
+                time.sleep(timeout_s)
+            if self._clock() >= self._deadline_s:
+                self._start()
+            return None
+        seen = self._child.read(timeout_s)
+        now_s = self._clock()
+        if seen:
+            self._name = "up"
+            self._pause_s = self._limits.retry_min_s
+            self._deadline_s = now_s + self._silence_limit_s()
+            return self._frame(seen, now_s)
+        if now_s >= self._deadline_s:
+            limit_s = self._limits.connect_s if self._name == "connecting" else self._silence_limit_s()
+            raise _ChildError(f"no frame for {limit_s:.3g} s")
+        return None
+
+    def _start(self) -> None:
+        self._starts += 1
+        self._subjects = {}
+        self._name = "connecting"
+        self._deadline_s = self._clock() + self._limits.connect_s
+        self._child = _Child(self._brand, self._settings)
+
+    def _frame(self, seen: list[Seen], now_s: float) -> Frame:
+        self._counters.frames += 1
+        self._counters.skipped += len(seen) - 1
+        for message in seen:
+            self._subjects.update(dict.fromkeys(body.name for body in message.bodies))
+        bodies = {body.name: body for body in seen[-1].bodies}
+        poses = tuple(self._pose(name, bodies.get(name)) for name in self._subjects)
+        latency_s = sum((seconds for _, seconds in self._samples), 0.0)
+        return Frame(seen[-1].frame, self._starts, self._period_s, now_s, latency_s, self._samples, poses)
+
+    def _pose(self, name: str, body: Body | None) -> SubjectPose:
+        if body is None:
+            return SubjectPose(name, True, None, None, None)
+        x, y, z, w = body.quaternion_xyzw
+        norm = math.hypot(x, y, z, w)
+        within = all(abs(value) <= MAX_POSITION_M for value in body.position_m)
+        if not (within and abs(norm - 1.0) <= 1e-3):
+            self._counters.rejected += 1
+            return SubjectPose(name, True, None, None, None)
+        scale = math.copysign(1.0 / norm, w)
+        return SubjectPose(name, False, body.position_m, (x * scale, y * scale, z * scale, w * scale), None)
+
+    def _silence_limit_s(self) -> float:
+        return max(self._limits.silence_periods * self._period_s, self._limits.silence_min_s)
+
+    def _fail(self, reason: str) -> None:
+        self._last_error = f"{self._brand}: {reason}"
+        self._kill()
+        self._name = "waiting"
+        self._deadline_s = self._clock() + self._pause_s
+        self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)
+
+    def _kill(self) -> None:
+        if self._child is not None:
+            self._child.kill()
+            self._child = None
+
+    def _sentence(self) -> str:
+        where = f"{self._brand} ({', '.join(f'{key} {value}' for key, value in self._settings.items())})"
+        if self._name == "waiting":
+            pause_s = max(0.0, self._deadline_s - self._clock())
+            return f"starting {where} again in {pause_s:.1f} s (try {self._starts + 1})"
+        if self._name == "connecting":
+            return f"waiting for the first frame of {where} (try {self._starts})"
+        return f"receiving from {where}" if self._name == "up" else f"closed, was {where}"
+
+
+def _check(brand: str, settings: Mapping[str, str], rate_hz: float, latency_s: float) -> None:
+    if brand not in BRANDS:
+        raise ValueError(f"brand {brand!r}: allowed are {', '.join(BRANDS)}")
+    for key in settings:
+        if key not in BRANDS[brand]:
+            raise ValueError(f"setting {key!r} of {brand}: allowed are {', '.join(BRANDS[brand])}")
+    if not 0.0 < rate_hz <= 10_000.0:
+        raise ValueError(f"rate_hz {rate_hz}: allowed is more than 0, at most 10000")
+    if not 0.0 <= latency_s <= 1.0:
+        raise ValueError(f"latency_s {latency_s}: allowed is 0 to 1")
+
+
+def run_child(brand: str, settings: dict[str, str], parent: int) -> int:
+    """Write what the library sees to standard output until killed; returns the exit code when it fails."""
+    pipe = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # the library's own messages do not belong into the data
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        return 1  # the parent was gone before it could be tied to this process
+
+    def write(message: Seen | Failed) -> None:
+        data = msgspec.msgpack.encode(message)
+        pipe.write(_LENGTH.pack(len(data)) + data)
+        pipe.flush()
+
+    try:
+        import motioncapture
+
+        capture = motioncapture.connect(brand, settings)
+        for number in itertools.count():
+            capture.waitForNextFrame()
+            bodies = capture.rigidBodies.values()
+            write(Seen(number, tuple(_body(body.name, body.position, body.rotation) for body in bodies)))
+    except ImportError:
+        write(Failed("the library motioncapture is not installed: pip install 'rcopterx[mocap]'"))
+    except (RuntimeError, ValueError, KeyError) as error:
+        write(Failed(str(error)))
+    return 1
+
+
+def _body(name: str, position: Sequence[float], rotation: Any) -> Body:
+    x, y, z = (float(value) for value in position)
+    quaternion = (float(rotation.x), float(rotation.y), float(rotation.z), float(rotation.w))
+    return Body(name, (x, y, z), quaternion)
+
+
+if __name__ == "__main__":
+    sys.exit(run_child(sys.argv[1], json.loads(sys.argv[2]), int(sys.argv[3])))
