@@ -90,8 +90,9 @@ def test_feed_forward_flies_an_accelerating_reference_closer() -> None:
     errors = []
     for feed_forward in (True, False):
         controller = make(horizon=30, feed_forward=feed_forward)
-        controller.reset(state(), HOVER)
-        plan = controller.step(state(), Trajectory(samples, PERIOD_S), HOVER).plan
+        moving = Estimate(state().motion, HOVER + np.array([0.2, 0, 0, 0]), np.zeros(4))
+        controller.reset(moving, HOVER)
+        plan = controller.step(moving, Trajectory(samples, PERIOD_S), HOVER).plan
         errors.append(np.abs(plan.position_m - samples[:, :3]).max())
     assert errors[0] < 0.5 * errors[1]
 

@@ -20,6 +20,8 @@ def at_rest(x: float = 0.0, y: float = 0.0, z: float = 1.0, yaw: float = 0.0) ->
 
 
 def make(**settings: object) -> PaperController:
+    """A controller that a busy machine does not hurry."""
+    settings = {"time_limit_s": 1.0} | settings
     return PaperController(COAXIAL, PERIOD_S, PaperSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
 
 
