@@ -1,0 +1,238 @@
+import math
+from collections import Counter
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transmitter_gateway.admission import Admission, Rejection
+from transmitter_gateway.inputs import CommandInput
+from transmitter_gateway.limits import ArbiterLimits
+
+GOOD = CommandInput(
+    "agent", epoch=5, sequence=10, frame=100, u=(0.1, -0.2, 0.5, 0.0), next_u=((0, 0, 0.5, 0),)
+)
+
+
+class Desk:
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        self.admission = Admission(ArbiterLimits(), self.counters)
+
+    def say(
+        self,
+        command: CommandInput = GOOD,
+        now_s: float = 1.0,
+        pose_epoch: int | None = 5,
+        holder: str | None = None,
+        **changes: Any,
+    ) -> Rejection | None:
+        return self.admission.consider(
+            replace(command, **changes), now_s, pose_epoch=pose_epoch, holder=holder
+        )
+
+
+def test_a_good_command_is_accepted_and_kept() -> None:
+    desk = Desk()
+    assert desk.say() is None
+    stream = desk.admission.streams["agent"]
+    assert stream.command.u == (0.1, -0.2, 0.5, 0.0)
+    assert stream.command.next_u == ((0.0, 0.0, 0.5, 0.0),)
+    assert stream.arrival_s == 1.0
+    assert stream.low_since_s is None
+    assert not desk.counters
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"source": ""},
+        {"source": 7},
+        {"epoch": -1},
+        {"epoch": True},
+        {"epoch": 5.0},
+        {"sequence": "11"},
+        {"frame": None},
+        {"u": None},
+        {"u": 0.5},
+        {"u": (0.1, 0.1, 0.5)},
+        {"u": (0.1, 0.1, 0.5, 0.0, 0.0)},
+        {"u": ("0.1", 0.1, 0.5, 0.0)},
+        {"u": "0000"},
+        {"u": (True, 0.1, 0.5, 0.0)},
+        {"u": (1j, 0.1, 0.5, 0.0)},
+        {"next_u": None},
+        {"next_u": (0.1, 0.1, 0.5, 0.0)},
+        {"next_u": ((0.1, 0.1, 0.5),)},
+        {"next_u": ((0.0, 0.0, 0.5, 0.0),) * 64},
+        {"period_s": "0.02"},
+        {"period_s": None},
+        {"period_s": True},
+    ],
+    ids=str,
+)
+def test_malformed_commands_are_rejected_and_counted(changes: dict[str, Any]) -> None:
+    desk = Desk()
+    assert desk.say(**changes) is Rejection.MALFORMED
+    assert desk.counters == {Rejection.MALFORMED: 1}
+    assert not desk.admission.streams
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("place", range(4))
+def test_values_that_are_not_finite_are_rejected(bad: float, place: int) -> None:
+    u = [0.0, 0.0, 0.5, 0.0]
+    u[place] = bad
+    for changes in ({"u": u}, {"next_u": [u]}):
+        assert Desk().say(**changes) is Rejection.NOT_FINITE
+    assert Desk().say(period_s=bad) is Rejection.NOT_FINITE
+
+
+@pytest.mark.parametrize(
+    ("place", "limit", "outward"),
+    [(0, 1, 1), (0, -1, -1), (1, 1, 1), (1, -1, -1), (2, 1, 1), (2, 0, -1), (3, 0.4, 1), (3, -0.4, -1)],
+)
+def test_values_a_little_outside_are_clamped_and_further_outside_rejected(
+    place: int, limit: float, outward: int
+) -> None:
+    u = [0.0, 0.0, 0.5, 0.0]
+    u[place] = limit + outward * 0.0199
+    desk = Desk()
+    assert desk.say(u=u, next_u=[u]) is None
+    command = desk.admission.streams["agent"].command
+    assert command.u[place] == limit
+    assert command.next_u[0][place] == limit
+    u[place] = limit + outward * 0.0201
+    assert Desk().say(u=u) is Rejection.OUT_OF_LIMITS
+    assert Desk().say(next_u=[u]) is Rejection.OUT_OF_LIMITS
+
+
+@pytest.mark.parametrize("period_s", [0.0, -0.02, 0.1001])
+def test_command_periods_out_of_range_are_rejected(period_s: float) -> None:
+    assert Desk().say(period_s=period_s) is Rejection.OUT_OF_LIMITS
+    assert Desk().say(period_s=0.1) is None
+
+
+def test_numbers_of_any_real_type_are_taken() -> None:
+    desk = Desk()
+    assert desk.say(u=np.array([0.1, 0.2, 0.5, 0.0], dtype=np.float32), next_u=np.zeros((6, 4))) is None
+    assert desk.say(u=(0, Fraction(1, 4), 1, 0), sequence=11) is None
+    assert all(type(value) is float for value in desk.admission.streams["agent"].command.u)
+
+
+def test_longest_plan_is_accepted() -> None:
+    assert Desk().say(next_u=((0.0, 0.0, 0.5, 0.0),) * 63) is None
+
+
+@pytest.mark.parametrize(("sequence", "rejection"), [(9, True), (10, True), (11, False), (10**15, False)])
+def test_sequence_must_grow_within_an_epoch(sequence: int, rejection: bool) -> None:
+    desk = Desk()
+    desk.say()
+    assert desk.say(sequence=sequence) is (Rejection.OLD_SEQUENCE if rejection else None)
+
+
+def test_rejected_commands_do_not_refresh_the_stream() -> None:
+    desk = Desk()
+    desk.say()
+    before = replace(desk.admission.streams["agent"])
+    for changes in ({"sequence": 10}, {"epoch": 4}, {"epoch": 6}, {"u": (9, 0, 0, 0)}, {"u": None}):
+        assert desk.say(now_s=1.5, holder="agent", **{"sequence": 11, **changes}) is not None
+    assert desk.admission.streams["agent"] == before
+    assert sum(desk.counters.values()) == 5
+
+
+# epoch of the last command is 5, its sequence 10
+EPOCH_CASES = [
+    # flying, pose epoch, command epoch, sequence, expected
+    (True, 5, 5, 11, None),
+    (True, 6, 5, 11, None),
+    (True, 6, 6, 1, None),
+    (True, 5, 6, 11, Rejection.UNKNOWN_EPOCH),
+    (True, 7, 6, 11, Rejection.UNKNOWN_EPOCH),
+    (True, None, 6, 11, Rejection.UNKNOWN_EPOCH),
+    (True, 5, 4, 11, Rejection.OLDER_EPOCH),
+    (True, 4, 4, 11, Rejection.OLDER_EPOCH),
+    (False, 6, 6, 1, None),
+    (False, 5, 6, 11, Rejection.UNKNOWN_EPOCH),
+    (False, None, 6, 1, None),
+    (False, None, 4, 11, Rejection.OLDER_EPOCH),
+    (False, 5, 4, 11, Rejection.OLDER_EPOCH),
+    (False, 4, 4, 1, None),
+]
+
+
+@pytest.mark.parametrize(("flying", "pose_epoch", "epoch", "sequence", "expected"), EPOCH_CASES)
+def test_a_change_of_epoch_is_believed_only_with_the_raw_poses(
+    flying: bool, pose_epoch: int | None, epoch: int, sequence: int, expected: Rejection | None
+) -> None:
+    desk = Desk()
+    desk.say()
+    holder = "agent" if flying else None
+    assert desk.say(epoch=epoch, sequence=sequence, pose_epoch=pose_epoch, holder=holder) is expected
+
+
+def test_first_command_of_a_source_must_belong_to_the_raw_poses() -> None:
+    assert Desk().say(pose_epoch=4) is Rejection.UNKNOWN_EPOCH
+    assert Desk().say(pose_epoch=None) is None
+
+
+def test_sources_without_the_lease_are_rejected_but_known() -> None:
+    desk = Desk()
+    assert desk.say(holder="other") is Rejection.NO_LEASE
+    assert "agent" in desk.admission.streams
+    assert desk.say(holder="other", sequence=10) is Rejection.OLD_SEQUENCE
+
+
+def test_a_silent_source_starts_over_unless_it_has_the_lease() -> None:
+    desk = Desk()
+    desk.say(sequence=10**12)
+    assert desk.say(now_s=3.0) is Rejection.OLD_SEQUENCE
+    assert desk.say(now_s=3.01, holder="agent") is Rejection.OLD_SEQUENCE
+    assert desk.say(now_s=3.01) is None
+
+
+def test_number_of_sources_is_limited() -> None:
+    desk = Desk()
+    for n in range(8):
+        assert desk.say(source=f"agent{n}") is None
+    assert desk.say(source="one more") is Rejection.TOO_MANY_SOURCES
+    assert desk.say(source="one more", now_s=3.01) is None
+
+
+def test_low_thrust_is_timed_from_its_first_command() -> None:
+    desk = Desk()
+    for n, (thrust, expected) in enumerate(
+        [(0.05, 1.0), (0.0, 1.0), (0.051, None), (0.05, 1.06), (0.0, 1.06)], start=11
+    ):
+        desk.say(sequence=n, now_s=1.0 + (n - 11) * 0.02, u=(0, 0, thrust, 0))
+        low_since_s = desk.admission.streams["agent"].low_since_s
+        assert low_since_s == (None if expected is None else pytest.approx(expected))
+
+
+def test_low_thrust_is_timed_anew_after_a_gap() -> None:
+    for gap_s, expected in ((0.059, 1.0), (0.061, 1.061)):
+        desk = Desk()
+        desk.say(u=(0, 0, 0, 0))
+        desk.say(sequence=11, now_s=1.0 + gap_s, u=(0, 0, 0, 0))
+        assert desk.admission.streams["agent"].low_since_s == pytest.approx(expected)
+
+
+anything = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=3), st.binary(max_size=3)
+)
+
+
+@given(st.lists(st.tuples(*[st.one_of(anything, st.lists(anything, max_size=5))] * 7), max_size=20))
+def test_no_content_whatever_raises_or_stores_bad_inputs(contents: list[tuple[Any, ...]]) -> None:
+    desk = Desk()
+    for source, epoch, sequence, frame, u, next_u, period_s in contents:
+        command = CommandInput(source, epoch, sequence, frame, u, next_u, period_s)
+        desk.admission.consider(command, 1.0, pose_epoch=None, holder=None)
+    for stream in desk.admission.streams.values():
+        for u in (stream.command.u, *stream.command.next_u):
+            limits = zip(u, ArbiterLimits().lower, ArbiterLimits().upper, strict=True)
+            assert all(lower <= value <= upper for value, lower, upper in limits)

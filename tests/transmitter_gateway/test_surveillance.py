@@ -1,0 +1,367 @@
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from transmitter_gateway.inputs import PoseInput, Position
+from transmitter_gateway.limits import Fence, SurveillanceLimits
+from transmitter_gateway.surveillance import Judgement, Surveillance, judge_fence
+
+BOX = Fence((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0))
+CENTRE: Position = (0.0, 0.0, 1.0)
+QUIET = Judgement(None, None)
+
+
+class Watch:
+    """Surveillance of h1 with a virtual clock and poses at 100 Hz."""
+
+    def __init__(self, limits: SurveillanceLimits | None = None) -> None:
+        self.counters: Counter[str] = Counter()
+        self.surveillance = Surveillance("h1", limits or SurveillanceLimits(), self.counters)
+        self.now_s = 50.0
+        self.frame = 0
+        self.epoch = 1
+
+    def pose(
+        self,
+        position: Position | None = CENTRE,
+        vehicle: str = "h1",
+        airborne: bool = True,
+        period_s: float | None = 0.01,
+    ) -> bool:
+        pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s)
+        return self.surveillance.pose(pose, self.now_s, airborne=airborne)
+
+    def step(self, position: Position | None = CENTRE, seconds: float = 0.01, **options: bool) -> bool:
+        self.now_s += seconds
+        self.frame += 1
+        return self.pose(position, **options)
+
+    def judge(self, thrust_time_s: float = 0.0) -> Judgement:
+        return self.surveillance.judge(self.now_s, thrust_time_s)
+
+    def velocity(self) -> Position:
+        track = self.surveillance.own_track
+        assert track is not None
+        return track.velocity_m_s
+
+
+# Tracking -------------------------------------------------------------------------------------------
+
+
+def test_a_tracked_vehicle_gives_no_cause() -> None:
+    watch = Watch()
+    watch.step()
+    assert watch.judge() == QUIET
+
+
+def test_a_vehicle_never_seen_is_lost() -> None:
+    assert Watch().judge() == Judgement(None, "own pose lost for 0.3 s")
+
+
+@pytest.mark.parametrize("occluded", [True, False])
+def test_lost_tracking_holds_after_100_ms_and_descends_after_300_ms(occluded: bool) -> None:
+    watch = Watch()
+    watch.step()
+    seen_s = watch.now_s
+    for age_s, expected in (
+        (0.099, QUIET),
+        (0.101, Judgement("own pose lost for 0.1 s", None)),
+        (0.299, Judgement("own pose lost for 0.1 s", None)),
+        (0.301, Judgement(None, "own pose lost for 0.3 s")),
+    ):
+        if occluded:
+            assert not watch.step(None, seen_s + age_s - watch.now_s)
+        watch.now_s = seen_s + age_s
+        assert watch.judge() == expected
+    assert watch.counters["occluded pose"] == (4 if occluded else 0)
+    watch.step()
+    assert watch.judge() == QUIET
+
+
+@pytest.mark.parametrize(
+    ("hold_s", "descend_s", "expected"),
+    [
+        (None, None, QUIET),
+        (None, 0.3, Judgement(None, "own pose lost for 0.3 s")),
+        (0.1, None, Judgement("own pose lost for 0.1 s", None)),
+    ],
+)
+def test_tracking_limits_can_be_switched_off(
+    hold_s: float | None, descend_s: float | None, expected: Judgement
+) -> None:
+    watch = Watch(SurveillanceLimits(tracking_hold_s=hold_s, tracking_descend_s=descend_s))
+    watch.step()
+    watch.now_s += 10
+    assert watch.judge() == expected
+
+
+def test_next_events_are_the_tracking_limits() -> None:
+    watch = Watch()
+    assert watch.surveillance.next_event_s() == []
+    watch.step()
+    assert watch.surveillance.next_event_s() == [watch.now_s + 0.1, watch.now_s + 0.3]
+    watch.step((1.0, 0.0, 1.0))
+    assert watch.surveillance.next_event_s()[-1] == watch.now_s + 0.3
+
+
+# Which poses count --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("position", [(math.nan, 0, 1), (0, math.inf, 1), (0, 0), (0, 0, 1, 0)], ids=str)
+def test_malformed_poses_are_counted_and_not_used(position: Position) -> None:
+    watch = Watch()
+    assert not watch.step(position)
+    assert watch.counters["malformed pose"] == 1
+    assert watch.surveillance.epoch is None
+
+
+def test_repeated_and_older_poses_do_not_refresh_the_tracking() -> None:
+    watch = Watch()
+    watch.frame = 100
+    watch.step()
+    watch.now_s += 0.2
+    assert not watch.pose()
+    watch.frame -= 1
+    assert not watch.pose()
+    watch.epoch, watch.frame = 0, 1000
+    assert not watch.pose()
+    assert watch.counters == {"old pose frame": 2, "pose of an older epoch": 1}
+    assert watch.judge().hold is not None
+    assert watch.surveillance.epoch == 1
+
+
+def test_a_new_epoch_starts_a_new_frame_count() -> None:
+    watch = Watch()
+    watch.frame = 1000
+    watch.step()
+    watch.epoch, watch.frame = 2, 0
+    assert watch.step()
+    assert watch.surveillance.epoch == 2
+
+
+def test_after_a_second_of_silence_any_epoch_is_a_beginning() -> None:
+    watch = Watch()
+    watch.epoch = 10**9
+    watch.step()
+    watch.epoch = 1
+    assert not watch.step(seconds=1.0)
+    assert watch.step(seconds=0.01)
+    assert watch.surveillance.epoch == 1
+
+
+def test_number_of_vehicles_is_limited() -> None:
+    watch = Watch()
+    for n in range(63):
+        watch.pose(vehicle=f"other{n}")
+    watch.step()
+    assert not watch.pose(vehicle="one more")
+    assert watch.counters["too many vehicles"] == 1
+    assert watch.step()
+
+
+# Jumps ----------------------------------------------------------------------------------------------
+
+
+def test_a_swapped_body_is_not_believed_and_brings_the_vehicle_down_for_good() -> None:
+    watch = Watch()
+    watch.step()
+    swapped_s = watch.now_s
+    elsewhere = (0.6, 0.0, 1.0)
+    while watch.now_s < swapped_s + 0.29:
+        assert not watch.step(elsewhere)
+    assert watch.judge() == Judgement("own pose lost for 0.1 s", None)
+    while watch.now_s < swapped_s + 0.32:
+        watch.step(elsewhere)
+    assert watch.judge().descend == "own pose jumped and did not come back"
+    watch.step()
+    assert watch.judge().descend == "own pose jumped and did not come back"
+    watch.surveillance.release()
+    assert watch.judge() == QUIET
+
+
+def test_a_short_swap_is_forgiven() -> None:
+    watch = Watch()
+    watch.step()
+    for _ in range(15):
+        watch.step((0.6, 0.0, 1.0))
+    assert watch.step()
+    watch.now_s += 0.09
+    assert watch.judge() == QUIET
+    assert watch.counters["pose jump"] == 15
+
+
+def test_a_fast_vehicle_is_believed_after_a_short_occlusion() -> None:
+    watch = Watch()
+    for n in range(50):
+        assert watch.step((0.012 * n, 0.0, 1.0))
+    assert watch.step((0.012 * 49 + 0.012 * 25, 0.0, 1.0), 0.25)
+
+
+@pytest.mark.parametrize(("jump_m", "believed"), [(0.12, True), (0.13, False)])
+def test_believed_distance_is_jump_limit_plus_speed_limit_times_time(jump_m: float, believed: bool) -> None:
+    watch = Watch()
+    watch.step()
+    assert watch.step((jump_m, 0.0, 1.0)) == believed
+
+
+def test_believed_distance_stops_growing_after_100_ms() -> None:
+    watch = Watch()
+    watch.step()
+    assert not watch.step((0.36, 0.0, 1.0), 5.0)
+    assert watch.step((0.34, 0.0, 1.0))
+
+
+def test_on_the_floor_and_without_a_jump_limit_any_position_is_believed() -> None:
+    watch = Watch()
+    watch.step()
+    assert watch.step((3.0, 0.0, 0.0), airborne=False)
+    assert watch.velocity() == (0, 0, 0)
+    unlimited = Watch(SurveillanceLimits(maximum_jump_m=None))
+    unlimited.step()
+    assert unlimited.step((3.0, 0.0, 0.0))
+
+
+# Velocity -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jitter_s", [0.0, 0.008])
+def test_velocity_follows_the_motion_whatever_the_arrival_times(jitter_s: float) -> None:
+    watch = Watch()
+    for n in range(60):
+        watch.step((0.008 * n, -0.004 * n, 1.0), 0.01 + (jitter_s if n % 2 else -jitter_s))
+    assert watch.velocity() == pytest.approx((0.8, -0.4, 0.0), abs=0.01)
+
+
+def test_velocity_uses_arrival_times_without_a_period_and_across_epochs() -> None:
+    watch = Watch()
+    for n in range(60):
+        watch.now_s += 0.01
+        watch.frame += 7
+        watch.pose((0.008 * n, 0.0, 1.0), period_s=None)
+    assert watch.velocity() == pytest.approx((0.8, 0.0, 0.0), abs=0.01)
+    watch.epoch, watch.frame = 2, 1
+    watch.step((0.008 * 60, 0.0, 1.0))
+    assert watch.velocity() == pytest.approx((0.8, 0.0, 0.0), abs=0.01)
+
+
+def test_missing_frames_do_not_distort_the_velocity() -> None:
+    watch = Watch()
+    for n in range(0, 90, 3):
+        watch.now_s += 0.03
+        watch.frame += 3
+        watch.pose((0.008 * n, 0.0, 1.0))
+    assert watch.velocity() == pytest.approx((0.8, 0.0, 0.0), abs=0.01)
+
+
+def test_velocity_filter_has_its_time_constant() -> None:
+    watch = Watch()
+    watch.step((0.0, 0.0, 1.0))
+    for n in range(1, 6):
+        watch.step((0.005 * n, 0.0, 1.0))
+    assert watch.velocity()[0] == pytest.approx(0.5 * (1 - math.exp(-1)), rel=1e-6)
+
+
+def test_marker_noise_of_0_3_mm_never_alarms_a_vehicle_hovering_near_the_fence() -> None:
+    watch = Watch(SurveillanceLimits(fence=BOX))
+    noise = np.random.default_rng(1).normal(0, 0.3e-3, (3000, 3))
+    for x, y, z in noise:
+        watch.step((1.49 + x, y, 1.99 + z))
+        assert watch.judge() == QUIET
+
+
+# Fence ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "hold", "descend"),
+    [
+        ((1.3, 0, 1), (0.89, 0, 0), None, None),
+        ((1.3, 0, 1), (0.90, 0, 0), "cannot stop inside the fence in x", None),
+        ((1.3, 0, 1), (-0.90, 0, 0), None, None),
+        ((-1.3, 0, 1), (-0.90, 0, 0), "cannot stop inside the fence in x", None),
+        ((-1.3, 0, 1), (-0.89, 0, 0), None, None),
+        ((0, 1.3, 1), (0, 0.90, 0), "cannot stop inside the fence in y", None),
+        ((0, -1.3, 1), (0, -0.90, 0), "cannot stop inside the fence in y", None),
+        ((1.3, 1.3, 1), (0.9, 0.9, 0), "cannot stop inside the fence in x", None),
+        ((0, 0, 1.8), (0, 0, 0.89), None, None),
+        ((0, 0, 1.8), (0, 0, 0.90), None, "cannot stop below the fence's ceiling"),
+        ((0, 0, 0.1), (0, 0, -2.0), None, None),
+        ((1.55, 0, 1), (0, 0, 0), None, None),
+        ((1.55, 0, 1), (-0.1, 0, 0), None, None),
+        ((1.55, 0, 1), (0.01, 0, 0), "cannot stop inside the fence in x", None),
+        ((1.59, 0, 1), (0, 0, 0), None, None),
+        ((1.61, 0, 1), (0, 0, 0), None, "outside the fence in x"),
+        ((0, -1.61, 1), (0, 0.5, 0), None, "outside the fence in y"),
+        ((0, 0, 2.11), (0, 0, -1), None, "outside the fence in z"),
+        ((0, 0, -0.09), (0, 0, 0), None, None),
+        ((0, 0, -0.11), (0, 0, 0), None, "outside the fence in z"),
+        ((1.55, 0, 2.2), (0.5, 0, 0), None, "outside the fence in z"),
+    ],
+)
+def test_fence(position: Position, velocity: Position, hold: str | None, descend: str | None) -> None:
+    assert judge_fence(BOX, position, velocity) == (hold, descend)
+
+
+def test_fence_is_judged_from_the_poses() -> None:
+    watch = Watch(SurveillanceLimits(fence=BOX))
+    for n in range(100):
+        watch.step((0.012 * n, 0.0, 1.0))
+    assert watch.judge() == Judgement("cannot stop inside the fence in x", None)
+    for n in range(100, 135):
+        watch.step((0.012 * n, 0.0, 1.0))
+    assert watch.judge() == Judgement(None, "outside the fence in x")
+
+
+# Distance and thrust time -----------------------------------------------------------------------------
+
+
+def test_vehicles_too_close_hold_until_they_are_clearly_apart() -> None:
+    watch = Watch()
+    watch.step()
+    for distance, close in ((0.31, False), (0.29, True), (0.34, True), (0.36, False), (0.34, False)):
+        watch.step(vehicle="h1")
+        watch.pose((0.0, distance, 1.0), vehicle="h2")
+        expected = Judgement("h2 closer than 0.3 m" if close else None, None)
+        assert watch.judge() == expected
+
+
+def test_last_position_of_a_neighbour_counts_for_half_a_second() -> None:
+    watch = Watch()
+    watch.step()
+    watch.pose((0.0, 0.2, 1.0), vehicle="h2")
+    seen_s = watch.now_s
+    while watch.now_s < seen_s + 0.485:
+        watch.step()
+    assert watch.judge().hold is not None
+    watch.step(seconds=0.03)
+    assert watch.judge() == QUIET
+
+
+def test_neighbours_may_jump_and_vanish() -> None:
+    watch = Watch()
+    watch.step()
+    assert watch.pose((5.0, 5.0, 1.0), vehicle="h2")
+    watch.frame += 1
+    assert watch.pose((0.1, 0.0, 1.0), vehicle="h2")
+    assert watch.judge().hold == "h2 closer than 0.3 m"
+    watch.pose(None, vehicle="h3")
+    assert watch.judge().hold == "h2 closer than 0.3 m"
+
+
+def test_distance_check_can_be_switched_off() -> None:
+    watch = Watch(SurveillanceLimits(minimum_distance_m=None))
+    watch.step()
+    watch.pose((0.0, 0.1, 1.0), vehicle="h2")
+    assert watch.judge() == QUIET
+
+
+def test_thrust_time_has_a_limit_if_asked_for() -> None:
+    watch = Watch(SurveillanceLimits(maximum_thrust_s=300))
+    watch.step()
+    assert watch.judge(299.9) == QUIET
+    assert watch.judge(300) == Judgement(None, "thrust for 300 s, the longest allowed")
+    unlimited = Watch()
+    unlimited.step()
+    assert unlimited.judge(1e6) == QUIET
