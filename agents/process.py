@@ -29,7 +29,13 @@ IDLE_S = 0.1
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
-    """Pilot with the controller, the estimator and the leaders of the settings."""
+    """Pilot with the controller, the estimator and the leaders of the settings.
+
+    Raises
+    ------
+    ValueError
+        Unknown controller or estimator, or a setting it does not accept.
+    """
     controller = build_controller(
         settings.controller,
         settings.model,
@@ -143,20 +149,24 @@ class Agent:
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
 
 
-def run_agent(settings: AgentSettings) -> None:
+def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
     """Run the agent of one vehicle until SIGTERM or SIGINT.
+
+    Parameters
+    ----------
+    settings
+        The vehicle's settings.
+    pilot
+        Its pilot, built by `build_pilot` from the same settings; a spare process has it ready.
 
     Raises
     ------
-    SettingsError
-        Unknown controller or estimator, or a setting it does not accept.
     BusUnreachableError
         No router answers.
     """
     stop, wake = threading.Event(), threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    pilot = build_pilot(settings)
     realtime = request_realtime(settings.realtime_priority)
     with Session(settings.bus, wake=wake.set) as session:
         agent = Agent(settings, pilot, session, realtime)

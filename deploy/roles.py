@@ -8,7 +8,7 @@ import ctypes
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from bus.session import BusUnreachableError
@@ -84,9 +84,22 @@ def run_role(role: str, unit: str, fleet_path: Path) -> None:
 
         run_gateway(build.gateway_settings(fleet, unit, directory))
     else:
-        from agents.process import run_agent
+        from agents.process import build_pilot, run_agent
 
-        run_agent(build.agent_settings(fleet, unit))
+        settings = build.agent_settings(fleet, unit)
+        run_agent(settings, build_pilot(settings))
+
+
+def run_reporting(run: Callable[[], None]) -> None:
+    """Run a role; what ends it for a reason somebody can mend becomes a line and an exit code."""
+    try:
+        run()
+    except FleetError as error:
+        print(error, file=sys.stderr)
+        sys.exit(EXIT_USAGE)
+    except (BusUnreachableError, OSError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(EXIT_UNREACHABLE)
 
 
 def main() -> None:
@@ -94,14 +107,7 @@ def main() -> None:
     if len(sys.argv) != 4:
         sys.exit(f"usage: python -m deploy.roles {{{','.join(ROLES)}}} UNIT FLEET_FILE")
     end_with_parent()
-    try:
-        run_role(sys.argv[1], sys.argv[2], Path(sys.argv[3]))
-    except FleetError as error:
-        print(error, file=sys.stderr)
-        sys.exit(EXIT_USAGE)
-    except (BusUnreachableError, OSError) as error:
-        print(error, file=sys.stderr)
-        sys.exit(EXIT_UNREACHABLE)
+    run_reporting(lambda: run_role(sys.argv[1], sys.argv[2], Path(sys.argv[3])))
 
 
 if __name__ == "__main__":

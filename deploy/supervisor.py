@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from deploy.processes import ProcessSpec
+from deploy.spare_agent import SpareAgent, child_environment
 
 STABLE_AFTER_S = 2.0
+SETTLED_S = 1.0
 QUICK_RESTARTS = 3
 MAX_PAUSE_S = 5.0
 STOP_LIMIT_S = 6.0
@@ -71,20 +73,24 @@ class Supervisor:
         self._logs = log_directory
         self._clock = clock
         self._selector = selectors.DefaultSelector()
+        agents = [spec.unit for spec in specs if spec.role == "agent"]
+        self._spare = SpareAgent(self._fleet_path, agents, log_directory / "spare.log")
 
     def start(self, name: str) -> None:
-        """Start one process."""
+        """Start one process; an agent that restarts takes over the spare process if that is ready."""
         child = self.children[name]
-        with (self._logs / f"{name}.log").open("ab") as log:
-            child.process = subprocess.Popen(
-                child.spec.command(self._fleet_path),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                env=os.environ
-                | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "RCOPTERX_PARENT": str(os.getpid())},
-            )
+        log_path = self._logs / f"{name}.log"
+        child.process = self._spare.take(child.spec.unit, log_path) if child.spec.role == "agent" else None
+        if child.process is None:
+            with log_path.open("ab") as log:
+                child.process = subprocess.Popen(
+                    child.spec.command(self._fleet_path),
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                    env=child_environment(),
+                )
         child.started_s = self._clock()
         child.restart_at_s = 0.0
         child.pidfd = os.pidfd_open(child.process.pid)
@@ -109,6 +115,8 @@ class Supervisor:
             A line per event, for the user.
         """
         now = self._clock()
+        if all(now - child.started_s > SETTLED_S for child in self.children.values()):
+            self._spare.prepare()
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
         if self._selector.get_map():
@@ -153,6 +161,7 @@ class Supervisor:
 
     def stop_all(self) -> None:
         """Ask every process to end, in stopping order, and end those that do not."""
+        self._spare.close()
         for order in sorted({child.spec.stop_order for child in self.children.values()}):
             group = [child for child in self.children.values() if child.spec.stop_order == order]
             self._stop_group([child for child in group if child.process is not None])

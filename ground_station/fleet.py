@@ -72,6 +72,12 @@ class VehicleState:
         """Whether the vehicle is in the air as far as its agent tells."""
         return self.phase in AIRBORNE
 
+    def summary(self) -> str:
+        """Phase and transmitter state in words."""
+        if self.transmitter is None:
+            return f"{self.name}: {self.phase}"
+        return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.transmitter.reason}"
+
     def problems(self, stale_s: float = 1.0) -> list[str]:
         """What speaks against taking off, in words; empty when nothing does."""
         found = []
@@ -237,19 +243,22 @@ class Fleet(AbstractContextManager["Fleet"]):
         _, pose_age_s = _newest(self._poses.inboxes.get(name), now_s)
         return VehicleState(name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s)
 
-    def wait_until(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
+    def wait_until(
+        self, condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str] = ()
+    ) -> None:
         """Wait until a condition on the fleet's state holds.
 
         Raises
         ------
         NotReachedError
-            It did not within `timeout_s`; the text names `what`.
+            It did not within `timeout_s`; the text names `what` and the state of the vehicles `names`.
         """
         deadline_s = time.monotonic() + timeout_s
         while not condition():
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
-                raise NotReachedError(f"after {timeout_s:g} s: {what}")
+                states = "; ".join(self.state_of(name).summary() for name in names)
+                raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
             self._wake.wait(min(left_s, 0.1))
             self._wake.clear()
 
@@ -276,6 +285,7 @@ class Fleet(AbstractContextManager["Fleet"]):
             lambda: all(self.state_of(name).phase in ("armed", *AIRBORNE) for name in vehicles),
             timeout_s,
             "not all vehicles are armed",
+            vehicles,
         )
 
     def _arm_patiently(self, name: str, deadline_s: float) -> None:
@@ -304,6 +314,7 @@ class Fleet(AbstractContextManager["Fleet"]):
             lambda: all(self.state_of(name).phase == "flying" for name in vehicles),
             timeout_s,
             "not all vehicles have taken off",
+            vehicles,
         )
 
     def land(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
@@ -316,6 +327,7 @@ class Fleet(AbstractContextManager["Fleet"]):
             lambda: not any(vehicle.state.airborne for vehicle in vehicles),
             timeout_s,
             "not all vehicles have landed",
+            [vehicle.name for vehicle in vehicles],
         )
         for vehicle in vehicles:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":

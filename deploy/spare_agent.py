@@ -1,0 +1,86 @@
+"""The supervisor's side of the spare agent process."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+READY = b"ready\n"
+
+
+def child_environment() -> dict[str, str]:
+    """Environment of supervised processes: one thread per numerical library, and who the parent is."""
+    return os.environ | {
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "RCOPTERX_PARENT": str(os.getpid()),
+    }
+
+
+class SpareAgent:
+    """At most one spare process for the agents of this host.
+
+    Parameters
+    ----------
+    fleet_path
+        Fleet file handed to the spare.
+    vehicles
+        Vehicles it must be able to take over; none means that there is never a spare.
+    log
+        Log file of the spare until it takes over.
+    """
+
+    def __init__(self, fleet_path: Path, vehicles: list[str], log: Path) -> None:
+        self._fleet_path = fleet_path
+        self._vehicles = vehicles
+        self._log = log
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def prepare(self) -> None:
+        """Start the spare if there is none."""
+        if self._process is not None and self._process.poll() is None:
+            return
+        if not self._vehicles:
+            return
+        self.close()
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "deploy.spare", str(self._fleet_path), *self._vehicles],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                start_new_session=True,
+                env=child_environment(),
+            )
+        if self._process.stdout is not None:
+            os.set_blocking(self._process.stdout.fileno(), False)
+
+    def take(self, vehicle: str, log: Path) -> subprocess.Popen[bytes] | None:
+        """Let the spare take over a vehicle; None if it is not ready."""
+        process = self._process
+        if process is None or process.poll() is not None or not self._ready(process):
+            return None
+        if process.stdin is None:
+            return None
+        try:
+            process.stdin.write((json.dumps({"vehicle": vehicle, "log": str(log)}) + "\n").encode())
+            process.stdin.close()
+        except BrokenPipeError:
+            return None
+        self._process = None
+        return process
+
+    def _ready(self, process: "subprocess.Popen[bytes]") -> bool:
+        return process.stdout is not None and (process.stdout.read() or b"").startswith(READY)
+
+    def close(self) -> None:
+        """End the spare."""
+        if self._process is None:
+            return
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
+        self._process = None

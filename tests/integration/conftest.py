@@ -1,0 +1,33 @@
+"""Real fleets for integration tests: own ports, own namespace, own run directory, and clean-up."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from integration_support import Flying, fleet_text, free_port
+
+from deploy.fleet import load_fleet
+from deploy.launcher import Launcher
+from ground_station.fleet import Fleet
+
+
+@pytest.fixture
+def launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Flying]]:
+    """Start a fleet; it is landed and stopped after the test."""
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
+    with ExitStack() as stack:
+
+        def start(text: str | None = None, **options: str) -> Flying:
+            if text is None:
+                text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
+            path = tmp_path / "lab.toml"
+            path.write_text(text)
+            file = load_fleet(path)
+            launchers = {host: stack.enter_context(Launcher(file, path, host)) for host in file.hosts}
+            fleet = Fleet(file, timeout_s=10)
+            stack.callback(fleet.close)
+            fleet.wait_ready(timeout_s=30)
+            return Flying(path, fleet, launchers)
+
+        yield start
