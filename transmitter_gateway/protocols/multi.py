@@ -187,7 +187,9 @@ class MultiProtocol(RadioProtocol):
         self.line = line
         self.channel_count = CHANNEL_COUNT
         self.pulse_range_us = (1000.0, 2000.0)
-        self.minimum_interval_s = line.duration_s(FRAME_LENGTH) + SHORTEST_GAP_S
+        # The module's line has 12 bits a byte even where a pseudo-terminal is configured with fewer.
+        longest_line = max(line.duration_s(FRAME_LENGTH), LINE.duration_s(FRAME_LENGTH))
+        self.minimum_interval_s = longest_line + SHORTEST_GAP_S
         # A little above the command period of 20 ms: a keep-alive just before a late command delays it by
         # the time of a frame. The module's dead-man's stop is at 70 ms, section 8.2 allows 40 ms.
         self.keepalive_s = 0.025

@@ -1,0 +1,271 @@
+"""Random event sequences: whatever happens, the arbiter keeps its promises (section 8.3)."""
+
+import copy
+import itertools
+import math
+from typing import Any
+
+from arbiter_bench import SLEW, U_HOVER
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from transmitter_gateway.arbiter import Arbiter
+from transmitter_gateway.inputs import (
+    FLYING,
+    Action,
+    Answer,
+    ArbiterOutput,
+    CommandInput,
+    LinkState,
+    PoseInput,
+    Request,
+    State,
+)
+from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
+from transmitter_gateway.transitions import TRANSITIONS, Condition
+
+LIMITS = ArbiterLimits(surveillance=SurveillanceLimits(fence=Fence((-2, -2, -0.5), (2, 2, 2))))
+SOURCES = ("agent", "other")
+PERIOD_S = 0.02
+ROUNDING_S = 1e-6
+
+u_good = st.tuples(
+    st.floats(-1.02, 1.02), st.floats(-1.02, 1.02), st.floats(-0.02, 1.02), st.floats(-0.42, 0.42)
+)
+u_bad = st.sampled_from(
+    [
+        (math.nan, 0, 0.5, 0),
+        (0, math.inf, 0.5, 0),
+        (0, 0, 1.03, 0),
+        (0, 0, -0.03, 0),
+        (0, 0, 0.5),
+        None,
+        ("0", 0, 0.5, 0),
+        (0, 0, 0.5, 0.43),
+    ]
+)
+times = st.one_of(st.floats(0.0, 0.03), st.floats(0.0, 0.3), st.floats(0.0, 3.0))
+
+
+class ArbiterMachine(RuleBasedStateMachine):
+    @initialize(ready=st.sampled_from(LinkState), armed=st.integers(0, 3))
+    def start(self, ready: LinkState, armed: int) -> None:
+        self.arbiter = Arbiter("h1", LIMITS, U_HOVER, SLEW)
+        self.now_s = 100.0
+        self.epoch = 3
+        self.frame = 0
+        self.sequence = 0
+        self.fed_s = dict.fromkeys(SOURCES, -math.inf)
+        self.last: ArbiterOutput = self.arbiter.step(self.now_s)
+        self.last_s = self.now_s
+        self.entered_s = self.now_s
+        self.reset = self.armed = False
+        self.arbiter.link(LinkState.READY if armed else ready)
+        if armed:
+            for _ in range(30):
+                self.fly_on(1, (0, 0, 0, 0), 0)
+            self.request(Action.ARM, "operator", "agent")
+            assert self.arbiter.state is State.ARMED
+            self.fly_on(20 * armed, (0.2, 0, 0.56, 0), 6)
+
+    # Events -------------------------------------------------------------------------------------------
+
+    def step(self, seconds: float = 0.0) -> ArbiterOutput:
+        self.now_s += seconds
+        output = self.arbiter.step(self.now_s)
+        self.check(output)
+        return output
+
+    def pose(self, **changes: Any) -> None:
+        self.step()
+        self.frame += 1
+        fields = {
+            "vehicle": "h1",
+            "epoch": self.epoch,
+            "frame": self.frame,
+            "position_m": (0.0, 0.0, 1.0),
+            "period_s": PERIOD_S,
+        }
+        self.arbiter.pose(PoseInput(**{**fields, **changes}), self.now_s)
+
+    def command(self, **changes: Any) -> Answer:
+        self.sequence += 1
+        fields = {
+            "source": "agent",
+            "epoch": self.epoch,
+            "sequence": self.sequence,
+            "frame": self.frame,
+            "u": (0, 0, 0.55, 0),
+            "period_s": PERIOD_S,
+        }
+        command = CommandInput(**{**fields, **changes})
+        self.step()
+        before = self.snapshot()
+        answer = self.arbiter.command(command, self.now_s)
+        if answer.accepted or answer.reason == "source without control lease":
+            self.fed_s[command.source] = self.now_s
+        if not answer.accepted:
+            assert self.snapshot() == before
+        self.step()
+        return answer
+
+    def snapshot(self) -> tuple[Any, ...]:
+        """What a rejected command must not change: all that decides about the vehicle."""
+        arbiter = self.arbiter
+        holder = arbiter.holder
+        stream = None if holder is None else copy.copy(arbiter._admission.streams.get(holder))
+        return (arbiter.state, arbiter.reason, holder, stream, arbiter._u, arbiter.next_event_s())
+
+    def request(self, action: Action, by: str, source: str = "") -> Answer:
+        self.step()
+        self.armed, self.reset = action is Action.ARM, action is Action.RESET and by == "operator"
+        answer = self.arbiter.request(Request(action, by, source), self.now_s)
+        self.step()
+        self.armed = self.reset = False
+        return answer
+
+    @rule(seconds=times)
+    def let_time_pass(self, seconds: float) -> None:
+        self.step(seconds)
+
+    @rule()
+    def wake_at_the_next_event(self) -> None:
+        due_s = self.arbiter.next_event_s()
+        if math.isfinite(due_s):
+            self.step(max(0.0, due_s - self.now_s))
+
+    @rule(count=st.integers(1, 40), u=u_good, plan=st.integers(0, 8))
+    def fly_on(self, count: int, u: tuple[float, ...], plan: int) -> None:
+        for _ in range(count):
+            self.step(PERIOD_S)
+            self.pose()
+            self.command(u=u, next_u=(u,) * plan)
+
+    @rule(u=u_good, source=st.sampled_from(SOURCES), period_s=st.floats(0.005, 0.1))
+    def good_command(self, u: tuple[float, ...], source: str, period_s: float) -> None:
+        self.command(u=u, source=source, next_u=((0, 0, 0.6, 0),) * 6, period_s=period_s)
+
+    @rule(u=u_bad, in_plan=st.booleans())
+    def bad_command(self, u: Any, in_plan: bool) -> None:
+        changes: dict[str, Any] = {"next_u": (u,)} if in_plan else {"u": u}
+        assert not self.command(**changes).accepted
+
+    @rule(sequence=st.integers(-5, 0), epoch=st.integers(-1, 1))
+    def command_out_of_order(self, sequence: int, epoch: int) -> None:
+        changes = {"sequence": self.sequence + sequence, "epoch": self.epoch + epoch}
+        if epoch == 1:
+            assert not self.command(**changes).accepted or self.arbiter.surveillance.epoch is None
+        else:
+            self.command(**changes)
+
+    @rule()
+    def tracker_restarts(self) -> None:
+        self.epoch += 1
+        self.frame = 0
+        self.pose()
+
+    @rule(x=st.sampled_from([0.0, 0.05, 1.9, 2.5]), vehicle=st.sampled_from(["h1", "h2"]))
+    def pose_somewhere(self, x: float, vehicle: str) -> None:
+        self.pose(vehicle=vehicle, position_m=(x, 0.0, 1.0))
+
+    @rule(position=st.sampled_from([None, (math.nan, 0, 0), (0, 0)]))
+    def useless_pose(self, position: Any) -> None:
+        self.pose(position_m=position)
+
+    @rule(
+        action=st.sampled_from([Action.ARM, Action.DISARM, Action.RESET, Action.HAND_OVER]),
+        by=st.sampled_from(["operator", *SOURCES]),
+        source=st.sampled_from(SOURCES),
+    )
+    def any_request(self, action: Action, by: str, source: str) -> None:
+        self.request(action, by, source)
+
+    @rule(by=st.sampled_from(["operator", "anybody"]))
+    def kill(self, by: str) -> None:
+        assert self.request(Action.KILL, by).accepted
+        assert self.arbiter.state is State.KILLED
+
+    @precondition(lambda self: self.now_s > 130)
+    @rule()
+    def shut_down(self) -> None:
+        self.request(Action.SHUTDOWN, "anybody")
+
+    @rule(link=st.sampled_from([*LinkState, LinkState.READY, LinkState.READY]))
+    def link_changes(self, link: LinkState) -> None:
+        self.step()
+        self.arbiter.link(link)
+        self.step()
+        if link is LinkState.LOST:
+            assert self.arbiter.state not in FLYING
+
+    # Promises -----------------------------------------------------------------------------------------
+
+    def check(self, output: ArbiterOutput) -> None:
+        self.check_output(output)
+        self.check_transition(output.state)
+        self.check_ages(output)
+        if output.state is State.ARMED and self.last.state is State.ARMED:
+            elapsed_s = min(self.now_s - self.last_s, 0.04) + ROUNDING_S
+            for now, before, rate in zip(output.u, self.last.u, SLEW, strict=True):
+                assert abs(now - before) <= rate * elapsed_s
+        self.last, self.last_s = output, self.now_s
+
+    def check_output(self, output: ArbiterOutput) -> None:
+        for value, lower, upper in zip(output.u, LIMITS.lower, LIMITS.upper, strict=True):
+            assert math.isfinite(value)
+            assert lower <= value <= upper
+        assert output.state in FLYING or output.u == (0, 0, 0, 0)
+        assert output.throttle_low == (output.state in (State.CUT, State.KILLED))
+        assert output.kill == (output.state is State.KILLED)
+        if output.state in (State.HOLD, State.DESCEND):
+            assert output.u[0] == output.u[1] == output.u[3] == 0
+            assert output.u[2] <= max(self.last.u[2], 0)
+            assert output.u[2] <= U_HOVER
+
+    def check_transition(self, state: State) -> None:
+        before = self.last.state
+        if state is before:
+            return
+        self.entered_s = self.now_s
+        if before is State.KILLED:
+            assert self.reset
+            assert state is State.DISARMED
+        if before in (State.DISARMED, State.CUT) and state is not State.KILLED:
+            assert state is State.DISARMED or (self.armed and state is State.ARMED)
+
+    def check_ages(self, output: ArbiterOutput) -> None:
+        if output.state not in FLYING:
+            assert self.arbiter.holder is None
+            return
+        assert self.arbiter.holder is not None
+        age_s = self.now_s - self.fed_s[self.arbiter.holder] - ROUNDING_S
+        assert age_s < LIMITS.cut_after_s
+        if output.state is not State.DESCEND:
+            assert age_s < LIMITS.descend_after_s
+        if output.state is State.ARMED and output.bridging_step == 0:
+            assert age_s < LIMITS.hold_after_s
+        in_state_s = self.now_s - self.entered_s
+        if output.state is State.DESCEND:
+            assert in_state_s < LIMITS.cut_after_s - LIMITS.descend_after_s + ROUNDING_S
+        if output.state is State.HOLD:
+            assert in_state_s < LIMITS.hold_limit_s + ROUNDING_S
+
+    @invariant()
+    def counters_count(self) -> None:
+        counters = self.arbiter.counters
+        assert all(isinstance(name, str) and count > 0 for name, count in counters.items())
+
+    @invariant()
+    def next_event_is_in_the_future(self) -> None:
+        assert self.arbiter.next_event_s() > self.now_s or self.arbiter.next_event_s() > self.last_s
+
+
+ArbiterMachine.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+TestArbiterKeepsItsPromises = ArbiterMachine.TestCase
+
+
+def test_table_uses_every_condition_and_reaches_every_state() -> None:
+    used = set(itertools.chain.from_iterable((*row.needs, *row.unless) for row in TRANSITIONS))
+    assert used == set(Condition)
+    assert {row.target for row in TRANSITIONS} == set(State)

@@ -1,0 +1,380 @@
+import select
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from simulator.radio import RadioLink, RadioPty
+from simulator.radio_module import SerialFrame
+from simulator.radio_multi import MultiModule
+from simulator.radio_receiver import Receiver
+from transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
+from transmitter_gateway.inputs import Action, Answer, CommandInput, LinkState, PoseInput, Request, State
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.protocols.base import ProtocolError, PulseRangeError, SerialLine
+from transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
+from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from transmitter_gateway.protocols.ppm import PpmGenProtocol
+from transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from transmitter_gateway.transmitter import Transmitter
+
+LINE = SerialLine(100_000, "N", 2)
+IDLE = (0.0, 0.0, 0.0, 0.0)
+HOVER = (0.1, -0.1, 0.55, 0.05)
+FRAME_S = 27 * 120e-6
+
+
+class Bench:
+    """Transmitter and emulated radio on a pseudo-terminal, driven in virtual time."""
+
+    def __init__(self, path: Path) -> None:
+        self.now_s = 0.0
+        self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
+        protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
+        self.port = SerialPort(str(path), LINE)
+        self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, self.port)
+        self.sequence = 0
+        self.next_command_s = 0.02
+        self.frames: list[SerialFrame] = []
+        self._written_s: float | None = None
+
+    def close(self) -> None:
+        self.transmitter.close()
+        self.radio.close()
+
+    @property
+    def state(self) -> State:
+        return self.transmitter.arbiter.state
+
+    def exchange(self) -> None:
+        """Let what was written arrive and what is answered be read."""
+        write = self.transmitter.last_write
+        written = write is not None and write.outcome is WriteOutcome.WRITTEN
+        if written and write is not None and write.time_s != self._written_s and self.radio.is_open:
+            self._written_s = write.time_s
+            assert select.select([self.radio.fileno()], [], [], 5.0)[0]
+        self.radio.service(self.now_s)
+        self.frames += self.radio.link.take_frames()
+        descriptor = self.port.fileno()
+        if descriptor is not None and select.select([descriptor], [], [], 0)[0]:
+            self.transmitter.on_readable(self.now_s)
+
+    def command(self, u: tuple[float, ...] = HOVER) -> Answer:
+        self.sequence += 1
+        pose = PoseInput("h1", 1, self.sequence, (0.0, 0.0, 1.0), 0.02)
+        self.transmitter.on_pose(pose, self.now_s)
+        answer = self.transmitter.on_command(
+            CommandInput("agent", 1, self.sequence, self.sequence, u), self.now_s
+        )
+        self.exchange()
+        return answer
+
+    def tick(self) -> None:
+        self.transmitter.tick(self.now_s)
+        self.exchange()
+
+    def run(self, seconds: float, u: tuple[float, ...] | None = HOVER, period_s: float = 0.02) -> None:
+        end_s = self.now_s + seconds
+        while True:
+            due_s = max(self.transmitter.next_deadline_s(), self.now_s)
+            command_s = max(self.next_command_s, self.now_s) if u is not None else end_s
+            if min(due_s, command_s) >= end_s:
+                break
+            if command_s <= due_s and u is not None:
+                self.now_s = command_s
+                self.next_command_s = command_s + period_s
+                self.command(u)
+            else:
+                self.now_s = due_s + 1e-9
+                self.tick()
+        self.now_s = end_s
+        self.exchange()
+
+    def settle(self) -> None:
+        """Let the last frame arrive."""
+        self.run(0.005, None)
+
+    def request(self, action: Action) -> Answer:
+        answer = self.transmitter.request(Request(action, "operator", "agent"), self.now_s)
+        self.exchange()
+        return answer
+
+    def fly(self) -> "Bench":
+        self.run(1.2, IDLE)
+        assert self.request(Action.ARM).accepted
+        self.run(0.5)
+        assert self.state is State.ARMED
+        self.frames.clear()
+        return self
+
+    def received(self) -> list[float]:
+        """Throttle pulse widths of the frames accepted since the last call [us]."""
+        frames, self.frames = self.frames, []
+        return [round(frame.pulses_us[0]) for frame in frames]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path / "h1")
+    yield bench
+    bench.close()
+
+
+def intervals(frames: list[SerialFrame]) -> list[float]:
+    return [b.arrival_s - a.arrival_s for a, b in pairwise(frames)]
+
+
+def test_frames_are_kept_alive_before_anybody_commands(bench: Bench) -> None:
+    bench.run(2.0, None)
+    assert intervals(bench.frames) == pytest.approx([0.025] * (len(bench.frames) - 1), abs=1e-4)
+    assert set(bench.received()) == {1100}
+    status = bench.transmitter.status(bench.now_s)
+    assert (status.state, status.link, status.binding) == (State.DISARMED, LinkState.READY, False)
+    assert status.module == "module 1.3.4.72 ready, DSM 2 1F"
+
+
+def test_accepted_commands_are_written_on_arrival(bench: Bench) -> None:
+    bench.fly()
+    first = bench.sequence
+    bench.run(1.0)
+    bench.settle()
+    commands = bench.sequence - first
+    assert len(bench.frames) == commands
+    assert intervals(bench.frames) == pytest.approx([0.02] * (commands - 1), abs=1e-6)
+    write = bench.transmitter.last_write
+    assert write is not None
+    assert write.outcome is WriteOutcome.WRITTEN
+    assert write.output.u == HOVER
+    assert write.output.cause is not None
+    assert write.output.cause.sequence == bench.sequence
+    assert bench.frames[-1].arrival_s == pytest.approx(write.time_s + FRAME_S)
+
+
+def test_commands_of_50_hz_with_2_ms_of_jitter_are_never_delayed_by_a_keepalive(bench: Bench) -> None:
+    bench.fly()
+    for n in range(50):
+        bench.next_command_s = bench.now_s + 0.02 + (0.002 if n % 2 else -0.002)
+        bench.run(bench.next_command_s + 0.001 - bench.now_s)
+        write = bench.transmitter.last_write
+        assert write is not None
+        assert write.time_s == pytest.approx(bench.now_s - 0.001)
+
+
+def test_frames_never_come_closer_than_the_receiver_needs(bench: Bench) -> None:
+    bench.fly()
+    bench.run(1.0, HOVER, period_s=0.003)
+    gaps = intervals(bench.frames)
+    assert min(gaps) >= FRAME_S + 0.001 - 1e-6
+    assert max(gaps) <= 0.007
+    assert bench.radio.link.module.rejected["wrong length"] == 0
+
+
+def test_rejected_commands_write_nothing_and_feed_nothing(bench: Bench) -> None:
+    bench.fly()
+    for _ in range(100):
+        bench.run(0.02, None)
+        bench.sequence += 1
+        bench.transmitter.on_pose(PoseInput("h1", 1, bench.sequence, (0, 0, 1), 0.02), bench.now_s)
+        bad = CommandInput("agent", 1, bench.sequence, 0, (float("nan"), 0, 0.5, 0))
+        assert not bench.transmitter.on_command(bad, bench.now_s).accepted
+        bench.exchange()
+    assert bench.state is State.CUT
+    assert bench.transmitter.status(bench.now_s).counters["command not finite"] == 100
+
+
+def test_silent_commands_hold_descend_and_cut_on_the_wire(bench: Bench) -> None:
+    bench.fly()
+    start_s = bench.now_s
+    while bench.state is not State.CUT and bench.now_s < start_s + 3:
+        bench.sequence += 1
+        bench.transmitter.on_pose(PoseInput("h1", 1, bench.sequence, (0, 0, 1), 0.02), bench.now_s)
+        bench.run(0.02, None)
+    assert bench.now_s - start_s == pytest.approx(2.0, abs=0.05)
+    bench.settle()
+    throttle = bench.received()
+    assert throttle[0] == 1540
+    assert sorted(set(throttle), reverse=True)[-2:] == [1500, 1100]
+    assert throttle == sorted(throttle, reverse=True)
+
+
+def test_a_kill_is_written_at_once_and_reaches_the_vehicle(bench: Bench) -> None:
+    bench.fly()
+    bench.request(Action.KILL)
+    bench.run(0.06)
+    assert bench.frames[-1].kill
+    killed_s = next(frame.arrival_s for frame in bench.frames if frame.kill)
+    assert bench.now_s - 0.06 <= killed_s <= bench.now_s - 0.06 + 0.0088
+    assert bench.radio.output(bench.now_s).pulses_us[0] < 910
+    bench.run(1.0, IDLE)
+    bench.request(Action.RESET)
+    bench.run(0.1, IDLE)
+    assert not bench.frames[-1].kill
+
+
+def test_shutdown_lands_sends_25_low_frames_and_finishes(bench: Bench) -> None:
+    bench.fly()
+    bench.request(Action.SHUTDOWN)
+    assert not bench.transmitter.finished
+    bench.run(1.75)
+    assert bench.state is State.DESCEND
+    bench.received()
+    for _ in range(200):
+        bench.run(0.01)
+        if bench.transmitter.finished:
+            break
+    assert bench.transmitter.finished
+    bench.settle()
+    low = [throttle for throttle in bench.received() if throttle == 1100]
+    assert 25 <= len(low) <= 27
+
+
+def test_shutdown_on_the_ground_sends_throttle_low_too(tmp_path: Path) -> None:
+    bench = Bench(tmp_path / "h1")
+    calibration = Calibration(throttle=ThrottleCalibration(us0=1180))
+    protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
+    bench.transmitter = Transmitter("h1", ArbiterLimits(), calibration, protocol, bench.port)
+    bench.run(1.0, IDLE)
+    assert set(bench.received()) == {1180}
+    bench.request(Action.SHUTDOWN)
+    bench.run(0.7, None)
+    assert bench.received()[-25:] == [1100] * 25
+    assert bench.transmitter.finished
+    bench.close()
+
+
+def test_shutdown_without_a_port_finishes_at_once(bench: Bench) -> None:
+    bench.radio.unplug()
+    bench.run(0.3, None)
+    bench.request(Action.SHUTDOWN)
+    assert bench.transmitter.finished
+
+
+def test_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_and_arming(bench: Bench) -> None:
+    bench.fly()
+    bench.radio.unplug()
+    bench.run(0.1)
+    assert bench.state is State.DISARMED
+    status = bench.transmitter.status(bench.now_s)
+    assert status.link is LinkState.LOST
+    assert "h1" in status.module
+    bench.run(0.5)
+    bench.radio.replug(bench.now_s)
+    bench.received()
+    bench.run(0.17, IDLE)
+    assert bench.port.is_open
+    assert bench.transmitter.status(bench.now_s).link is LinkState.UP
+    assert (
+        bench.request(Action.ARM).reason
+        == "missing: commanded thrust low long enough; missing: transmitter ready"
+    )
+    bench.run(1.0)
+    assert bench.state is State.DISARMED
+    assert set(bench.received()) <= {1100}
+    bench.run(1.0, IDLE)
+    assert bench.request(Action.ARM).accepted
+
+
+def test_binding_ends_when_the_module_is_done_and_settles_for_5_s(bench: Bench) -> None:
+    receiver = bench.radio.link.receiver
+    receiver.enter_bind_mode()
+    bench.run(1.5, IDLE)
+    assert bench.transmitter.bind(bench.now_s).accepted
+    started_s = bench.now_s
+    bench.run(0.2, IDLE)
+    assert bench.frames[-1].bind
+    assert bench.transmitter.status(bench.now_s).binding
+    while bench.transmitter.status(bench.now_s).binding:
+        bench.run(0.1, IDLE)
+        assert bench.now_s < started_s + 7.5
+    assert bench.now_s - started_s == pytest.approx(6.03, abs=0.6)
+    assert receiver.model_match == 3
+    assert bench.transmitter.status(bench.now_s).link is LinkState.UP
+    assert not bench.request(Action.ARM).accepted
+    bench.run(0.1, IDLE)
+    assert not bench.frames[-1].bind
+    bench.run(5.2, IDLE)
+    assert bench.request(Action.ARM).accepted
+
+
+def test_bind_is_given_up_after_7_s_when_the_module_never_says_it_is_done(bench: Bench) -> None:
+    bench.run(1.5, IDLE)
+    bench.transmitter.bind(bench.now_s)
+    bench.radio.link.module._send_status = lambda now_s: None  # type: ignore[attr-defined]  # its answers stop
+    bench.run(6.9, IDLE)
+    assert bench.transmitter.status(bench.now_s).binding
+    bench.run(0.2, IDLE)
+    assert not bench.transmitter.status(bench.now_s).binding
+
+
+def test_binding_and_range_check_are_refused_in_flight_and_without_a_port(bench: Bench) -> None:
+    bench.fly()
+    assert bench.transmitter.bind(bench.now_s).reason == "binding is only possible while DISARMED, not ARMED"
+    refused = bench.transmitter.range_check(True, bench.now_s)
+    assert refused.reason == "range check is only possible while DISARMED, not ARMED"
+    bench.radio.unplug()
+    bench.run(0.1)
+    assert "binding is not possible" in bench.transmitter.bind(bench.now_s).reason
+
+
+def test_range_check_reduces_the_power_and_forbids_arming(bench: Bench) -> None:
+    bench.run(1.5, IDLE)
+    assert bench.transmitter.range_check(True, bench.now_s).reason == "range check on"
+    bench.run(0.1, IDLE)
+    bench.radio.link.receiver.in_range_check_reach = False
+    bench.run(2.0, IDLE)
+    assert bench.radio.output(bench.now_s).state == "failsafe"
+    assert bench.request(Action.ARM).reason == "missing: transmitter ready"
+    bench.transmitter.range_check(False, bench.now_s)
+    bench.run(0.1, IDLE)
+    assert bench.radio.output(bench.now_s).state == "linked"
+    assert bench.request(Action.ARM).accepted
+
+
+def test_full_port_is_tried_again_and_then_given_up(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.fly()
+    monkeypatch.setattr(bench.port, "write_frame", lambda frame, now_s: WriteOutcome.SHORT)
+    bench.run(0.02)
+    assert bench.transmitter.next_deadline_s() <= bench.now_s + 0.005
+
+
+def make(protocol: MultiProtocol | Dsm2SerialProtocol | PpmGenProtocol, **options: object) -> Transmitter:
+    port = SerialPort("/nonexistent", LINE)
+    calibration = options.pop("calibration", Calibration())
+    assert isinstance(calibration, Calibration)
+    return Transmitter("h1", ArbiterLimits(), calibration, protocol, port, low_power=bool(options))
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: make(MultiProtocol(), calibration=Calibration(throttle=ThrottleCalibration(us1=2050))),
+        lambda: make(
+            MultiProtocol(), calibration=Calibration(roll=ChannelCalibration(1, gain_us=600, lo_us=900))
+        ),
+        lambda: make(Dsm2SerialProtocol(), calibration=Calibration(roll=ChannelCalibration(6))),
+    ],
+    ids=["throttle", "roll", "channel"],
+)
+def test_a_calibration_the_radio_cannot_carry_is_refused_at_the_start(
+    build: Callable[[], Transmitter],
+) -> None:
+    with pytest.raises(PulseRangeError):
+        build()
+
+
+def test_wishes_the_radio_does_not_offer_are_refused() -> None:
+    with pytest.raises(ProtocolError, match="low_power"):
+        make(PpmGenProtocol(), low_power=True)
+    transmitter = make(PpmGenProtocol())
+    assert transmitter.bind(0.0).reason == "ppm: bind with the radio itself"
+    assert transmitter.range_check(True, 0.0).reason == "ppm: check the range with the radio itself"
+
+
+def test_poses_of_others_are_not_acted_on_before_the_own_turn(bench: Bench) -> None:
+    bench.fly()
+    for _ in range(3):
+        bench.sequence += 1
+        bench.transmitter.on_pose(PoseInput("h2", 1, bench.sequence, (0.1, 0, 1), 0.02), bench.now_s)
+    bench.run(0.05)
+    assert bench.state is State.HOLD
