@@ -328,14 +328,16 @@ class TrackerServer:
                     self._drop(client, reset=isinstance(fault, Reset))
 
     def _flush(self) -> None:
-        if self._faults.active(Silence) is not None:
-            return
+        silent = self._faults.active(Silence) is not None
         dribble = self._faults.active(Dribble)
         now_s = self._clock()
         for client in list(self._clients.values()):
             was_blocked = client.blocked
             try:
-                client.send(now_s, dribble)
+                if silent:
+                    client.blocked = False  # or a writable socket would keep the owner's loop spinning
+                else:
+                    client.send(now_s, dribble)
             except OSError:
                 self._drop(client)
                 continue

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from simulator.tracker import TrackerServer
-from simulator.tracker_faults import Delay, FaultError, Occlude, ResetFrameId, Silence, TimedFault
+from simulator.tracker_faults import Delay, FaultError, Occlude, Recover, ResetFrameId, Silence, TimedFault
 from simulator.tracker_frame import TrackedBody, TrackerFrame
 from vicon_gateway.control_objects import ObjectEnums, Ping, RequestFrame, WireObject, packet
 from vicon_gateway.objects import FrameInfo, decode_body
@@ -138,6 +138,27 @@ def test_client_that_does_not_read_loses_frames_and_holds_up_nobody(
     server.publish(TrackerFrame(number + 1, bodies))
     sleeper.run_until(lambda: sleeper.has(number + 1))
     assert not sleeper.has(number)
+
+
+def test_silence_with_a_blocked_client_does_not_keep_the_loop_spinning(
+    server: TrackerServer, connect: Callable[[], Peer]
+) -> None:
+    sleeper = connect().start()
+    bodies = tuple(TrackedBody(f"h{number}", (0.0, 0.0, 0.0)) for number in range(200))
+    number = 0
+    while server.state.dropped == 0:
+        server.publish(TrackerFrame(number, bodies))
+        number += 1
+    server.apply(Silence())
+    while select.select([sleeper.socket], [], [], 0.0)[0]:
+        sleeper.read()
+    sent = len(sleeper.packets)
+    server.poll()
+    assert select.select([server], [], [], 0.0)[0] == []
+    server.apply(Recover())
+    sleeper.run_until(lambda: len(sleeper.packets) > sent and not sleeper.reader.buffered_bytes)
+    server.publish(TrackerFrame(number, bodies))
+    sleeper.run_until(lambda: sleeper.has(number))
 
 
 @pytest.mark.parametrize("reset", [False, True])
