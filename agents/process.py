@@ -131,7 +131,7 @@ class Agent:
 
     def _recall(self) -> AgentStatus | None:
         try:
-            reply = self._session.request(self._settings.vehicle, Recall(), timeout_s=0.2)
+            reply = self._session.request(self._settings.vehicle, Recall(), timeout_s=0.2, patience_s=0.0)
         except RequestFailedError:
             return None
         return reply.status if isinstance(reply, RecallReply) else None

@@ -14,11 +14,14 @@ from bus.channels import Channel
 from bus.codec import RejectedError, decode, encode
 from bus.endpoints import client_config
 from bus.messages import Message
-from bus.requests import VERBS, Reply, Request, verb_of
+from bus.requests import VERBS, Reply, Request, Verb, verb_of
 from bus.subscription import Subscription, UnitSubscriptions
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)
+
+RETRY_S = 0.02
+"""Pause before asking again where nobody serves a request."""
 
 _PRIORITIES = {
     channels.REAL_TIME: zenoh.Priority.REAL_TIME,
@@ -149,8 +152,10 @@ class Session:
         """
 
         def on_sample(sample: zenoh.Sample) -> None:
-            _, _, unit, topic = str(sample.key_expr).split("/", 3)
-            store(unit, topic, sample.payload.to_bytes(), self.clock())
+            chunks = str(sample.key_expr).split("/")
+            # What was put on a wildcard key is nobody's message; every reader refuses it.
+            if len(chunks) == 4 and "*" not in str(sample.key_expr):
+                store(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock())
 
         pattern = channels.key(self.address.fleet, "*", "*")
         self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
@@ -204,8 +209,17 @@ class Session:
             except Empty:
                 return incoming
 
-    def request(self, unit: str, request: Request, timeout_s: float = 1.0) -> Reply:
+    def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Ask a unit and wait for the typed answer.
+
+        Parameters
+        ----------
+        unit, request
+            Whom, and what; the verb follows from the type.
+        timeout_s
+            For an answer of somebody who serves the verb.
+        patience_s
+            For somebody to serve it at all: a process that has just been replaced is not found for a moment.
 
         Raises
         ------
@@ -214,13 +228,20 @@ class Session:
         """
         verb = verb_of(request)
         key = channels.request_key(self.address.fleet, unit, verb.name)
-        replies = self._zenoh.get(
-            key, payload=encode(request), timeout=timeout_s, target=zenoh.QueryTarget.BEST_MATCHING
-        )
-        problem = f"nobody serves {verb.name} for {unit}"
-        for reply in replies:
-            if reply.ok is not None:
-                return decode(reply.ok.payload.to_bytes(), verb.reply)
-            text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err is not None else ""
-            problem = f"{unit} did not answer {verb.name}: {text}"
-        raise RequestFailedError(problem)
+        payload = encode(request)
+        give_up_s = self.clock() + patience_s
+        while True:
+            for reply in self._zenoh.get(key, payload=payload, timeout=timeout_s):
+                if reply.ok is not None:
+                    return self._reply(unit, verb, reply.ok.payload.to_bytes())
+                text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else ""
+                raise RequestFailedError(f"{unit} did not answer {verb.name}: {text}")
+            if self.clock() >= give_up_s:
+                raise RequestFailedError(f"nobody serves {verb.name} for {unit}")
+            time.sleep(RETRY_S)
+
+    def _reply(self, unit: str, verb: Verb, payload: bytes) -> Reply:
+        try:
+            return decode(payload, verb.reply)
+        except RejectedError as error:
+            raise RequestFailedError(f"{unit} answered {verb.name} with nonsense: {error}") from None
