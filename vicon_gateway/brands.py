@@ -345,6 +345,8 @@ def run_child(brand: str, settings: dict[str, str], parent: int) -> int:
     pipe = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # the library's own messages do not belong into the data
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    # A library that spins must not do so with the real-time priority of the gateway.
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     if os.getppid() != parent:
         return 1  # the parent was gone before it could be tied to this process
 

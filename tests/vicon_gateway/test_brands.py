@@ -185,6 +185,21 @@ def test_library_is_not_loaded_into_the_process_that_uses_it() -> None:
     assert subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout == "False\n"
 
 
+def test_child_does_not_inherit_the_scheduling_class_of_the_gateway() -> None:
+    code = f"""
+        import os
+        from vicon_gateway.brands import BrandClient
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+        client = BrandClient("mock", {MOCK!r}, 200.0)
+        while client.next_frame(1.0) is None:
+            pass
+        print(os.sched_getscheduler(client.child_pid) == os.SCHED_OTHER)
+        client.close()
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code)]
+    assert subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout == "True\n"
+
+
 def fake_library(monkeypatch: pytest.MonkeyPatch, folder: Path, code: str) -> None:
     (folder / "motioncapture.py").write_text(textwrap.dedent(code))
     monkeypatch.setenv("PYTHONPATH", str(folder))
