@@ -63,7 +63,7 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     if not _finite(plain, MAX_DEPTH):
         raise RejectedError("value", "a number is not finite, or the message is nested too deeply")
     try:
-        message = msgspec.convert(plain, message_type)
+        message = msgspec.convert(plain, message_type, builtin_types=(bytes,))
     except (msgspec.ValidationError, OverflowError) as error:
         raise RejectedError("type", str(error)) from None
     try:

@@ -16,13 +16,22 @@ MAX_STAGES = 200
 PLAN_COLUMNS = 12
 MAX_NEXT_INPUTS = 16
 MAX_POSITION_M = 100.0
+MAX_MAGNITUDE = 1e6
+"""Of any number of a trajectory, and of headings, which count turns; more would overflow in a controller."""
+MAX_RATE_HZ = 2000.0
+"""Of the motion capture."""
 
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 Text = Annotated[str, Meta(max_length=400)]
 Count = Annotated[int, Meta(ge=0)]
 Seconds = Annotated[float, Meta(ge=0)]
+ArbiterState = Annotated[str, Meta(pattern="^(disarmed|armed|hold|descend|cut|killed)$")]
+Heading = Annotated[float, Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
+Stick = Annotated[float, Meta(ge=-1, le=1)]
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
+Coordinate = Annotated[float, Meta(ge=-MAX_POSITION_M, le=MAX_POSITION_M)]
+Place = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class InvalidMessageError(ValueError):
@@ -46,7 +55,7 @@ class FloatArray(Struct, frozen=True):
         return np.frombuffer(self.data, dtype="<f8").reshape(self.shape)
 
     def check(self, field: str, columns: int, max_rows: int, min_rows: int = 0) -> None:
-        """Refuse wrong shapes before any array is built, then non-finite values.
+        """Refuse wrong shapes before any array is built, then values that are not finite or absurd.
 
         Raises
         ------
@@ -62,8 +71,9 @@ class FloatArray(Struct, frozen=True):
             raise InvalidMessageError(
                 f"{field}: {len(self.data)} bytes for shape {self.shape}, needs {8 * rows * columns}"
             )
-        if not np.isfinite(self.to_numpy()).all():
-            raise InvalidMessageError(f"{field}: not all values are finite")
+        # The comparison is false for numbers that are not finite, too.
+        if not (np.abs(self.to_numpy()) <= MAX_MAGNITUDE).all():
+            raise InvalidMessageError(f"{field}: not all values are finite and at most {MAX_MAGNITUDE:g}")
 
 
 class Message(Struct, frozen=True, kw_only=True):
@@ -90,7 +100,7 @@ class Pose(Message, frozen=True, kw_only=True):
     """Identifies an uninterrupted stream of frames [ms of wall clock at its start]."""
     frame: Count
     """Raw frame number of the Tracker: the fleet's clock."""
-    period_s: Annotated[float, Meta(gt=0, le=1)]
+    period_s: Annotated[float, Meta(ge=1 / MAX_RATE_HZ, le=1)]
     """Time between frames."""
     latency_s: Seconds
     """From capture to arrival at the gateway, as far as the Tracker and the network tell."""
@@ -121,16 +131,16 @@ class Pose(Message, frozen=True, kw_only=True):
 class SetPoint(Struct, frozen=True, kw_only=True):
     """Where a vehicle shall be, inertial frame."""
 
-    position_m: Three
-    yaw_rad: float
+    position_m: Place
+    yaw_rad: Heading
 
 
 class Following(Struct, frozen=True, kw_only=True):
     """Whom a vehicle follows and where it keeps itself."""
 
     leader: Name
-    offset_m: Three = (0.0, 0.0, 0.0)
-    yaw_offset_rad: float = 0.0
+    offset_m: Place = (0.0, 0.0, 0.0)
+    yaw_offset_rad: Heading = 0.0
     frame: Annotated[str, Meta(pattern="^(inertial|heading)$")] = "inertial"
     """Whether the offset is fixed in the room or turns with the leader's heading."""
     weight: Annotated[float, Meta(gt=0)] = 1.0
@@ -225,8 +235,7 @@ class AgentStatus(Message, frozen=True, kw_only=True):
 class TransmitterStatus(Message, frozen=True, kw_only=True):
     """State of one transmitter and of the arbiter in front of it."""
 
-    state: Name
-    """disarmed, armed, hold, descend, cut or killed."""
+    state: ArbiterState
     reason: Text
     link: Name
     """State of the serial port."""
@@ -247,8 +256,8 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
 class Applied(Message, frozen=True, kw_only=True):
     """What was written to a radio module: one message per serial frame."""
 
-    state: Name
-    input: Four
+    state: ArbiterState
+    input: tuple[Stick, Stick, Stick, Stick]
     """Input after the arbiter, as calibrated to pulse widths."""
     pulse_width_us: Annotated[tuple[float, ...], Meta(max_length=16)]
     epoch: Count

@@ -154,7 +154,10 @@ class Subscription(Inbox[M]):
 
 
 class UnitSubscriptions(Generic[M]):
-    """One channel of every unit of a fleet, an inbox each; for ground stations, recorders and gateways."""
+    """One channel of every unit of a fleet, an inbox each; for ground stations, recorders and gateways.
+
+    `rejected` counts what was put on a wildcard key and so belongs to no unit.
+    """
 
     def __init__(
         self,
@@ -166,6 +169,7 @@ class UnitSubscriptions(Generic[M]):
         depth: int = 1,
     ) -> None:
         self.inboxes: dict[str, Inbox[M]] = {}
+        self.rejected: Counter[str] = Counter()
         self._channel = channel
         self._depth = depth
         self._clock = clock
@@ -174,9 +178,11 @@ class UnitSubscriptions(Generic[M]):
         self._subscriber = session.declare_subscriber(pattern, Callback(self._on_sample, indirect=False))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
-        unit = str(sample.key_expr).split("/")[self._unit_at]
-        if "*" in unit:
+        full_key = str(sample.key_expr)
+        if "*" in full_key:
+            self.rejected["key"] += 1
             return
+        unit = full_key.split("/")[self._unit_at]
         inbox = self.inboxes.get(unit)
         if inbox is None:
             inbox = self.inboxes[unit] = Inbox(self._channel, self._depth)

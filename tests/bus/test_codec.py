@@ -1,0 +1,310 @@
+"""Promises of the message coding: valid messages survive, others are refused with a kind and a reason."""
+
+import math
+import struct
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.messages import MESSAGE_TYPES, valid_messages, wire_maps
+
+from bus.codec import MAX_DEPTH, RejectedError, decode, encode
+from bus.messages import (
+    MAX_NEXT_INPUTS,
+    MAX_STAGES,
+    PLAN_COLUMNS,
+    AgentStatus,
+    Applied,
+    Command,
+    FloatArray,
+    Kill,
+    Message,
+    Plan,
+    Pose,
+)
+from bus.requests import GoTo, TakeOff
+
+message_types = st.sampled_from(MESSAGE_TYPES)
+
+POSE: dict[str, Any] = {
+    "schema_version": 1,
+    "epoch": 1,
+    "frame": 2,
+    "period_s": 0.02,
+    "latency_s": 0.004,
+    "received_s": 12.5,
+    "occluded": False,
+    "position_m": [0.1, 0.2, 0.3],
+    "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0],
+    "quality": 0.9,
+}
+COMMAND: dict[str, Any] = {
+    "epoch": 1,
+    "frame": 2,
+    "source": "h1",
+    "sequence": 3,
+    "input": [0.0, 0.0, 0.5, 0.0],
+    "next_inputs": {"shape": [1, 4], "data": bytes(32)},
+    "period_s": 0.02,
+}
+PLAN: dict[str, Any] = {
+    "epoch": 1,
+    "frame": 2,
+    "source": "h1",
+    "ancestors": [],
+    "period_s": 0.02,
+    "start_s": 0.02,
+    "trajectory": {"shape": [2, PLAN_COLUMNS], "data": bytes(8 * 2 * PLAN_COLUMNS)},
+}
+APPLIED: dict[str, Any] = {
+    "state": "armed",
+    "input": [0.0, 0.0, 0.5, 0.0],
+    "pulse_width_us": [1500.0],
+    "epoch": 0,
+    "frame": 0,
+    "sequence": 0,
+    "fresh": True,
+}
+
+
+def refusal(plain: object, message_type: type[Message]) -> RejectedError:
+    payload = plain if isinstance(plain, bytes) else msgpack.packb(plain)
+    with pytest.raises(RejectedError) as caught:
+        decode(payload, message_type)
+    return caught.value
+
+
+def floats_in(value: object) -> list[float]:
+    if isinstance(value, float):
+        return [value]
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return [number for item in items for number in floats_in(item)]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data(), message_types)
+def test_every_message_survives_encoding_and_decoding(
+    data: st.DataObject, message_type: type[Message]
+) -> None:
+    message = data.draw(valid_messages(message_type))
+    assert decode(encode(message), message_type) == message
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data(), message_types)
+def test_fields_unknown_to_this_version_are_ignored(data: st.DataObject, message_type: type[Message]) -> None:
+    plain = data.draw(wire_maps(message_type))
+    future = plain | {"schema_version": 7, "field_of_a_later_version": {"x": [1, "a", None]}}
+    known = decode(msgpack.packb(plain | {"schema_version": 7}), message_type)
+    assert decode(msgpack.packb(future), message_type) == known
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data(), message_types, st.data())
+def test_truncated_messages_are_refused(
+    data: st.DataObject, message_type: type[Message], cut: st.DataObject
+) -> None:
+    payload = encode(data.draw(valid_messages(message_type)))
+    error = refusal(payload[: cut.draw(st.integers(0, len(payload) - 1))], message_type)
+    assert error.kind == "malformed"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=300), message_types)
+def test_garbage_is_refused_and_nothing_else_is_raised(payload: bytes, message_type: type[Message]) -> None:
+    assert refusal(payload, message_type).kind in ("malformed", "type", "value")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data(), message_types)
+def test_a_flipped_byte_is_refused_or_gives_a_finite_message(
+    data: st.DataObject, message_type: type[Message]
+) -> None:
+    payload = bytearray(encode(data.draw(valid_messages(message_type))))
+    payload[data.draw(st.integers(0, len(payload) - 1))] ^= data.draw(st.integers(1, 255))
+    kinds: tuple[str, ...] = ()
+    try:
+        numbers = floats_in(msgpack.unpackb(encode(decode(bytes(payload), message_type))))
+    except RejectedError as error:
+        kinds, numbers = (error.kind,), []
+    assert set(kinds) <= {"malformed", "type", "value"}
+    assert all(map(math.isfinite, numbers))
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), message_type=message_types)
+def test_numbers_that_are_not_finite_are_refused(
+    number: float, data: st.DataObject, message_type: type[Message]
+) -> None:
+    plain = data.draw(wire_maps(message_type))
+    error = refusal(plain | {data.draw(st.sampled_from(["schema_version", "extra"])): number}, message_type)
+    assert error.kind == "value"
+
+
+@pytest.mark.parametrize("field", ["received_s", "position_m", "quaternion_xyzw", "quality"])
+def test_pose_with_a_nan_in_any_field_is_refused(field: str) -> None:
+    value = POSE[field]
+    bad = [math.nan, *value[1:]] if isinstance(value, list) else math.nan
+    assert refusal(POSE | {field: bad}, Pose).kind == "value"
+
+
+@pytest.mark.parametrize("message_type", MESSAGE_TYPES)
+def test_oversize_messages_are_refused_before_they_are_unpacked(message_type: type[Message]) -> None:
+    error = refusal(b"\xc1" * (message_type.MAX_BYTES + 1), message_type)
+    assert error.kind == "size"
+    assert str(message_type.MAX_BYTES) in str(error)
+
+
+def test_the_longest_allowed_plan_fits_into_a_message() -> None:
+    trajectory = FloatArray.of(np.zeros((MAX_STAGES, PLAN_COLUMNS)))
+    plain = PLAN | {"trajectory": {"shape": list(trajectory.shape), "data": trajectory.data}}
+    assert decode(msgpack.packb(plain), Plan).trajectory.shape == (MAX_STAGES, PLAN_COLUMNS)
+
+
+@pytest.mark.parametrize(
+    ("message_type", "plain", "word"),
+    [
+        (Pose, POSE | {"frame": "2"}, "frame"),
+        (Pose, POSE | {"frame": -1}, "frame"),
+        (Pose, POSE | {"frame": 2.5}, "frame"),
+        (Pose, POSE | {"occluded": 0}, "occluded"),
+        (Pose, POSE | {"position_m": [0.0, 0.0]}, "position_m"),
+        (Pose, POSE | {"position_m": None, "quality": 1.5}, "quality"),
+        (Pose, POSE | {"period_s": 0.0}, "period_s"),
+        (Pose, POSE | {"period_s": 1e-300}, "period_s"),
+        (Pose, {key: value for key, value in POSE.items() if key != "epoch"}, "epoch"),
+        (Pose, POSE | {"schema_version": 0}, "schema_version"),
+        (Command, COMMAND | {"source": "H 1/.."}, "source"),
+        (Command, COMMAND | {"source": "h1/command"}, "source"),
+        (Command, COMMAND | {"input": [0.0, 0.0, 0.5]}, "input"),
+        (Command, COMMAND | {"next_inputs": [0.0]}, "next_inputs"),
+        (Command, COMMAND | {"next_inputs": {"shape": [1, 4], "data": "text"}}, "data"),
+        (Plan, PLAN | {"ancestors": ["h1"] * 65}, "ancestors"),
+        (Applied, APPLIED | {"state": "asleep"}, "state"),
+        (Applied, APPLIED | {"input": [0.0, 0.0, 1e300, 0.0]}, "input"),
+        (TakeOff, {"height_m": 50.0}, "height_m"),
+        (GoTo, {"set_point": {"position_m": [0.0, 0.0, 1e4], "yaw_rad": 0.0}}, "position_m"),
+        (GoTo, {"set_point": {"position_m": [0.0, 0.0, 1.0], "yaw_rad": 1e300}}, "yaw_rad"),
+        (Kill, {"source": "gcs", "reason": "x" * 401}, "reason"),
+    ],
+)
+def test_wrong_types_are_refused_and_the_field_is_named(
+    message_type: type[Message], plain: dict[str, Any], word: str
+) -> None:
+    error = refusal(plain, message_type)
+    assert error.kind == "type"
+    assert word in str(error)
+
+
+@pytest.mark.parametrize(
+    ("message_type", "plain", "word"),
+    [
+        (Pose, POSE | {"occluded": True}, "occluded"),
+        (Pose, POSE | {"position_m": None}, "missing"),
+        (Pose, POSE | {"quaternion_xyzw": None}, "missing"),
+        (Pose, POSE | {"quaternion_xyzw": [0.0, 0.0, 0.0, 0.0]}, "norm"),
+        (Pose, POSE | {"quaternion_xyzw": [0.0, 0.0, 1e200, 1e200]}, "norm"),
+        (Pose, POSE | {"position_m": [0.0, 0.0, 1e6]}, "position_m"),
+        (Plan, PLAN | {"start_s": 3.0}, "start_s"),
+    ],
+)
+def test_values_that_make_no_sense_are_refused_and_the_field_is_named(
+    message_type: type[Message], plain: dict[str, Any], word: str
+) -> None:
+    error = refusal(plain, message_type)
+    assert error.kind == "value"
+    assert word in str(error)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"),
+    [
+        ([1, 4], 31),
+        ([1, 4], 33),
+        ([2, 4], 32),
+        ([0, 4], 32),
+        ([-1, 4], 32),
+        ([-1, -4], 32),
+        ([4, 1], 32),
+        ([1, 5], 40),
+        ([MAX_NEXT_INPUTS + 1, 4], 32 * (MAX_NEXT_INPUTS + 1)),
+        ([2**40, 4], 32),
+        ([2**62, 4], 0),
+        ([2**63, 4], 0),
+    ],
+)
+def test_arrays_that_lie_about_their_shape_are_refused(shape: list[int], size: int) -> None:
+    error = refusal(COMMAND | {"next_inputs": {"shape": shape, "data": bytes(size)}}, Command)
+    assert error.kind == "value"
+    assert "next_inputs" in str(error)
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, 1e300])
+def test_arrays_with_numbers_no_controller_can_use_are_refused(number: float) -> None:
+    data = bytes(8) + struct.pack("<d", number) + bytes(16)
+    error = refusal(COMMAND | {"next_inputs": {"shape": [1, 4], "data": data}}, Command)
+    assert error.kind == "value"
+    assert "next_inputs" in str(error)
+
+
+def test_a_plan_needs_two_stages() -> None:
+    plain = PLAN | {"trajectory": {"shape": [1, PLAN_COLUMNS], "data": bytes(8 * PLAN_COLUMNS)}}
+    assert refusal(plain, Plan).kind == "value"
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"\xc0", msgpack.packb([1, 2]), msgpack.packb("text"), msgpack.packb(7)]
+)
+@pytest.mark.parametrize("message_type", MESSAGE_TYPES)
+def test_payloads_that_are_no_map_are_refused(payload: bytes, message_type: type[Message]) -> None:
+    assert refusal(payload, message_type).kind in ("malformed", "type")
+
+
+def test_timestamps_and_extension_types_are_refused_where_a_number_belongs() -> None:
+    for foreign in (msgpack.Timestamp(1), msgpack.ExtType(5, b"abc")):
+        assert refusal(POSE | {"frame": foreign}, Pose).kind == "type"
+
+
+@pytest.mark.parametrize("container", [list, dict])
+def test_deeply_nested_messages_are_refused(container: type) -> None:
+    nested: object = 1.0
+    for _ in range(MAX_DEPTH + 1):
+        nested = [nested] if container is list else {"a": nested}
+    assert refusal(POSE | {"extra": nested}, Pose).kind == "value"
+
+
+def test_bottomless_nesting_is_refused() -> None:
+    assert refusal(b"\x91" * 20_000, Pose).kind == "malformed"
+
+
+@settings(deadline=None)
+@given(st.integers(0, 20), st.integers(1, 12), st.randoms(use_true_random=False))
+def test_matrices_survive_the_bus(rows: int, columns: int, random: Any) -> None:
+    values = np.array([[random.uniform(-1e3, 1e3) for _ in range(columns)] for _ in range(rows)])
+    values = values.reshape(rows, columns)
+    packed = FloatArray.of(values)
+    packed.check("x", columns, max_rows=20)
+    assert np.array_equal(packed.to_numpy(), values)
+    assert not packed.to_numpy().flags.writeable
+
+
+def test_matrices_travel_in_little_endian_rows_whatever_the_memory_layout() -> None:
+    values = np.array([[1.0, 2.0], [3.0, 4.0]])
+    expected = struct.pack("<4d", 1.0, 2.0, 3.0, 4.0)
+    assert FloatArray.of(values).data == expected
+    assert FloatArray.of(np.asfortranarray(values)).data == expected
+    assert FloatArray.of(values.astype(">f8").astype(np.float64)).data == expected
+
+
+def test_a_status_of_a_vehicle_that_was_never_seen_survives() -> None:
+    plain = {
+        "phase": "ground", "controller": "paper", "estimator": "kalman", "horizon": 50, "epoch": 0,
+        "frame": 0, "set_point": {"position_m": [0, 0, 0], "yaw_rad": 0},
+    }  # fmt: skip
+    status = decode(msgpack.packb(plain), AgentStatus)
+    assert status.position_m is None
+    assert decode(encode(status), AgentStatus) == status

@@ -1,0 +1,28 @@
+"""Fixtures that tests of several packages share."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+from support.bus import router
+
+from bus.session import BusAddress, Session
+
+
+@pytest.fixture
+def bus_address() -> Iterator[BusAddress]:
+    """Address of a running router that only this test uses."""
+    with router() as address:
+        yield address
+
+
+@pytest.fixture
+def join(bus_address: BusAddress) -> Iterator[Callable[..., Session]]:
+    """Open sessions on the test's bus; they are closed after the test, the last one first."""
+    with ExitStack() as stack:
+
+        def opened(**options: Any) -> Session:
+            return stack.enter_context(Session(bus_address, **options))
+
+        yield opened

@@ -1,0 +1,104 @@
+"""A bus of their own for tests: a router on a free port, a namespace nobody else uses."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import zenoh
+
+from bus.endpoints import client_config, router_config
+from bus.session import BusAddress, BusUnreachableError, Session
+
+FLEET = "lab"
+
+
+def free_port(address: str = "127.0.0.1") -> int:
+    """A TCP port that nobody listens on at this moment."""
+    with socket.socket() as probe:
+        probe.bind((address, 0))
+        return int(probe.getsockname()[1])
+
+
+def own_address() -> BusAddress:
+    """Address of a bus that no other test uses."""
+    return BusAddress((f"tcp/127.0.0.1:{free_port()}",), FLEET, f"t{uuid.uuid4().hex[:8]}")
+
+
+@contextmanager
+def router() -> Iterator[BusAddress]:
+    """A router in this process, for tests in which it stays up."""
+    address = own_address()
+    session = zenoh.open(router_config(list(address.endpoints), [], address.namespace))
+    try:
+        yield address
+    finally:
+        session.close()
+
+
+class Child:
+    """A real process that runs a few lines of Python; ended by its pid."""
+
+    def __init__(self, code: str, *arguments: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", code, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+        )
+
+    def wait_ready(self) -> None:
+        """Wait until the child prints a line."""
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline(), "the child ended before it was ready"
+
+    def end(self, number: signal.Signals = signal.SIGKILL) -> int:
+        """Send a signal and wait for the end; returns the exit code."""
+        if self._process.poll() is None:
+            self._process.send_signal(number)
+        code = self._process.wait(10)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+        return code
+
+
+ROUTER_CODE = """
+import json, sys
+from bus.router import run_router
+run_router(*json.loads(sys.argv[1]))
+"""
+
+
+class RouterProcess(Child):
+    """The router as the launcher runs it: in a process that can be killed."""
+
+    def __init__(self, address: BusAddress) -> None:
+        self._address = address
+        super().__init__(ROUTER_CODE, json.dumps([list(address.endpoints), [], address.namespace, 0]))
+
+    def wait_ready(self) -> None:
+        """Wait until a client gets in."""
+        for _ in range(3):
+            try:
+                Session(self._address, timeout_s=5.0).close()
+            except BusUnreachableError:
+                continue
+            return
+        raise AssertionError("the router process does not answer")
+
+
+def raw_put(address: BusAddress, key: str, payload: bytes) -> None:
+    """Put bytes on any key, as a faulty or foreign program would."""
+    with raw_session(address) as session:
+        session.put(key, payload)
+
+
+@contextmanager
+def raw_session(address: BusAddress) -> Iterator[zenoh.Session]:
+    """A Zenoh client without any of our checks."""
+    session = zenoh.open(client_config(list(address.endpoints), address.namespace, 5.0))
+    try:
+        yield session
+    finally:
+        session.close()

@@ -1,0 +1,106 @@
+"""Hypothesis strategies for the maps of messages, built from the message types themselves."""
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from msgspec import inspect
+
+from bus import channels, requests
+from bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, FloatArray, Message, Pose
+
+MESSAGE_TYPES: tuple[type[Message], ...] = (
+    *(channel.message for channel in channels.CHANNELS),
+    *(verb.request for verb in requests.VERBS.values()),
+    requests.Reply,
+    requests.RecallReply,
+)
+"""Everything that travels."""
+
+COLUMNS = {"trajectory": (2, 6, PLAN_COLUMNS), "next_inputs": (0, MAX_NEXT_INPUTS, 4)}
+"""Fewest rows, most rows and columns of the matrices, by field."""
+
+
+def wire_maps(message_type: type[Message]) -> st.SearchStrategy[dict[str, Any]]:
+    """Valid MessagePack maps of a message."""
+    maps = _struct(inspect.type_info(message_type))
+    return maps.map(_as_pose) if message_type is Pose else maps
+
+
+def valid_messages(message_type: type[Message]) -> st.SearchStrategy[Message]:
+    """Valid messages of a type."""
+    return wire_maps(message_type).map(lambda plain: msgspec.convert(plain, message_type))
+
+
+def _as_pose(plain: dict[str, Any]) -> dict[str, Any]:
+    """Occluded without, seen with a position and a unit quaternion."""
+    if plain["occluded"]:
+        return plain | {"position_m": None, "quaternion_xyzw": None}
+    half_rad = plain["latency_s"]
+    return plain | {
+        "position_m": plain["position_m"] or [0.1, -0.2, 0.3],
+        "quaternion_xyzw": [0.0, 0.0, math.sin(half_rad), math.cos(half_rad)],
+    }
+
+
+def _struct(kind: Any) -> st.SearchStrategy[dict[str, Any]]:
+    return st.fixed_dictionaries(
+        {field.name: _matrix_or_value(field.name, field.type) for field in kind.fields}
+    )
+
+
+def _matrix_or_value(name: str, kind: Any) -> st.SearchStrategy[Any]:
+    if isinstance(kind, inspect.StructType) and kind.cls is FloatArray:
+        low, high, columns = COLUMNS[name]
+        return st.integers(low, high).flatmap(lambda rows: _matrix(rows, columns))
+    if name == "start_s":
+        return st.floats(-1, 1)
+    if name in ("position_m", "quaternion_xyzw"):
+        return _optional(kind, st.lists(st.floats(-100, 100), min_size=3, max_size=3))
+    return _value(kind)
+
+
+def _optional(kind: Any, values: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    return st.none() | values if isinstance(kind, inspect.UnionType) else values
+
+
+def _matrix(rows: int, columns: int) -> st.SearchStrategy[dict[str, Any]]:
+
+    return arrays(np.dtype("<f8"), (rows, columns), elements=st.floats(-1e6, 1e6)).map(
+        lambda values: {"shape": [rows, columns], "data": values.tobytes()}
+    )
+
+
+def _value(kind: Any) -> st.SearchStrategy[Any]:
+    match kind:
+        case inspect.BoolType():
+            return st.booleans()
+        case inspect.IntType():
+            return st.integers(kind.ge or 0, 2**40)
+        case inspect.FloatType():
+            low = kind.gt if kind.ge is None else kind.ge
+            return st.floats(
+                -1e9 if low is None else low,
+                1e9 if kind.le is None else kind.le,
+                exclude_min=kind.gt is not None,
+            )
+        case inspect.StrType(pattern=str() as pattern):
+            return st.from_regex(pattern, fullmatch=True).filter(lambda text: not text.endswith("\n"))
+        case inspect.StrType():
+            return st.text(max_size=20)
+        case inspect.NoneType():
+            return st.none()
+        case inspect.UnionType():
+            return st.one_of([_value(member) for member in kind.types])
+        case inspect.TupleType():
+            return st.tuples(*map(_value, kind.item_types)).map(list)
+        case inspect.VarTupleType():
+            return st.lists(_value(kind.item_type), min_size=kind.min_length or 0, max_size=3)
+        case inspect.DictType():
+            return st.dictionaries(_value(kind.key_type), _value(kind.value_type), max_size=3)
+        case inspect.StructType():
+            return _struct(kind)
+    raise TypeError(f"no strategy for {kind}")
