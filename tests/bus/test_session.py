@@ -1,0 +1,375 @@
+"""Promises of the bus over a real router: what is published arrives, what is asked is answered."""
+
+import json
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+
+import msgpack
+import pytest
+import zenoh
+from support.bus import Child, RouterProcess, own_address, raw_put, raw_session
+from support.waiting import FakeClock, wait_for
+
+from bus import channels
+from bus.codec import encode
+from bus.messages import Kill, Pose, SetPoint
+from bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply
+from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
+from bus.subscription import Inbox
+
+Join = Callable[..., Session]
+
+ALIVE_CODE = """
+import json, sys, threading
+from bus.session import BusAddress, Session
+table = json.loads(sys.argv[1])
+session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]))
+session.announce("h7", "agent")
+print("ready", flush=True)
+threading.Event().wait()
+"""
+
+
+def pose(frame: int) -> Pose:
+    return Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
+
+
+def arrives(sender: Session, inbox: Inbox[Pose], frame: int) -> None:
+    """Publish until a pose gets through: the first put after a declaration may be lost."""
+
+    def through() -> bool:
+        sender.publish(channels.POSE, "h1", pose(frame))
+        received = inbox.latest()
+        return received is not None and received.message.frame == frame
+
+    wait_for(through, f"frame {frame} does not arrive")
+
+
+@contextmanager
+def answering(server: Session, reply: Callable[[object], Reply]) -> Iterator[None]:
+    """A thread that answers what arrives at a session, as a process's loop does."""
+    stop = threading.Event()
+
+    def work() -> None:
+        while not stop.wait(0.002):
+            for incoming in server.pending():
+                incoming.answer(reply(incoming.request))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+def answer_of(asker: Session, unit: str, request: Lead | Land | GoTo | Recall | Arm) -> Reply:
+    """Ask as soon as somebody serves the request."""
+    replies: list[Reply] = []
+    problems: list[str] = []
+
+    def asked() -> bool:
+        try:
+            replies.append(asker.request(unit, request))
+        except RequestFailedError as error:
+            problems.append(str(error))
+            return False
+        return True
+
+    wait_for(asked, "nobody answers")
+    assert all("nobody serves" in problem for problem in problems)
+    return replies[0]
+
+
+def test_a_published_message_arrives_typed_with_its_time_and_wakes_the_loop(join: Join) -> None:
+    clock, woken = FakeClock(50.0), threading.Event()
+    receiver, sender = join(wake=woken.set, clock=clock), join()
+    inbox = receiver.subscribe(channels.POSE, "h1")
+    arrives(sender, inbox, 7)
+    received = inbox.latest()
+    assert received is not None
+    assert received.message == pose(7)
+    assert received.arrived_s == 50.0
+    assert woken.is_set()
+    clock.advance(1.0)
+    assert inbox.age_s(clock()) == 1.0
+    assert not inbox.alive(clock())
+
+
+def test_messages_of_other_units_and_topics_do_not_arrive(join: Join) -> None:
+    receiver, sender = join(), join()
+    inbox = receiver.subscribe(channels.POSE, "h1")
+    arrives(sender, inbox, 1)
+    sender.publish(channels.POSE, "h2", pose(100))
+    sender.publish(channels.KILL, "h1", Kill(source="gcs", reason="x"))
+    arrives(sender, inbox, 2)
+    assert not inbox.rejected
+
+
+def test_a_closed_subscription_receives_nothing_more(join: Join) -> None:
+    receiver, sender = join(), join()
+    closed, open_ = receiver.subscribe(channels.POSE, "h1"), receiver.subscribe(channels.POSE, "h1")
+    arrives(sender, closed, 1)
+    closed.close()
+    arrives(sender, open_, 2)
+    received = closed.latest()
+    assert received is not None
+    assert received.message.frame == 1
+
+
+def test_subscribe_all_keeps_an_inbox_for_every_unit(join: Join) -> None:
+    receiver, sender = join(), join()
+    units = receiver.subscribe_all(channels.POSE)
+
+    def both_seen() -> bool:
+        for unit, frame in (("h1", 1), ("h2", 2)):
+            sender.publish(channels.POSE, unit, pose(frame))
+        return set(units.inboxes) == {"h1", "h2"}
+
+    wait_for(both_seen, "not both units are seen")
+    newest = {name: inbox.latest() for name, inbox in units.inboxes.items()}
+    assert {name: value.message.frame for name, value in newest.items() if value} == {"h1": 1, "h2": 2}
+    units.close()
+
+
+@pytest.mark.parametrize(
+    "key", ["rcopterx/lab/*/pose", "rcopterx/lab/h1/*", "rcopterx/**", "rcopterx/lab/h$*/pose"]
+)
+def test_messages_put_on_a_wildcard_key_are_refused_and_counted(
+    join: Join, bus_address: BusAddress, key: str
+) -> None:
+    receiver, sender = join(), join()
+    inbox, units = receiver.subscribe(channels.POSE, "h1"), receiver.subscribe_all(channels.POSE)
+    arrives(sender, inbox, 1)
+    wait_for(lambda: units.inboxes, "no unit is seen")
+    with raw_session(bus_address) as stranger:
+
+        def counted() -> bool:
+            stranger.put(key, encode(pose(666)))
+            return inbox.rejected["key"] > 0 and units.rejected["key"] > 0
+
+        wait_for(counted, "the wildcard put is not counted")
+    for unit in (inbox, units.inboxes["h1"]):
+        received = unit.latest()
+        assert received is not None
+        assert received.message.frame == 1
+    assert key in inbox.reason
+
+
+def test_malformed_messages_from_the_bus_are_counted_and_the_last_good_one_stays(
+    join: Join, bus_address: BusAddress
+) -> None:
+    receiver, sender = join(), join()
+    inbox = receiver.subscribe(channels.POSE, "h1", depth=8)
+    arrives(sender, inbox, 1)
+    with raw_session(bus_address) as stranger:
+
+        def counted() -> bool:
+            for payload in (b"\xc1", msgpack.packb({"epoch": "x"}), bytes(Pose.MAX_BYTES + 1)):
+                stranger.put(channels.key("lab", "h1", "pose"), payload)
+            inbox.latest()
+            return {"malformed", "type", "size"} <= set(inbox.rejected)
+
+        wait_for(counted, "not every kind is counted")
+    received = inbox.latest()
+    assert received is not None
+    assert received.message.frame == 1
+
+
+def test_a_tap_hears_every_unit_undecoded_and_survives_strange_keys(
+    join: Join, bus_address: BusAddress
+) -> None:
+    heard: list[tuple[str, str, bytes]] = []
+    recorder, sender = join(), join()
+    recorder.tap(lambda unit, topic, payload, _: heard.append((unit, topic, payload)))
+    for key in ("rcopterx/**", "rcopterx/lab/*/pose", "rcopterx/lab/h1/request/land"):
+        raw_put(bus_address, key, b"x")
+
+    def both_heard() -> bool:
+        sender.publish(channels.POSE, "h1", pose(1))
+        raw_put(bus_address, "rcopterx/lab/h2/plan", b"\xc1")
+        return {("h1", "pose", encode(pose(1))), ("h2", "plan", b"\xc1")} <= set(heard)
+
+    wait_for(both_heard, "not everything is heard")
+    assert {unit for unit, _, _ in heard} == {"h1", "h2"}
+
+
+def test_namespaces_keep_fleets_apart(join: Join, bus_address: BusAddress) -> None:
+    with Session(BusAddress(bus_address.endpoints, bus_address.fleet, "another")) as other:
+        receiver, sender = join(), join()
+        inbox, foreign = receiver.subscribe(channels.POSE, "h1"), other.subscribe(channels.POSE, "h1")
+        arrives(sender, inbox, 1)
+        arrives(other, foreign, 5)
+        arrives(sender, inbox, 2)
+        assert inbox.rejected == foreign.rejected == {}
+        received = foreign.latest()
+        assert received is not None
+        assert received.message.frame == 5
+
+
+def test_a_request_reaches_its_unit_typed_and_the_typed_reply_comes_back(join: Join) -> None:
+    server, asker = join(), join()
+    server.serve("h1", ["go_to"])
+    requests: list[object] = []
+
+    def reply(request: object) -> Reply:
+        requests.append(request)
+        return Reply(accepted=False, reason="outside the flight volume")
+
+    request = GoTo(set_point=SetPoint(position_m=(1.0, 2.0, 3.0), yaw_rad=0.5))
+    with answering(server, reply):
+        answer = answer_of(asker, "h1", request)
+    assert answer == Reply(accepted=False, reason="outside the flight volume")
+    assert requests == [request]
+
+
+def test_a_reply_may_have_its_own_type(join: Join) -> None:
+    server, asker = join(), join()
+    server.serve("h1", ["recall"])
+    with answering(server, lambda _: RecallReply(accepted=True, age_s=1.5)):
+        answer = answer_of(asker, "h1", Recall())
+    assert answer == RecallReply(accepted=True, age_s=1.5)
+
+
+def test_a_session_serves_several_units_and_verbs(join: Join) -> None:
+    server, asker = join(), join()
+    for unit in ("h1", "h2"):
+        server.serve(unit, ["lead", "land"])
+    seen: list[str] = []
+
+    def work(request: object) -> Reply:
+        seen.append(type(request).__name__)
+        return Reply(accepted=True)
+
+    with answering(server, work):
+        assert answer_of(asker, "h2", Lead()).accepted
+        assert answer_of(asker, "h1", Land()).accepted
+    assert seen == ["Lead", "Land"]
+
+
+def test_a_request_nobody_serves_fails_at_once_and_says_so(join: Join) -> None:
+    with pytest.raises(RequestFailedError, match="nobody serves land for h9"):
+        join().request("h9", Land())
+
+
+def test_a_request_that_is_not_answered_in_time_fails_and_says_so(join: Join) -> None:
+    server, asker = join(), join()
+    server.serve("h1", ["land", "lead"])
+    with answering(server, lambda _: Reply(accepted=True)):
+        answer_of(asker, "h1", Lead())
+    with pytest.raises(RequestFailedError, match="h1 did not answer land"):
+        asker.request("h1", Land(), timeout_s=0.05)
+
+
+def test_an_answer_that_comes_too_late_does_no_harm(join: Join) -> None:
+    server, asker = join(), join()
+    server.serve("h1", ["land", "lead"])
+    with answering(server, lambda _: Reply(accepted=True)):
+        answer_of(asker, "h1", Lead())
+    with pytest.raises(RequestFailedError):
+        asker.request("h1", Land(), timeout_s=0.05)
+    late = server.pending()
+    assert [type(incoming.request) for incoming in late] == [Land]
+    late[0].answer(Reply(accepted=True))
+    with answering(server, lambda _: Reply(accepted=True)):
+        assert asker.request("h1", Land()).accepted
+
+
+@pytest.mark.parametrize("payload", [b"", b"garbage", msgpack.packb({"set_point": {"position_m": [1, 2]}})])
+def test_a_malformed_request_is_refused_with_the_reason_and_never_handled(
+    join: Join, bus_address: BusAddress, payload: bytes
+) -> None:
+    server = join()
+    server.serve("h1", ["go_to"])
+    key = channels.request_key("lab", "h1", "go_to")
+    texts: list[str] = []
+    with raw_session(bus_address) as stranger:
+
+        def refused() -> bool:
+            replies = list(stranger.get(key, payload=payload, timeout=1.0))
+            texts.extend(reply.err.payload.to_bytes().decode() for reply in replies if reply.err is not None)
+            return bool(texts)
+
+        wait_for(refused, "no refusal")
+    assert texts[0].startswith("go_to: ")
+    assert server.pending() == []
+
+
+def test_a_malformed_answer_fails_the_request_and_nothing_else_is_raised(
+    join: Join, bus_address: BusAddress
+) -> None:
+    asker = join()
+    with raw_session(bus_address) as stranger:
+        key = channels.request_key("lab", "h1", "land")
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                query.reply(key, b"garbage")
+
+        served = stranger.declare_queryable(key, answer)
+
+        def answered_wrongly() -> bool:
+            with pytest.raises(RequestFailedError) as caught:
+                asker.request("h1", Land())
+            return "h1 answered land with nonsense" in str(caught.value)
+
+        wait_for(answered_wrongly, "the malformed answer does not arrive")
+        served.undeclare()
+
+
+def test_a_session_without_a_router_says_where_and_for_how_long_it_tried() -> None:
+    address = own_address()
+    with pytest.raises(BusUnreachableError) as caught:
+        Session(address, timeout_s=0.2)
+    assert address.endpoints[0] in str(caught.value)
+    assert "0.2 s" in str(caught.value)
+
+
+def test_the_token_of_a_killed_process_vanishes(join: Join, bus_address: BusAddress) -> None:
+    watcher = join()
+    child = Child(ALIVE_CODE, json.dumps(asdict(bus_address)))
+    try:
+        child.wait_ready()
+        wait_for(lambda: ("h7", "agent") in watcher.alive_units(), "the process is not seen alive")
+    finally:
+        child.end(signal.SIGKILL)
+    wait_for(lambda: ("h7", "agent") not in watcher.alive_units(), "a dead process counts as alive")
+
+
+def test_sessions_see_each_other_again_after_the_router_was_killed() -> None:
+    address = own_address()
+    router = RouterProcess(address)
+    try:
+        router.wait_ready()
+        with Session(address) as receiver, Session(address) as sender:
+            inbox = receiver.subscribe(channels.POSE, "h1")
+            receiver.serve("h1", ["land"])
+            receiver.announce("h1", "agent")
+            arrives(sender, inbox, 1)
+            router.end(signal.SIGKILL)
+            wait_for(lambda: not sender.connected(), "the lost router is not noticed")
+            sender.publish(channels.POSE, "h1", pose(2))
+            with pytest.raises(RequestFailedError):
+                sender.request("h1", Land())
+            router = RouterProcess(address)
+            wait_for(sender.connected, "the sender does not find the new router")
+            arrives(sender, inbox, 3)
+            with answering(receiver, lambda _: Reply(accepted=True)):
+                assert answer_of(sender, "h1", Land()).accepted
+            wait_for(lambda: ("h1", "agent") in sender.alive_units(), "the token is not restored")
+    finally:
+        router.end()
+
+
+def test_a_router_ends_cleanly_when_it_is_asked_to() -> None:
+    address = own_address()
+    router = RouterProcess(address)
+    try:
+        router.wait_ready()
+    finally:
+        code = router.end(signal.SIGTERM)
+    assert code == 0

@@ -1,0 +1,141 @@
+"""Promises of inboxes: newest message, its age on the local clock, and every refusal counted."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus import channels
+from bus.codec import encode
+from bus.messages import Command, FloatArray, Kill, Pose
+from bus.subscription import Inbox
+
+
+def pose(frame: int) -> bytes:
+    return encode(Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True))
+
+
+def test_an_inbox_without_a_message_is_silent() -> None:
+    inbox = Inbox(channels.POSE)
+    assert inbox.latest() is None
+    assert inbox.age_s(5.0) is None
+    assert not inbox.alive(5.0)
+    assert inbox.rate_hz() == 0.0
+    assert not inbox.rate_ok(5.0)
+
+
+def test_age_is_counted_from_the_arrival_on_the_local_clock() -> None:
+    inbox = Inbox(channels.POSE)
+    inbox.store(pose(1), 100.0)
+    assert inbox.age_s(100.25) == pytest.approx(0.25)
+    assert inbox.age_s(99.0) == 0.0
+
+
+def test_a_sender_is_alive_until_its_channel_counts_as_stale() -> None:
+    inbox = Inbox(channels.POSE)
+    inbox.store(pose(1), 100.0)
+    limit_s = channels.POSE.stale_after_s
+    assert inbox.alive(100.0 + limit_s - 1e-6)
+    assert not inbox.alive(100.0 + limit_s + 1e-6)
+
+
+def test_a_message_that_is_refused_makes_nobody_alive() -> None:
+    inbox = Inbox(channels.POSE)
+    inbox.store(pose(1), 100.0)
+    inbox.store(b"garbage", 101.0)
+    assert inbox.age_s(101.0) == pytest.approx(1.0) or inbox.age_s(101.0) is None
+    assert not inbox.alive(101.0)
+    assert inbox.rejected["malformed"] + inbox.rejected["type"] == 1
+    assert inbox.reason
+
+
+def test_the_newest_message_stays_until_a_newer_valid_one_arrives() -> None:
+    inbox = Inbox(channels.POSE)
+    inbox.store(pose(1), 100.0)
+    first = inbox.latest()
+    assert first is not None
+    inbox.store(b"\xc1", 100.02)
+    assert inbox.latest() is first
+    inbox.store(pose(2), 100.04)
+    newest = inbox.latest()
+    assert newest is not None
+    assert (newest.message.frame, newest.arrived_s) == (2, 100.04)
+
+
+def test_an_inbox_of_depth_one_replaces_without_counting() -> None:
+    inbox = Inbox(channels.POSE)
+    for frame in range(5):
+        inbox.store(pose(frame), float(frame))
+    assert [received.message.frame for received in inbox.drain()] == [4]
+    assert not inbox.rejected
+
+
+def test_a_deep_inbox_hands_over_everything_in_order_and_counts_what_it_lost() -> None:
+    inbox = Inbox(channels.POSE, depth=3)
+    for frame in range(5):
+        inbox.store(pose(frame), float(frame))
+    assert [received.message.frame for received in inbox.drain()] == [2, 3, 4]
+    assert inbox.drain() == []
+    assert inbox.rejected["overrun"] == 2
+
+
+@given(st.lists(st.sampled_from(["size", "malformed", "type", "value"]), max_size=20))
+def test_every_refusal_is_counted_under_its_kind(kinds: list[str]) -> None:
+    inbox = Inbox(channels.COMMAND)
+    bad = {
+        "size": bytes(Command.MAX_BYTES + 1),
+        "malformed": b"\xc1",
+        "type": b"\x80",
+        "value": encode(
+            Command(
+                epoch=0, frame=0, source="h1", sequence=0, input=(0.0, 0.0, float("nan"), 0.0),
+                next_inputs=FloatArray.of(np.zeros((0, 4))), period_s=0.02,
+            )
+        ),
+    }  # fmt: skip
+    for kind in kinds:
+        inbox.store(bad[kind], 0.0)
+        assert inbox.latest() is None
+    assert inbox.rejected == {kind: kinds.count(kind) for kind in set(kinds)}
+
+
+def test_rate_is_that_of_the_last_messages() -> None:
+    inbox = Inbox(channels.POSE)
+    for number in range(30):
+        inbox.store(pose(number), 100.0 + 0.02 * number)
+    assert inbox.rate_hz() == pytest.approx(50.0)
+    for number in range(30):
+        inbox.store(pose(number), 200.0 + 0.1 * number)
+    assert inbox.rate_hz() == pytest.approx(10.0)
+
+
+def test_a_slow_sender_is_alive_but_does_not_keep_its_rate() -> None:
+    inbox = Inbox(channels.POSE)
+    for number in range(12):
+        inbox.store(pose(number), 100.0 + 0.035 * number)
+    now_s = 100.0 + 0.035 * 11
+    assert inbox.alive(now_s)
+    assert not inbox.rate_ok(now_s)
+    assert inbox.rate_ok(now_s, nominal_hz=25.0)
+
+
+def test_a_fast_sender_that_falls_silent_does_not_keep_its_rate() -> None:
+    inbox = Inbox(channels.POSE)
+    for number in range(12):
+        inbox.store(pose(number), 100.0 + 0.02 * number)
+    assert inbox.rate_ok(100.23)
+    assert not inbox.rate_ok(101.0)
+
+
+def test_messages_that_arrive_at_one_instant_have_no_rate() -> None:
+    inbox = Inbox(channels.POSE)
+    inbox.store(pose(1), 100.0)
+    inbox.store(pose(2), 100.0)
+    assert inbox.rate_hz() == 0.0
+
+
+def test_channels_without_a_rate_are_judged_by_age_alone() -> None:
+    inbox = Inbox(channels.KILL)
+    inbox.store(encode(Kill(source="gcs", reason="test")), 100.0)
+    inbox.latest()
+    assert inbox.rate_ok(100.5)
