@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from agents.trajectory import ACCELERATION, POSITION, VELOCITY, YAW, Trajectory
+from agents.trajectory import ACCELERATION, POSITION, VELOCITY, YAW, YAW_ACCELERATION, YAW_RATE, Trajectory
 from vehicles.state import Array
 
 OffsetFrame = Literal["inertial", "heading"]
@@ -42,8 +42,43 @@ class FormationOffset:
         return FormationOffset(position_m, yaw_rad, target.frame)
 
 
+@dataclass(frozen=True, slots=True)
+class OffsetTransition:
+    """Offset that moves smoothly (quintic, from rest to rest) between two values in the target's frame.
+
+    Attributes
+    ----------
+    start, target
+        Offsets before and after; only the target's frame counts.
+    elapsed_s
+        Time since the beginning of the transition at the first stage of the reference; may be negative.
+    duration_s
+        Positive.
+    """
+
+    start: FormationOffset
+    target: FormationOffset
+    elapsed_s: float
+    duration_s: float
+
+    def sampled(self, period_s: float, stages: int) -> tuple[Array, Array, Array]:
+        """Offset x, y, z, yaw, its rate and its acceleration at the stages; three arrays of shape (N, 4)."""
+        s = np.clip((self.elapsed_s + period_s * np.arange(stages)) / self.duration_s, 0.0, 1.0)[:, None]
+        begin, end = _four(self.start), _four(self.target)
+        span = end - begin
+        return (
+            begin + span * s**3 * (10 + s * (6 * s - 15)),
+            span * 30 * s**2 * (1 - s) ** 2 / self.duration_s,
+            span * 60 * s * (1 - s) * (1 - 2 * s) / self.duration_s**2,
+        )
+
+
 def follower_reference(
-    plan: Trajectory, offset: FormationOffset, start_s: float, period_s: float, stages: int
+    plan: Trajectory,
+    offset: FormationOffset | OffsetTransition,
+    start_s: float,
+    period_s: float,
+    stages: int,
 ) -> Trajectory:
     """Reference (6) of a follower.
 
@@ -52,7 +87,7 @@ def follower_reference(
     plan
         Leader's plan.
     offset
-        d_(L,F).
+        d_(L,F), at rest or on its way.
     start_s
         Time from the first stage of the plan to the first stage of the reference: zero for equal frames and
         equal delays, one period for a plan that is one period old.
@@ -65,25 +100,56 @@ def follower_reference(
     -------
     Trajectory
         The plan, read at the follower's stages and displaced by the offset, with the velocity and the
-        acceleration that a turning offset brings.
+        acceleration that a turning or moving offset brings.
     """
     reference = plan.resampled(start_s, period_s, stages)
     samples = reference.samples.copy()
-    leader_yaw = reference.yaw_rad
-    if offset.frame == "inertial":
-        samples[:, POSITION] += offset.position_m
+    if isinstance(offset, OffsetTransition):
+        frame = offset.target.frame
+        value, rate, acceleration = offset.sampled(period_s, stages)
     else:
-        c, s = np.cos(leader_yaw), np.sin(leader_yaw)
-        dx, dy, dz = offset.position_m
-        arm = np.stack((c * dx - s * dy, s * dx + c * dy), axis=1)
-        across = np.stack((-arm[:, 1], arm[:, 0]), axis=1)
-        rate = reference.yaw_rate_rad_s[:, None]
-        samples[:, 0:2] += arm
-        samples[:, 2] += dz
-        samples[:, VELOCITY][:, :2] += rate * across
-        samples[:, ACCELERATION][:, :2] += reference.yaw_acceleration_rad_s2[:, None] * across - rate**2 * arm
-    samples[:, YAW] += offset.yaw_rad
+        frame = offset.frame
+        value = np.tile(_four(offset), (stages, 1))
+        rate = acceleration = np.zeros((stages, 4))
+    if frame == "heading":
+        value, rate, acceleration = _carried_round(reference, value, rate, acceleration)
+    for columns, yaw_column, added in (
+        (POSITION, YAW, value),
+        (VELOCITY, YAW_RATE, rate),
+        (ACCELERATION, YAW_ACCELERATION, acceleration),
+    ):
+        samples[:, columns] += added[:, :3]
+        samples[:, yaw_column] += added[:, 3]
     return Trajectory(samples, period_s)
+
+
+def _carried_round(
+    leader: Trajectory, value: Array, rate: Array, acceleration: Array
+) -> tuple[Array, Array, Array]:
+    """Offset in the leader's heading frame as seen in the room: centripetal, Euler and Coriolis terms."""
+    c, s = np.cos(leader.yaw_rad), np.sin(leader.yaw_rad)
+
+    def turned(offset: Array) -> Array:
+        x, y = offset[:, 0], offset[:, 1]
+        return np.column_stack((c * x - s * y, s * x + c * y, offset[:, 2:]))
+
+    def across(offset: Array, by: Array) -> Array:
+        return np.column_stack((-by * offset[:, 1], by * offset[:, 0], np.zeros((len(by), 2))))
+
+    spin, spin_up = leader.yaw_rate_rad_s, leader.yaw_acceleration_rad_s2
+    arm, moving = turned(value), turned(rate)
+    return (
+        arm,
+        moving + across(arm, spin),
+        turned(acceleration)
+        + 2 * across(moving, spin)
+        + across(arm, spin_up)
+        + across(across(arm, spin), spin),
+    )
+
+
+def _four(offset: FormationOffset) -> Array:
+    return np.append(offset.position_m, offset.yaw_rad)
 
 
 def combined_reference(references: Sequence[Trajectory], weights: Sequence[float]) -> Trajectory:
