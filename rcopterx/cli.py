@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rcopterx.commands import launch, roles, steer
+from rcopterx.commands import experiment, launch, roles, steer
 
 app = typer.Typer(
     name="rcopterx",
@@ -21,6 +21,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.land, steer.disarm, steer.kill,
         steer.reset,
     ),
+    "Experiment": (experiment.experiment,),
     "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
 }  # fmt: skip
 for panel, commands in COMMANDS.items():

@@ -1,0 +1,124 @@
+"""What happens during a flight in the rig: set points, offsets, leaders, controllers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from agents.controllers.registry import build_controller
+from agents.desk import link_of
+from agents.guidance import LeaderPlan
+from agents.pilot import Pilot
+from bus.messages import Following
+
+Three = tuple[float, float, float]
+
+
+class Event(Protocol):
+    """Something that happens to one vehicle at one time [s]."""
+
+    @property
+    def time_s(self) -> float:
+        """When."""
+        ...
+
+    @property
+    def vehicle(self) -> str:
+        """To whom."""
+        ...
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """Vehicles whose plans are needed for it."""
+        ...
+
+    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:
+        """Make it happen; a refusal is returned as its reason."""
+        ...
+
+
+@dataclass(frozen=True)
+class GoTo:
+    """New set point of a vehicle that follows nobody."""
+
+    time_s: float
+    vehicle: str
+    position_m: Three
+    yaw_rad: float = 0.0
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """See `Event.leaders`."""
+        return ()
+
+    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+        """See `Event.apply`."""
+        return pilot.guidance.go_to(np.array(self.position_m), self.yaw_rad)
+
+
+@dataclass(frozen=True)
+class Follow:
+    """New leaders, or new offsets to the same ones; offsets move there smoothly.
+
+    `transition_s` None leaves the duration to the guidance.
+    """
+
+    time_s: float
+    vehicle: str
+    following: tuple[Following, ...]
+    transition_s: float | None = None
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """See `Event.leaders`."""
+        return tuple(following.leader for following in self.following)
+
+    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:
+        """See `Event.apply`."""
+        missing = [leader for leader in self.leaders if leader not in plans]
+        if missing:
+            return f"no plan from {', '.join(missing)}"
+        links = [link_of(following) for following in self.following]
+        pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, self.transition_s)
+        return None
+
+
+@dataclass(frozen=True)
+class Lead:
+    """Follow nobody and hold the present place."""
+
+    time_s: float
+    vehicle: str
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """See `Event.leaders`."""
+        return ()
+
+    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+        """See `Event.apply`."""
+        pilot.guidance.lead(pilot.estimate)
+        return None
+
+
+@dataclass(frozen=True)
+class Switch:
+    """Another controller takes over in flight."""
+
+    time_s: float
+    vehicle: str
+    controller: str
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """See `Event.leaders`."""
+        return ()
+
+    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+        """See `Event.apply`."""
+        controller = build_controller(self.controller, pilot.model, pilot.controller.period_s, self.settings)
+        controller.reset(pilot.estimate, pilot.inputs.newest)
+        pilot.controller = controller
+        return None

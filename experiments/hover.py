@@ -1,0 +1,133 @@
+"""The paper's Fig. 1: hovering flights of two minutes, mean square error per axis and yaw."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from experiments.rig import Progress, Rig, RigVehicle
+from experiments.runner import Options, Result, Tell, Work, run_all
+from experiments.schemes import CASCADE, KUNZ, PAPER, Scheme
+from simulator.conditions import LABORATORY
+from simulator.plant import Pose
+from vehicles.state import YAW, Array
+from vehicles.types import COAXIAL
+
+FLIGHT_S: Final = 120.0
+QUICK_FLIGHT_S: Final = 15.0
+SETTLED_S: Final = 5.0
+"""Errors count from here on: estimators start at rest without knowing trim and turbulence."""
+PAPER_HORIZON: Final = 18
+LONG_HORIZON: Final = 50
+SET_POINT_M: Final = (0.0, 0.0, 1.0)
+AXES: Final = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A scheme with a horizon."""
+
+    scheme: Scheme
+    horizon: int
+
+
+SETTINGS: Final[tuple[Setting, ...]] = (
+    Setting(KUNZ, PAPER_HORIZON),
+    Setting(PAPER, PAPER_HORIZON),
+    Setting(CASCADE, PAPER_HORIZON),
+    Setting(replace(CASCADE, name="cascade_50", title="Cascade, N = 50"), LONG_HORIZON),
+)
+"""[11] (no z integrator, no terminal cost), the paper's scheme and ours with N = 18; ours with N = 50."""
+
+
+def fly_hover(setting: Setting, seed: int, flight_s: float, progress: Progress | None = None) -> Array:
+    """Hover in the laboratory.
+
+    Returns
+    -------
+    Array
+        True errors x, y, z [m], yaw [rad] in every settled control period, shape (K, 4).
+    """
+    scheme = setting.scheme
+    vehicle = RigVehicle(
+        "h1", COAXIAL, Pose(SET_POINT_M), scheme.controller, scheme.settings, horizon=setting.horizon
+    )
+    rig = Rig([vehicle], LABORATORY, seed)
+    flown = rig.fly(flight_s, progress=progress)["h1"]
+    return np.asarray((flown.motion[:, : YAW + 1] - flown.reference)[flown.time_s >= SETTLED_S])
+
+
+def run(options: Options, tell: Tell) -> Result:
+    """Fly every setting on every seed.
+
+    Returns
+    -------
+    Result
+        Document: setting -> axis -> root mean square and mean square.
+    """
+    flight_s = QUICK_FLIGHT_S if options.quick else FLIGHT_S
+    cases = [(setting, seed) for setting in SETTINGS for seed in options.seeds]
+    works = [
+        Work(f"{setting.scheme.name}, seed {seed}", partial(fly_hover, setting, seed, flight_s))
+        for setting, seed in cases
+    ]
+    flights = run_all(works, options.processes, tell)
+    document = {}
+    for setting in SETTINGS:
+        own = [errors for (other, _), errors in zip(cases, flights, strict=True) if other is setting]
+        document[setting.scheme.name] = figures(own)
+    titles = {setting.scheme.name: setting.scheme.title for setting in SETTINGS}
+    return Result(document, partial(draw_hover, document, titles))
+
+
+def figures(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
+    """Root mean squares and mean squares of flights together, in mm and rad."""
+    square = np.mean(np.square(np.concatenate(flights)), axis=0)
+    table = {
+        axis: {
+            "rms_mm": round(1e3 * float(np.sqrt(square[index])), 3),
+            "mean_square_mm2": round(1e6 * float(square[index]), 3),
+        }
+        for index, axis in enumerate(AXES)
+    }
+    table["yaw"] = {
+        "rms_rad": round(float(np.sqrt(square[YAW])), 6),
+        "mean_square_rad2": round(float(square[YAW]), 9),
+    }
+    return table
+
+
+def draw_hover(
+    document: Mapping[str, Mapping[str, Mapping[str, float]]], titles: Mapping[str, str], figure: Any
+) -> None:
+    """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale.
+
+    Parameters
+    ----------
+    document
+        As `run` returns it.
+    titles
+        Of the settings.
+    figure
+        Empty `matplotlib.figure.Figure`.
+    """
+    figure.set_size_inches(9, 4.5)
+    left, right = figure.subplots(1, 2, width_ratios=(3, 1))
+    width = 0.8 / len(document)
+    for index, (name, table) in enumerate(document.items()):
+        shift = (index - (len(document) - 1) / 2) * width
+        places = np.arange(len(AXES)) + shift
+        left.bar(places, [table[axis]["mean_square_mm2"] for axis in AXES], width, label=titles[name])
+        right.bar([shift], [table["yaw"]["mean_square_rad2"]], width)
+    left.set_xticks(np.arange(len(AXES)), AXES)
+    right.set_xticks([0.0], ["psi"])
+    left.set_ylabel("mean square error [mm²]")
+    right.set_ylabel("mean square error [rad²]")
+    for axes in (left, right):
+        axes.set_yscale("log")
+        axes.grid(axis="y", alpha=0.3)
+    left.legend(fontsize="small")
+    figure.suptitle("Hovering in laboratory conditions")
+    figure.tight_layout()

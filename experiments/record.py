@@ -1,0 +1,134 @@
+"""What was flown in the rig, as arrays, and the errors computed from it."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from agents.pilot import Flight, Pilot
+from simulator.plant import Plant
+from vehicles.state import Array
+
+_UNKNOWN: Final = np.full(4, np.nan)
+
+
+@dataclass(frozen=True)
+class VehicleRecord:
+    """One vehicle, one row per control period, K rows.
+
+    Attributes
+    ----------
+    time_s
+        Shape (K,).
+    motion
+        True motion state of `vehicles.state`, shape (K, 8).
+    estimate
+        Estimated motion state, shape (K, 8).
+    disturbance
+        Estimated disturbance, shape (K, 4).
+    reference
+        First stage of the reference: x, y, z [m], yaw [rad], shape (K, 4). It belongs to the time at which
+        the command begins to act.
+    station
+        True position [m] and yaw [rad] of the leaders plus the offset of the moment, shape (K, 4); not a
+        number where nobody is followed.
+    inputs
+        Commands, shape (K, 4).
+    step_s
+        Computing time of each control step, shape (K,).
+    fallbacks
+        How often each fallback was taken.
+    left_volume, touchdowns
+        Whether the vehicle ever left the flight volume; how often it met the floor.
+    """
+
+    time_s: Array
+    motion: Array
+    estimate: Array
+    disturbance: Array
+    reference: Array
+    station: Array
+    inputs: Array
+    step_s: Array
+    fallbacks: Mapping[str, int]
+    left_volume: bool
+    touchdowns: int
+
+    def formation_error_m(self, from_s: float = 0.0) -> Array:
+        """Norm of p_F - p_L - d with true positions at every period in which it followed, from a time on."""
+        rows = (self.time_s >= from_s) & np.isfinite(self.station[:, 0])
+        return np.asarray(np.linalg.norm(self.motion[rows, :3] - self.station[rows, :3], axis=1))
+
+    def yaw_error_rad(self) -> Array:
+        """True yaw less the reference's, shape (K,)."""
+        return np.asarray(self.motion[:, 3] - self.reference[:, 3])
+
+
+class Recorder:
+    """Collects the rows of one vehicle."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[object, ...]] = []
+
+    def add(
+        self,
+        time_s: float,
+        motion: tuple[float, ...],
+        pilot: Pilot,
+        flight: Flight,
+        step_s: float,
+        station: Array | None,
+    ) -> None:
+        """Add a control period."""
+        self._rows.append(
+            (
+                time_s,
+                motion,
+                pilot.estimate.motion,
+                pilot.estimate.disturbance,
+                _UNKNOWN if flight.reference is None else flight.reference.copy(),
+                _UNKNOWN if station is None else station,
+                flight.input,
+                step_s,
+            )
+        )
+
+    def record(self, fallbacks: Mapping[str, int], plant: Plant) -> VehicleRecord:
+        """Everything collected, as arrays."""
+        time_s, motion, estimate, disturbance, reference, station, inputs, step_s = (
+            np.array(column, dtype=float) for column in zip(*self._rows, strict=True)
+        )
+        return VehicleRecord(
+            time_s, motion, estimate, disturbance, reference, station, inputs, step_s,
+            Counter(fallbacks), plant.left_volume, plant.touchdowns,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """All vehicles of a flight by name."""
+
+    vehicles: Mapping[str, VehicleRecord]
+
+    def __getitem__(self, name: str) -> VehicleRecord:
+        """Record of one vehicle."""
+        return self.vehicles[name]
+
+    def formation_error_m(self, from_s: float = 0.0) -> Array:
+        """Errors of all followers one after the other."""
+        return np.concatenate([vehicle.formation_error_m(from_s) for vehicle in self.vehicles.values()])
+
+    def gap_error_m(self, first: str, second: str, from_s: float = 0.0) -> Array:
+        """Norm of the error of the distance between two followers, which no controller is asked to hold."""
+        one, two = self.vehicles[first], self.vehicles[second]
+        rows = one.time_s >= from_s
+        gap = (two.motion - one.motion)[rows, :3]
+        wanted = (two.station - one.station)[rows, :3]
+        return np.asarray(np.linalg.norm(gap - wanted, axis=1))
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))

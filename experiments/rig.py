@@ -1,0 +1,338 @@
+"""Closed loop of several vehicles in one process, faster than real time: the pilots of flight without a bus.
+
+The plants are the simulator's with the transport delay in them (there is no emulated radio link to bring it);
+the pilots are built as the agent process builds them. Plans go from leaders to followers by the fleet clock,
+as on the bus. Same vehicles, conditions, events and seed, same flight.
+"""
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from agents.controllers.registry import load_controller
+from agents.guidance import LeaderPlan
+from agents.interfaces import Measurement
+from agents.pilot import Flight, Frame, Pilot
+from agents.process import build_pilot
+from agents.settings import AgentSettings
+from bus.messages import Following
+from bus.session import BusAddress
+from experiments.events import Event
+from experiments.record import FlightRecord, Recorder
+from simulator.conditions import Conditions
+from simulator.laboratory import Laboratory
+from simulator.plant import Pose
+from vehicles.model import Model
+from vehicles.state import YAW, Array, heading_matrix
+
+Progress = Callable[[float], None]
+"""Called now and then with the fraction of the flight that is flown."""
+
+NO_BUS: Final = BusAddress((), "rig")
+LEADER_INPUT_RANGE: Final = 0.8
+"""Share of its input range that a leader plans with, per level of followers below it."""
+ROOM_M: Final = 100.0
+PROGRESS_EVERY_S: Final = 5.0
+
+
+@dataclass(frozen=True)
+class RigVehicle:
+    """One vehicle: what its agent would be told at start, and where it hovers at time 0."""
+
+    name: str
+    model: Model
+    start: Pose
+    controller: str
+    controller_settings: Mapping[str, object] = field(default_factory=dict)
+    estimator: str = "extended_kalman"
+    estimator_settings: Mapping[str, object] = field(default_factory=dict)
+    horizon: int = 50
+    period_s: float = 0.02
+    following: tuple[Following, ...] = ()
+
+
+@dataclass(frozen=True)
+class RigOptions:
+    """How the loop is closed.
+
+    Attributes
+    ----------
+    frame_period_s
+        Period of the motion capture; control periods are whole multiples of it.
+    previous_frame
+        Followers get their leaders' plans of the previous control period instead of the present one.
+    """
+
+    frame_period_s: float = 0.02
+    previous_frame: bool = False
+
+
+SAME_FRAME: Final = RigOptions()
+
+
+class RigError(ValueError):
+    """The rig cannot fly what it was given; says what and why."""
+
+
+class Rig:
+    """Vehicles that fly together.
+
+    Parameters
+    ----------
+    vehicles
+        In any order; within a frame leaders are computed before their followers.
+    conditions
+        How real the laboratory is.
+    seed
+        Seed of the laboratory.
+    options
+        How the loop is closed.
+
+    Raises
+    ------
+    RigError
+        Unknown leader, a cycle of leaders, or periods that do not fit the frames.
+    """
+
+    def __init__(
+        self,
+        vehicles: Sequence[RigVehicle],
+        conditions: Conditions,
+        seed: int = 0,
+        options: RigOptions = SAME_FRAME,
+    ) -> None:
+        self._vehicles = {vehicle.name: vehicle for vehicle in vehicles}
+        self._options = options
+        self._laboratory = Laboratory(
+            {name: vehicle.model for name, vehicle in self._vehicles.items()},
+            {name: vehicle.start for name, vehicle in self._vehicles.items()},
+            conditions,
+            seed,
+        )
+        self._frame = 0
+        self._plans: dict[str, tuple[int, Flight]] = {}
+        self._frames_per_tick = {
+            name: self._frames_per_period(vehicle) for name, vehicle in self._vehicles.items()
+        }
+        leaders = {
+            name: [link.leader for link in vehicle.following] for name, vehicle in self._vehicles.items()
+        }
+        flying_order(leaders)
+        self.pilots = {
+            name: build_pilot(self._settings(vehicle, generations_below(leaders, name)))
+            for name, vehicle in self._vehicles.items()
+        }
+        for name, pilot in self.pilots.items():
+            pilot.observe(self._measured(name))
+            # Like an agent that starts while its vehicle is in the air: the arbiter's word puts it in flight.
+            pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)
+
+    @property
+    def laboratory(self) -> Laboratory:
+        """The plants."""
+        return self._laboratory
+
+    def fly(
+        self, duration_s: float, events: Sequence[Event] = (), progress: Progress | None = None
+    ) -> FlightRecord:
+        """Fly on for a while.
+
+        Parameters
+        ----------
+        duration_s
+            How long.
+        events
+            What happens on the way; times count from the rig's own time 0.
+        progress
+            Told the fraction flown.
+
+        Returns
+        -------
+        FlightRecord
+            Every control period of every vehicle.
+
+        Raises
+        ------
+        RigError
+            A vehicle refused an event.
+        """
+        period_s = self._options.frame_period_s
+        frames = round(duration_s / period_s)
+        waiting = deque(sorted(events, key=lambda event: event.time_s))
+        recorders = {name: Recorder() for name in self._vehicles}
+        for flown in range(frames):
+            now_s = self._frame * period_s
+            while waiting and waiting[0].time_s <= now_s + 1e-9:
+                self._apply(waiting.popleft())
+            self._control(now_s, recorders)
+            self._laboratory.advance(period_s)
+            self._frame += 1
+            for name, pilot in self.pilots.items():
+                pilot.observe(self._measured(name))
+            if progress is not None and flown % round(PROGRESS_EVERY_S / period_s) == 0:
+                progress(flown / frames)
+        return FlightRecord(
+            {
+                name: recorder.record(self.pilots[name].fallbacks, self._laboratory.plant(name))
+                for name, recorder in recorders.items()
+            }
+        )
+
+    def _settings(self, vehicle: RigVehicle, generations: int) -> AgentSettings:
+        return AgentSettings(
+            bus=NO_BUS,
+            vehicle=vehicle.name,
+            vehicles=tuple(self._vehicles),
+            model=vehicle.model,
+            volume_min_m=(-ROOM_M, -ROOM_M, 0.0),
+            volume_max_m=(ROOM_M, ROOM_M, ROOM_M),
+            controller=vehicle.controller,
+            estimator=vehicle.estimator,
+            horizon=vehicle.horizon,
+            period_s=vehicle.period_s,
+            controller_settings={
+                **_leader_share(vehicle.controller, generations),
+                **vehicle.controller_settings,
+            },
+            estimator_settings=vehicle.estimator_settings,
+            following=vehicle.following,
+            generations_below=generations,
+        )
+
+    def _frames_per_period(self, vehicle: RigVehicle) -> int:
+        ratio = vehicle.period_s / self._options.frame_period_s
+        if ratio < 1 or abs(ratio - round(ratio)) > 1e-9:
+            raise RigError(
+                f"{vehicle.name}: control period {vehicle.period_s} s is no whole multiple of the frame "
+                f"period {self._options.frame_period_s} s"
+            )
+        return round(ratio)
+
+    def _measured(self, name: str) -> Frame:
+        pose = self._laboratory.measured_pose(name)
+        measurement = Measurement(np.array(pose.position_m), pose.yaw_rad)
+        return Frame(1, self._frame, self._options.frame_period_s, measurement)
+
+    def _apply(self, event: Event) -> None:
+        if event.vehicle not in self.pilots:
+            raise RigError(f"event at {event.time_s:g} s: there is no vehicle {event.vehicle!r}")
+        plans = self._leader_plans(event.vehicle, self._plans, event.leaders)
+        refusal = event.apply(self.pilots[event.vehicle], plans)
+        if refusal is not None:
+            raise RigError(f"{event.vehicle} refused {event}: {refusal}")
+
+    def _control(self, now_s: float, recorders: Mapping[str, Recorder]) -> None:
+        known = dict(self._plans) if self._options.previous_frame else self._plans
+        for name in flying_order({name: self._leaders(pilot) for name, pilot in self.pilots.items()}):
+            if self._frame % self._frames_per_tick[name]:
+                continue
+            pilot = self.pilots[name]
+            plans = self._leader_plans(name, known, self._leaders(pilot))
+            started_s = time.perf_counter()
+            flight = pilot.control(plans)
+            step_s = time.perf_counter() - started_s
+            self._laboratory.set_input(name, flight.input)
+            # The transmitter gateway's report of what it applied comes back before the next pose.
+            pilot.note_applied("armed", pilot.sequence, flight.input)
+            self._plans[name] = (self._frame, flight)
+            recorders[name].add(
+                now_s, self._laboratory.plant(name).motion, pilot, flight, step_s, self._station(pilot)
+            )
+
+    @staticmethod
+    def _leaders(pilot: Pilot) -> list[str]:
+        return [link.leader for link in pilot.guidance.links]
+
+    def _leader_plans(
+        self, name: str, known: Mapping[str, tuple[int, Flight]], leaders: Sequence[str]
+    ) -> dict[str, LeaderPlan]:
+        """Plans on a follower's clock, as `agents.leaders` aligns those of the bus."""
+        clock = self.pilots[name].clock
+        plans = {}
+        for leader in leaders:
+            if leader in known:
+                frame, flight = known[leader]
+                ahead_s = (clock.current_frame - frame) * clock.period_s - flight.start_s
+                airborne = self.pilots[leader].guidance.rotor_on
+                plans[leader] = LeaderPlan(flight.plan, ahead_s, airborne)
+        return plans
+
+    def _station(self, pilot: Pilot) -> Array | None:
+        """Where a follower would be at exactly its present offsets from where its leaders truly are."""
+        links = pilot.guidance.links
+        if not (links and pilot.guidance.follows):
+            return None
+        place = np.zeros(4)
+        total = sum(link.weight for link in links)
+        for link in links:
+            leader = np.array(self._laboratory.plant(link.leader).motion[:4])
+            offset = link.offset_at(pilot.clock.time_s)
+            arm = np.append(offset.position_m, offset.yaw_rad)
+            if offset.frame == "heading":
+                arm[:2] = heading_matrix(leader[YAW]) @ arm[:2]
+            place += link.weight / total * (leader + arm)
+        return place
+
+
+def flying_order(leaders: Mapping[str, Sequence[str]]) -> list[str]:
+    """Vehicles such that leaders come before their followers.
+
+    Parameters
+    ----------
+    leaders
+        Leaders of each vehicle.
+
+    Returns
+    -------
+    list of str
+        Names; those that do not depend on each other in the given order.
+
+    Raises
+    ------
+    RigError
+        An unknown leader or a cycle.
+    """
+    order: list[str] = []
+    open_names: list[str] = []
+
+    def visit(name: str) -> None:
+        if name in order:
+            return
+        if name in open_names:
+            raise RigError(f"a cycle of leaders: {' follows '.join([*open_names, name])}")
+        if name not in leaders:
+            raise RigError(f"unknown leader {name!r}; there are {', '.join(leaders)}")
+        open_names.append(name)
+        for leader in leaders[name]:
+            visit(leader)
+        open_names.pop()
+        order.append(name)
+
+    for name in leaders:
+        visit(name)
+    return order
+
+
+def generations_below(leaders: Mapping[str, Sequence[str]], name: str) -> int:
+    """Levels of followers below a vehicle."""
+    followers = [other for other, links in leaders.items() if name in links]
+    return 1 + max(generations_below(leaders, other) for other in followers) if followers else 0
+
+
+def _leader_share(controller: str, generations: int) -> dict[str, object]:
+    """A leader leaves its followers authority, where its controller knows how to (control.md section 6)."""
+    if generations and "input_range" in load_controller(controller).Settings.__struct_fields__:
+        return {"input_range": LEADER_INPUT_RANGE**generations}
+    return {}
+
+
+def total_fallbacks(record: FlightRecord) -> Counter[str]:
+    """Fallbacks of all vehicles together."""
+    total: Counter[str] = Counter()
+    for vehicle in record.vehicles.values():
+        total.update(vehicle.fallbacks)
+    return total

@@ -1,0 +1,118 @@
+"""Reproducing the paper's figures: `experiment`; measuring speed: `bench`."""
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+QUICK_HELP = "Short flights, to see that it works; the figures mean little."
+
+
+def experiment(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of an experiment, see --list.")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, help="First seed; each flight takes the next one.")
+    ] = 0,
+    seeds: Annotated[
+        str | None, typer.Option(metavar="N,N,...", help="Seeds of the laboratory, one flight each.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help=QUICK_HELP)] = False,
+    processes: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Processor cores to use; the flights stay the same.")
+    ] = 1,
+    show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
+) -> None:
+    """Fly an experiment of the paper in simulation, faster than real time, and tell its figures."""
+    from experiments.catalogue import EXPERIMENTS, save_figure
+    from experiments.runner import Options
+
+    if show_list:
+        for row in EXPERIMENTS.values():
+            typer.echo(f"{row.name:12} {row.title}")
+        return
+    if name not in EXPERIMENTS:
+        raise typer.BadParameter(
+            f"unknown experiment {name!r}, known are {', '.join(EXPERIMENTS)}", param_hint="NAME"
+        )
+    chosen = EXPERIMENTS[name]
+    numbers = tuple(range(seed, seed + chosen.flights)) if seeds is None else _numbers(seeds)
+    _check_plot(plot)
+    result = chosen.run(Options(numbers, quick, processes), ProgressLine(name))
+    if plot is not None:
+        save_figure(result, plot)
+        typer.echo(f"figure: {plot}", err=True)
+    typer.echo(json.dumps(result.document, indent=2) if as_json else readable(result.document))
+
+
+class ProgressLine:
+    """Progress on standard error: one line that is rewritten on a terminal, a line per flight elsewhere."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._live = sys.stderr.isatty()
+        self._started_s = time.monotonic()
+        self._shown = ""
+
+    def __call__(self, label: str, fraction: float) -> None:
+        """Tell what is flown and the fraction that is done."""
+        elapsed_s = time.monotonic() - self._started_s
+        text = f"{self._name}: {label}, {100 * fraction:.0f} % after {elapsed_s:.0f} s"
+        if self._live:
+            typer.echo(f"\r\x1b[K{text}", err=True, nl=fraction >= 1)
+        elif label != self._shown:
+            self._shown = label
+            typer.echo(text, err=True)
+
+
+def readable(document: object, indent: str = "") -> str:
+    """Nested figures as indented lines; tables without further tables take one line."""
+    if not isinstance(document, dict):
+        return f"{indent}{document}"
+    lines = []
+    for key, value in document.items():
+        if isinstance(value, dict) and any(isinstance(inner, dict) for inner in value.values()):
+            lines += [f"{indent}{key}", readable(value, indent + "  ")]
+        elif isinstance(value, dict):
+            lines.append(
+                f"{indent}{key:26} " + "  ".join(f"{name} {number}" for name, number in value.items())
+            )
+        else:
+            lines.append(f"{indent}{key:26} {value}")
+    return "\n".join(lines)
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    try:
+        numbers = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if not numbers or min(numbers) < 0 or len(set(numbers)) < len(numbers):
+        raise typer.BadParameter(
+            f"{text!r}: allowed are different whole numbers from 0 on, separated by commas",
+            param_hint="--seeds",
+        )
+    return numbers
+
+
+def _check_plot(path: Path | None) -> None:
+    """Refuse a figure that could not be written before anything is flown."""
+    if path is None:
+        return
+    try:
+        import matplotlib  # noqa: F401 - only whether it is there
+    except ImportError:
+        raise typer.BadParameter(
+            "figures need matplotlib: pip install 'rcopterx[figures]'", param_hint="--plot"
+        ) from None
+    if path.suffix not in (".png", ".svg", ".pdf"):
+        raise typer.BadParameter(f"{path}: allowed endings are .png, .svg and .pdf", param_hint="--plot")
+    if not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
+        raise typer.BadParameter(f"{path}: the directory cannot be written to", param_hint="--plot")
