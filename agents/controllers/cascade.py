@@ -23,16 +23,11 @@ from agents.controllers.chain import ChainParameters
 from agents.controllers.chain_qp import ChainQP, ChainSolution
 from agents.controllers.disturbance_observer import DisturbanceObserver
 from agents.controllers.prediction import lag_poles
-from agents.controllers.settings import ControllerSettings, FourWeights, Fraction, PositiveFloat
+from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from agents.interfaces import Estimate
 from agents.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import Array
-
-EightWeights = tuple[
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-]  # fmt: skip
 
 HEADING_TOLERANCE_RAD: Final = 2e-5
 TURN_TOLERANCE_RAD: Final = 4e-6

@@ -19,17 +19,12 @@ from agents.controllers.paper_model import (
     PaperModel,
     TerminalCost,
 )
-from agents.controllers.settings import ControllerSettings, FourWeights, PositiveFloat, TimeLimit
+from agents.controllers.settings import ControllerSettings, ElevenWeights, FourWeights, TimeLimit
 from agents.controllers.stage_qp import StageQP, StageStructure
 from agents.interfaces import Estimate
 from agents.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array
-
-ElevenWeights = tuple[
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-]  # fmt: skip
 
 WIDENING: Final = 1e-3
 """How far beyond the rolled-out plan a state bound is put, in scaled variables."""

@@ -17,7 +17,9 @@ from vehicles.model import Model
 ENTRY_POINT_GROUP: Final = "rcopterx.controllers"
 BUILT_IN: Final[Mapping[str, str]] = {
     "cascade": "agents.controllers.cascade:CascadeController",
+    "lqr": "agents.controllers.lqr:LqrController",
     "paper": "agents.controllers.paper:PaperController",
+    "pid": "agents.controllers.pid:PidController",
 }
 """Where the built-in controllers are; they work without installed metadata."""
 PERIOD_RANGE_S: Final = (0.002, 0.2)

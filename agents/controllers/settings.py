@@ -25,6 +25,15 @@ FourFloats = tuple[float, float, float, float]
 SevenFloats = tuple[float, float, float, float, float, float, float]
 FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
 
+EightWeights = tuple[
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+]  # fmt: skip
+ElevenWeights = tuple[
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+]  # fmt: skip
+
 INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
 BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
 

@@ -15,7 +15,7 @@ from vehicles.types import COAXIAL
 def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "entry_points", lambda group: [])
     assert "paper" in available_controllers()
-    for name in ("cascade", "paper"):
+    for name in ("cascade", "lqr", "paper", "pid"):
         controller = build_controller(name, COAXIAL, 0.02, {"horizon": 12})
         assert (controller.horizon, controller.period_s) == (12, 0.02)
 
