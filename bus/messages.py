@@ -152,7 +152,7 @@ class Plan(Message, frozen=True, kw_only=True):
 
     epoch: Count
     frame: Count
-    """Frame of the pose it was computed from."""
+    """Epoch and frame of the pose it was computed from."""
     source: Name
     ancestors: Annotated[tuple[Name, ...], Meta(max_length=64)]
     """Leaders of the source, nearest first: a vehicle in this list must not be followed by its followers."""
@@ -182,7 +182,9 @@ class Command(Message, frozen=True, kw_only=True):
 
     epoch: Count
     frame: Count
+    """Epoch and frame of the pose it was computed from."""
     source: Name
+    """Who commands: the holder of the lease, or the command is refused."""
     sequence: Count
     """Strictly increasing, also over restarts of the source."""
     input: Four
