@@ -1,0 +1,38 @@
+# Everything sets itself up: a machine with Python 3.11 to 3.13 and make is enough.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+ARGS ?=
+
+.PHONY: help demo test lint experiments clean
+
+help:
+	@echo "make demo    three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
+	@echo "make test    all tests (a few minutes)"
+	@echo "make lint    formatting, types, allowed imports"
+	@echo "make clean   remove the virtual environment and caches"
+
+$(VENV)/.base: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/.test: $(VENV)/.base
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
+	@touch $@
+
+demo: $(VENV)/.base
+	@exec $(BIN)/rcopterx demo $(ARGS)
+
+test: $(VENV)/.test
+	$(BIN)/python -m pytest -m "not campaign" $(ARGS)
+
+lint: $(VENV)/.test
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info build dist
