@@ -5,7 +5,7 @@ Write a class with the methods of `Controller` (or `Estimator`), register it und
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from agents.trajectory import Trajectory
 from vehicles.state import Array
@@ -116,4 +116,13 @@ class Controller(Protocol):
         ControlStep
             Inputs and plan.
         """
+        ...
+
+
+@runtime_checkable
+class SharesAuthority(Protocol):
+    """A controller that can leave part of the input range to the vehicles that follow (control.md section 6)."""
+
+    def set_input_range(self, fraction: float) -> None:
+        """Plan with a share of the input range around hovering, from the next step on."""
         ...

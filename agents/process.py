@@ -11,7 +11,7 @@ from agents.controllers.registry import build_controller
 from agents.desk import VERBS, Desk, link_of
 from agents.estimators.registry import build_estimator
 from agents.guidance import Guidance
-from agents.interfaces import Measurement
+from agents.interfaces import Measurement, SharesAuthority
 from agents.leaders import Leaders
 from agents.pacing import Pacing, SolveTimer
 from agents.phases import AIRBORNE
@@ -26,6 +26,8 @@ from bus.session import RequestFailedError, Session
 
 STATUS_PERIOD_S = 0.2
 IDLE_S = 0.1
+LEADER_SHARE = 0.8
+"""Share of its input range a leader plans with, once for every level of followers below it."""
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
@@ -42,6 +44,8 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         settings.period_s,
         {"horizon": settings.horizon, **settings.controller_settings},
     )
+    if isinstance(controller, SharesAuthority) and "input_range" not in settings.controller_settings:
+        controller.set_input_range(LEADER_SHARE**settings.generations_below)
     estimator = build_estimator(
         settings.estimator, settings.model, settings.period_s, settings.estimator_settings
     )

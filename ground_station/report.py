@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus import channels
-from bus.messages import AgentStatus, Applied, LaboratoryState, LaboratoryVehicle, Plan, Pose
+from bus.messages import (
+    AgentStatus,
+    Applied,
+    LaboratoryState,
+    LaboratoryVehicle,
+    Plan,
+    Pose,
+    TransmitterStatus,
+)
 from ground_station.recorder import Recording
 
 Array = NDArray[np.float64]
@@ -59,11 +67,13 @@ class FlightFigures:
         self._poses: dict[str, list[Pose]] = {}
         self._plans: dict[str, list[Plan]] = {}
         self._applied: dict[str, list[Applied]] = {}
+        self._transmitters: dict[str, list[TransmitterStatus]] = {}
         self._status: dict[str, list[AgentStatus]] = {}
         for name in self._vehicles:
             self._poses[name] = [m for m, _ in recording.messages(channels.POSE, name)]
             self._plans[name] = [m for m, _ in recording.messages(channels.PLAN, name)]
             self._applied[name] = [m for m, _ in recording.messages(channels.APPLIED, name)]
+            self._transmitters[name] = [m for m, _ in recording.messages(channels.TRANSMITTER_STATUS, name)]
             self._status[name] = [m for m, _ in recording.messages(channels.AGENT_STATUS, name)]
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
 
@@ -148,6 +158,15 @@ class FlightFigures:
                 errors.append(float(np.linalg.norm(position - np.array(plan.reference[:3]))))
         return np.array(errors)
 
+    def _safety_events(self, name: str) -> list[str]:
+        """States of the arbiter other than armed, each with its reason, in order."""
+        events: list[str] = []
+        for status in self._transmitters[name]:
+            event = f"{status.state}: {status.reason}"
+            if status.state != "armed" and events[-1:] != [event]:
+                events.append(event)
+        return events
+
     def vehicle(self, name: str) -> dict[str, Any]:
         """The report's table of one vehicle."""
         status = self._status[name]
@@ -156,6 +175,7 @@ class FlightFigures:
             "formation_error_mm": rms_and_max(self.formation_error_m(name)),
             "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
             "radio_frames": dict(Counter(applied.state for applied in self._applied[name])),
+            "safety": self._safety_events(name),
         }
         if first is None or last is None:
             return table | {"ticks": 0, "missed_ticks": 0, "fallbacks": {}, "solve_ms": None}
