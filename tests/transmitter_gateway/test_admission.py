@@ -124,6 +124,25 @@ def test_numbers_of_any_real_type_are_taken() -> None:
     assert all(type(value) is float for value in desk.admission.streams["agent"].command.u)
 
 
+def test_counting_may_start_at_zero() -> None:
+    assert Desk().say(epoch=0, sequence=0, frame=0, pose_epoch=0) is None
+
+
+def test_values_exactly_at_the_tolerance_are_accepted() -> None:
+    limits = ArbiterLimits(tolerance=0.25)
+    for u in ((1.25, 0, 0.5, 0), (-1.25, 0, 0.5, 0), (0, 0, 1.25, 0), (0, 0, -0.25, 0)):
+        admission = Admission(limits, Counter())
+        assert admission.consider(replace(GOOD, u=u), 1.0, pose_epoch=5, holder=None) is None
+
+
+def test_gap_exactly_at_the_limit_is_a_gap() -> None:
+    desk = Desk()
+    desk.admission = Admission(ArbiterLimits(hold_after_s=0.0625), desk.counters)
+    desk.say(u=(0, 0, 0, 0))
+    desk.say(sequence=11, now_s=1.0625, u=(0, 0, 0, 0))
+    assert desk.admission.streams["agent"].low_since_s == 1.0625
+
+
 def test_longest_plan_is_accepted() -> None:
     assert Desk().say(next_u=((0.0, 0.0, 0.5, 0.0),) * 63) is None
 

@@ -314,6 +314,46 @@ def test_fence_is_judged_from_the_poses() -> None:
     assert watch.judge() == Judgement(None, "outside the fence in x")
 
 
+def test_fence_limits_met_exactly_are_still_inside() -> None:
+    box = Fence((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0), margin_m=0.25)
+    for position in ((1.25, 0, 1), (-1.25, 0, 1), (0, 0, 2.25), (0, 0, -0.25)):
+        assert judge_fence(box, position, (0, 0, 0)) == (None, None)
+    assert judge_fence(box, (0.75, 0, 1), (1.0, 0, 0)) == (None, None)
+    assert judge_fence(box, (-0.75, 0, 1), (-1.0, 0, 0)) == (None, None)
+    assert judge_fence(box, (0, 0, 1.75), (0, 0, 1.0)) == (None, None)
+    assert judge_fence(box, (-1.125, 0, 1), (0.5, 0, 0)) == (None, None)
+
+
+def test_limits_in_time_and_distance_met_exactly() -> None:
+    limits = SurveillanceLimits(
+        tracking_hold_s=0.125,
+        tracking_descend_s=0.25,
+        minimum_distance_m=0.25,
+        other_pose_s=0.5,
+        jump_descend_s=0.5,
+        maximum_jump_m=0.125,
+        maximum_speed_m_s=2.0,
+    )
+    watch = Watch(limits)
+    watch.step()
+    watch.pose((0.25, 0.0, 1.0), vehicle="h2")
+    assert watch.judge() == QUIET
+    watch.now_s += 0.25
+    assert watch.judge() == Judgement(None, "own pose lost for 0.25 s")
+    near = Watch(limits)
+    near.pose((0.125, 0.0, 1.0), vehicle="h2")
+    near.step(seconds=0.5)
+    assert near.judge() == QUIET
+    edge = Watch(limits)
+    edge.step()
+    assert edge.step((0.25, 0.0, 1.0), 0.0625)
+    jumping = Watch(limits)
+    jumping.step()
+    jumping.step((3.0, 0.0, 1.0), 0.0625)
+    jumping.now_s += 0.5
+    assert jumping.judge().descend == "own pose jumped and did not come back"
+
+
 # Distance and thrust time -----------------------------------------------------------------------------
 
 
