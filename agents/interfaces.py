@@ -121,7 +121,7 @@ class Controller(Protocol):
 
 @runtime_checkable
 class SharesAuthority(Protocol):
-    """A controller that can leave part of the input range to the vehicles that follow (control.md section 6)."""
+    """A controller that can leave input range to the vehicles that follow (control.md section 6)."""
 
     def set_input_range(self, fraction: float) -> None:
         """Plan with a share of the input range around hovering, from the next step on."""

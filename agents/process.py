@@ -128,10 +128,17 @@ class Agent:
         started_s = self._clock()
         flight = self._pilot.control(plans)
         self._solve.add(self._clock() - started_s)
-        command = command_message(self._settings, self._pilot, flight, self._sequence + self._pilot.sequence)
-        self._session.publish(channels.COMMAND, self._settings.vehicle, command)
+        vehicle = self._settings.vehicle
+        sequence = self._sequence + self._pilot.sequence
+        command = command_message(self._settings, self._pilot, flight, sequence)
         plan = plan_message(self._settings, self._pilot, flight, self._leaders)
-        self._session.publish(channels.PLAN, self._settings.vehicle, plan)
+        # Followers wait for a leader's plan, so that goes first; of a follower nobody may wait but the vehicle.
+        if self._pilot.guidance.follows:
+            self._session.publish(channels.COMMAND, vehicle, command)
+            self._session.publish(channels.PLAN, vehicle, plan)
+        else:
+            self._session.publish(channels.PLAN, vehicle, plan)
+            self._session.publish(channels.COMMAND, vehicle, command)
 
     def _recall(self) -> AgentStatus | None:
         try:

@@ -74,7 +74,7 @@ def _common(namespace: str | None) -> dict[str, object]:
         "transport": {
             "unicast": {"max_sessions": 128, "open_timeout": 2000, "accept_timeout": 2000},
             "link": {
-                "protocols": ["tcp"],
+                "protocols": ["tcp", "unixsock-stream"],
                 "rx": {"max_message_size": 65536},
                 "tx": {
                     "lease": LEASE_MS,

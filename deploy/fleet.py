@@ -153,7 +153,7 @@ class Fleet(Table, frozen=True, kw_only=True):
     vehicles: dict[Name, Vehicle]
 
     def endpoint(self, host: str) -> str:
-        """Zenoh endpoint of the router of a host."""
+        """Zenoh endpoint at which other hosts reach the router of a host."""
         return f"tcp/{self.hosts[host].address}:{self.hosts[host].router_port}"
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from agents.settings import AgentSettings
 from bus.messages import Following
 from bus.session import BusAddress
 from deploy.fleet import Fleet, FleetError, Vehicle, formation_place, leader_generations
-from deploy.run_directory import serial_path
+from deploy.run_directory import router_socket, run_directory, serial_path
 from deploy.tables import dataclass_from, replaced
 from simulator.conditions import Conditions, conditions_from
 from simulator.plant import Pose
@@ -25,8 +26,31 @@ from vicon_gateway.settings import TrackerSettings
 
 
 def bus_address(fleet: Fleet, host: str) -> BusAddress:
-    """Where processes of a host find their router."""
-    return BusAddress((fleet.endpoint(host),), fleet.name, fleet.bus.namespace)
+    """Where processes of a host find their router: its socket, or its address if that is not there."""
+    return BusAddress(tuple(router_endpoints(fleet, host)), fleet.name, fleet.bus.namespace)
+
+
+def router_endpoints(fleet: Fleet, host: str) -> list[str]:
+    """Endpoints the router of a host listens on, the fastest first."""
+    local = router_socket(host, run_directory(fleet.name, fleet.bus.namespace))
+    return [fleet.endpoint(host)] if local is None else [local, fleet.endpoint(host)]
+
+
+class Priority(IntEnum):
+    """How far processes run above the fleet's real-time priority.
+
+    What others wait for comes first: messages are forwarded at once, and a leader plans before its followers.
+    """
+
+    ROUTER = 6
+    GATEWAY = 4
+    LEADER = 2
+    NORMAL = 0
+
+    def of(self, fleet: Fleet) -> int:
+        """SCHED_FIFO priority; 0 if the fleet wants none."""
+        base = fleet.bus.realtime_priority
+        return base + self if base else 0
 
 
 def model_of(fleet: Fleet, name: str) -> Model:
@@ -78,7 +102,7 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
             for link in vehicle.follow
         ),
         generations_below=leader_generations(fleet, name),
-        realtime_priority=fleet.bus.realtime_priority,
+        realtime_priority=(Priority.NORMAL if vehicle.follow else Priority.LEADER).of(fleet),
     )
 
 
@@ -132,7 +156,7 @@ def gateway_settings(fleet: Fleet, gateway: str, directory: Path) -> GatewaySett
             if vehicle.transmitter.gateway == gateway
         ),
         vehicles=tuple(fleet.vehicles),
-        realtime_priority=fleet.bus.realtime_priority,
+        realtime_priority=Priority.GATEWAY.of(fleet),
     )
 
 
@@ -158,7 +182,7 @@ def tracker_settings(fleet: Fleet) -> TrackerSettings:
         host=host,
         port=port,
         subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},
-        realtime_priority=fleet.bus.realtime_priority,
+        realtime_priority=Priority.GATEWAY.of(fleet),
     )
 
 
@@ -205,7 +229,7 @@ def simulator_settings(fleet: Fleet, directory: Path) -> SimulatorSettings:
         conditions=conditions,
         seed=simulator.seed,
         vehicles=tuple(_simulated(fleet, name, directory) for name in fleet.vehicles),
-        realtime_priority=fleet.bus.realtime_priority,
+        realtime_priority=Priority.NORMAL.of(fleet),
     )
 
 

@@ -62,14 +62,15 @@ def run_role(role: str, unit: str, fleet_path: Path) -> None:
     if unit not in known[role]:
         raise FleetError(f"{role}: unknown unit {unit!r}, known are {', '.join(known[role])}")
     # Only what the role needs is imported: start-up time counts when an agent restarts in flight.
+    import deploy.role_settings as build
+
     if role == "router":
         from bus.router import run_router
 
         others = [fleet.endpoint(host) for host in list(fleet.hosts)[: list(fleet.hosts).index(unit)]]
-        run_router([fleet.endpoint(unit)], others, fleet.bus.namespace, fleet.bus.realtime_priority)
+        listen = build.router_endpoints(fleet, unit)
+        run_router(listen, others, fleet.bus.namespace, build.Priority.ROUTER.of(fleet))
         return
-    import deploy.role_settings as build
-
     directory = run_directory(fleet.name, fleet.bus.namespace)
     if role == "simulator":
         from simulator.process import run_simulator

@@ -4,6 +4,8 @@ import os
 import tempfile
 from pathlib import Path
 
+LONGEST_SOCKET_PATH = 100
+
 
 def run_directory(fleet_name: str, namespace: str | None) -> Path:
     """Directory of a fleet on this host, created if missing.
@@ -26,3 +28,12 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
 def serial_path(port: str, directory: Path) -> Path:
     """Serial device of a transmitter: relative ones live in the run directory."""
     return Path(port) if Path(port).is_absolute() else directory / port
+
+
+def router_socket(host: str, directory: Path) -> str | None:
+    """Zenoh endpoint of a host's router for processes of the same host, faster than TCP.
+
+    None where the path would be longer than the operating system allows for a socket.
+    """
+    path = directory / f"router-{host}.sock"
+    return f"unixsock-stream/{path}" if len(str(path)) <= LONGEST_SOCKET_PATH else None

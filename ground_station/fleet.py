@@ -23,10 +23,11 @@ from bus.requests import (
     ResetKill,
     TakeOff,
 )
-from bus.session import BusAddress, RequestFailedError, Session
+from bus.session import RequestFailedError, Session
 from bus.subscription import Inbox
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
+from deploy.role_settings import bus_address
 
 M = TypeVar("M", bound=Message)
 
@@ -198,8 +199,7 @@ class Fleet(AbstractContextManager["Fleet"]):
     def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
         self.file = file
         self._wake = threading.Event()
-        endpoint = file.endpoint(host or next(iter(file.hosts)))
-        address = BusAddress((endpoint,), file.name, file.bus.namespace)
+        address = bus_address(file, host or next(iter(file.hosts)))
         self.session = Session(address, wake=self._wake.set, timeout_s=timeout_s)
         self._agents = self.session.subscribe_all(channels.AGENT_STATUS)
         self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from integration_support import Flying, fleet_text, free_port
@@ -15,8 +16,10 @@ from ground_station.fleet import Fleet
 @pytest.fixture
 def launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Flying]]:
     """Start a fleet; it is landed and stopped after the test."""
-    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
     with ExitStack() as stack:
+        # A short path, because the router's socket lives in it.
+        run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
+        monkeypatch.setenv("RCOPTERX_RUN", run)
 
         def start(text: str | None = None, **options: str) -> Flying:
             if text is None:
