@@ -132,7 +132,7 @@ class Agent:
         sequence = self._sequence + self._pilot.sequence
         command = command_message(self._settings, self._pilot, flight, sequence)
         plan = plan_message(self._settings, self._pilot, flight, self._leaders)
-        # Followers wait for a leader's plan, so that goes first; of a follower nobody may wait but the vehicle.
+        # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
         if self._pilot.guidance.follows:
             self._session.publish(channels.COMMAND, vehicle, command)
             self._session.publish(channels.PLAN, vehicle, plan)
