@@ -4,29 +4,11 @@ control.md section 6. Horizontal quantities that depend on the heading are turne
 heading of the vehicle's own yaw plan, so a reference that is another vehicle's plan is reproduced exactly.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.linalg import block_diag, solve_discrete_are
+from scipy.linalg import solve_discrete_are
 
 from agents.controllers.chain import ChainParameters
 from vehicles.state import Array, heading_matrix
-
-
-@dataclass(frozen=True, slots=True)
-class ChainReference:
-    """Reference of one chain, as `ChainQP.solve` takes it.
-
-    Attributes
-    ----------
-    rows
-        Shape (N, 3 m): position, velocity, input.
-    terminal
-        Shape (levels m,): position, velocity[, actuator] at stage N.
-    """
-
-    rows: Array
-    terminal: Array
 
 
 def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0) -> Array:
@@ -87,8 +69,10 @@ class HeadingCost:
         """P at a heading, shape (2 levels, 2 levels)."""
         if not self._isotropic:
             return self._at_grid(round(float(np.remainder(yaw_rad, 2 * np.pi)), 2))
-        turn = block_diag(heading_matrix(yaw_rad).T, np.eye(2 * self._parameters.levels - 2))
-        return np.asarray(turn.T @ self._at_grid(0.0) @ turn)
+        turn, cost = heading_matrix(yaw_rad), self._at_grid(0.0).copy()
+        cost[:2] = turn @ cost[:2]
+        cost[:, :2] = cost[:, :2] @ turn.T
+        return cost
 
     def _at_grid(self, yaw_rad: float) -> Array:
         if yaw_rad not in self._solved:
@@ -98,8 +82,8 @@ class HeadingCost:
 
 def chain_reference(
     parameters: ChainParameters, position: Array, velocity: Array, next_velocity: Array, carried: Array
-) -> ChainReference:
-    """Reference of a chain with the inputs that fly it.
+) -> tuple[Array, Array]:
+    """Reference of a chain with the inputs that fly it, balance of the disturbance added.
 
     The actuator must make the next velocity out of what the present one carries over; the input must make the
     next actuator out of the present one (inverse of the lag).
@@ -113,12 +97,13 @@ def chain_reference(
     next_velocity
         Velocity one stage later, shape (N, m).
     carried
-        F velocity + T_s disturbance, shape (N, m).
+        F velocity, shape (N, m).
 
     Returns
     -------
-    ChainReference
-        Rows and terminal.
+    tuple[Array, Array]
+        Rows (position, velocity, input), shape (N, 3 m), and (position, velocity[, actuator]) of stage N,
+        shape (levels m,).
     """
     m = parameters.axes
     actuator = (next_velocity - carried) / (parameters.period_s * parameters.gain)
@@ -126,9 +111,9 @@ def chain_reference(
     rows[:, :m], rows[:, m : 2 * m] = position, velocity
     if parameters.pole is None:
         rows[:-1, 2 * m :] = actuator[:-1]
-        return ChainReference(rows, np.concatenate((position[-1], velocity[-1])))
+        return rows, np.concatenate((position[-1], velocity[-1]))
     rows[:-1, 2 * m :] = (actuator[1:] - parameters.pole * actuator[:-1]) / (1 - parameters.pole)
-    return ChainReference(rows, np.concatenate((position[-1], velocity[-1], actuator[-1])))
+    return rows, np.concatenate((position[-1], velocity[-1], actuator[-1]))
 
 
 def to_body(cosine: Array, sine: Array, inertial: Array) -> Array:

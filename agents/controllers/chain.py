@@ -65,7 +65,7 @@ class ChainParameters:
 
 @dataclass(frozen=True, slots=True)
 class ChainTarget:
-    """Reference and bounds of the rows, with the disturbance's share of the inputs taken out.
+    """Reference and bounds of the rows; inputs and actuators with the disturbance's `Chain.balance` added.
 
     Attributes
     ----------
@@ -148,12 +148,14 @@ class Chain:
             Of (position, velocity[, actuator]) at stage N, shape (levels m, levels m).
         """
         m, stages, pole = self.parameters.axes, self.parameters.stages, self.parameters.pole
-        back = np.swapaxes(turn, 1, 2) / self.parameters.period_s
+        back = turn.transpose(0, 2, 1) / self.parameters.period_s
         velocity = np.concatenate((-back, back), axis=2)
         self._rows[:, m : 2 * m, : 2 * m] = velocity[:stages]
-        actuator = np.zeros((len(transition), m, 3 * m))
-        actuator[:, :, m:] = velocity[1:]
-        actuator[:, :, : 2 * m] -= transition @ velocity[:-1]
+        carried = transition @ velocity[:-1]
+        actuator = np.empty((len(transition), m, 3 * m))
+        actuator[:, :, :m] = -carried[:, :, :m]
+        actuator[:, :, m : 2 * m] = velocity[1:, :, :m] - carried[:, :, m:]
+        actuator[:, :, 2 * m :] = velocity[1:, :, m:]
         actuator /= self._push[:, None]
         self._terminal_map[m : 2 * m, : 2 * m] = velocity[stages - 1]
         if pole is None:
@@ -161,17 +163,17 @@ class Chain:
         else:
             self._terminal_map[2 * m :] = actuator[stages - 1]
             inputs = self._rows[:-1, self.inputs]
+            actuator /= (1.0 - pole)[:, None]
             inputs[:, :, m:] = actuator[1:]
             inputs[:, :, :m] = 0.0
             inputs[:, :, :-m] -= pole[:, None] * actuator[:-1]
-            inputs /= (1.0 - pole)[:, None]
         self._first_turns = turn[:2].copy()
         self._first_transition = transition[0].copy()
         self._terminal_cost = terminal_cost
         self._terminal_hessian = self._terminal_map.T @ terminal_cost @ self._terminal_map
 
     def balance(self, disturbance: Array) -> Array:
-        """Input that balances a disturbance, with the opposite sign, shape (m,)."""
+        """What a disturbance adds to the inputs, as an input, shape (m,)."""
         return np.asarray(self.parameters.period_s * disturbance / self._push)
 
     def set_start(self, first_state: Array, disturbance: Array) -> None:
@@ -207,7 +209,7 @@ class Chain:
         self.flat.reshape(-1)[self._free] += step
 
     def roll_out(self, inputs: Array) -> None:
-        """Set the free positions to what inputs (N - 1, m) without the disturbance's balance lead to."""
+        """Set the free positions to what inputs, balance added, lead to; shape (N - 1, m)."""
         m, first = self.parameters.axes, self.parameters.levels
         windows = self._rows[:-1, self.inputs]
         for stage, wanted in enumerate(inputs):

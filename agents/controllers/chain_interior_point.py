@@ -5,7 +5,6 @@ multiplier z both positive; 1/w is zero for a hard bound, and the inverse penalt
 excess z/w is thereby eliminated. Each step costs one banded factorisation and two solves.
 """
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,55 +12,30 @@ import numpy as np
 from agents.controllers.chain import Chain, ChainTarget
 from vehicles.state import Array
 
-GAP: Final = 1e-6
-"""Mean complementarity at which the iteration ends; costs are of the order of one."""
 RESIDUAL: Final = 1e-7
 START_MULTIPLIER: Final = 10.0
 START_SLACK: Final = 0.5
 TO_BOUNDARY: Final = 0.99
 
 
-@dataclass(frozen=True, slots=True)
 class InteriorPoint:
-    """Where the iteration ended; the primal solution is in the chain.
+    """Iteration from the chain's present positions, which it moves to the solution.
+
+    Parameters
+    ----------
+    chain
+        The problem.
+    target
+        Reference and bounds.
 
     Attributes
     ----------
     slacks, multipliers
         Shape (2, N, 3 m): upper and lower bounds.
-    solved
-        The gap is closed.
     iterations
-        Factorisations.
+        Factorisations so far.
     """
 
-    slacks: Array
-    multipliers: Array
-    solved: bool
-    iterations: int
-
-
-def solve_interior_point(chain: Chain, target: ChainTarget, max_iterations: int) -> InteriorPoint:
-    """Minimise from the chain's present positions.
-
-    Parameters
-    ----------
-    chain
-        Its `flat` is the start and becomes the solution.
-    target
-        Reference and bounds.
-    max_iterations
-        Largest number of steps.
-
-    Returns
-    -------
-    InteriorPoint
-        Slacks and multipliers.
-    """
-    return _InteriorPoint(chain, target).run(max_iterations)
-
-
-class _InteriorPoint:
     def __init__(self, chain: Chain, target: ChainTarget) -> None:
         self._chain, self._target = chain, target
         self._mask = np.stack((chain.bounded, chain.bounded))
@@ -73,27 +47,41 @@ class _InteriorPoint:
         span = np.where(chain.bounded > 0, target.upper - target.lower, 1.0)
         self._values = chain.values()
         room = self._bounds - np.stack((self._values, -self._values))
-        self._slacks = np.where(self._mask > 0, np.maximum(room, START_SLACK * span), 1.0)
-        self._multipliers = self._mask * START_MULTIPLIER * span / self._slacks
+        self.slacks: Array = np.where(self._mask > 0, np.maximum(room, START_SLACK * span), 1.0)
+        self.multipliers: Array = self._mask * START_MULTIPLIER * span / self.slacks
+        self.iterations = 0
 
-    def run(self, max_iterations: int) -> InteriorPoint:
-        for iteration in range(max_iterations):
-            slacks, multipliers = self._slacks, self._multipliers
+    def run(self, gap: float, max_iterations: int) -> bool:
+        """Iterate until the mean complementarity is below a gap.
+
+        Parameters
+        ----------
+        gap
+            Complementarity to reach; costs are of the order of one.
+        max_iterations
+            Largest number of iterations, those of earlier runs included.
+
+        Returns
+        -------
+        bool
+            Whether it was reached.
+        """
+        while True:
             residual = self._residual()
-            gap = float(np.vdot(slacks, multipliers)) / self._count
-            if gap < GAP and np.abs(residual).max() < RESIDUAL:
-                return InteriorPoint(slacks, multipliers, True, iteration)
-            if not self._step(residual, gap):
-                return InteriorPoint(slacks, multipliers, False, iteration)
-        return InteriorPoint(self._slacks, self._multipliers, False, max_iterations)
+            present = float(np.vdot(self.slacks, self.multipliers)) / self._count
+            if present < gap and np.abs(residual).max() < RESIDUAL:
+                return True
+            if self.iterations >= max_iterations or not self._step(residual, present):
+                return False
+            self.iterations += 1
 
     def _residual(self) -> Array:
-        both = np.stack((self._values, -self._values)) - self._give * self._multipliers
-        return np.asarray((both + self._slacks - self._bounds) * self._mask)
+        both = np.stack((self._values, -self._values)) - self._give * self.multipliers
+        return np.asarray((both + self.slacks - self._bounds) * self._mask)
 
     def _step(self, residual: Array, gap: float) -> bool:
         """One predictor and corrector; False if the Hessian cannot be factorised."""
-        chain, slacks, multipliers = self._chain, self._slacks, self._multipliers
+        chain, slacks, multipliers = self._chain, self.slacks, self.multipliers
         softened = slacks + self._give * multipliers
         stiffness = multipliers / softened
         factor = chain.factorize(chain.weights + stiffness[0] + stiffness[1])

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from agents.controllers.chain import Chain, ChainParameters, ChainTarget
-from agents.controllers.chain_interior_point import solve_interior_point
+from agents.controllers.chain_interior_point import InteriorPoint
 from vehicles.state import Array
 
 INPUT_PENALTY: Final = 1e6
@@ -20,8 +20,8 @@ INPUT_PENALTY: Final = 1e6
 INPUT_TOLERANCE: Final = 1e-5
 """Largest violation of an input bound that counts as solved; what is left is cut off."""
 ACTIVE_SET_STEPS: Final = 8
-UNBOUNDED: Final = 1e9
-"""Stand-in for an infinite bound."""
+READABLE_GAPS: Final = (1e-2, 1e-4, 1e-6)
+"""Mean complementarities at which the active bounds are read off an interior point; the last one is exact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +62,11 @@ class ChainQP:
         self._max_iterations = max_iterations
         self._penalty: Array = chain.bounded * parameters.soft_weight
         self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
+        self._can_press = chain.bounded > 0.0
+        self._side: Array | None = None
         self._multipliers: Array = np.zeros((parameters.stages, parameters.axes))
-        self._side: Array = np.zeros((parameters.stages, 3 * parameters.axes))
         self._factor: Array | None = None
-        self._factor_active: Array = np.zeros(self._side.shape, dtype=bool)
+        self._factor_side: Array | None = None
         self._warm = False
 
     def set_matrices(self, turn: Array, transition: Array, terminal_cost: Array) -> None:
@@ -73,17 +74,15 @@ class ChainQP:
         self._chain.set_matrices(turn, transition, terminal_cost)
         self._factor = None
 
+    def balance(self, disturbance: Array) -> Array:
+        """What a disturbance adds to the inputs (`Chain.balance`)."""
+        return self._chain.balance(disturbance)
+
     def forget(self) -> None:
         """Start the next solve from nothing."""
         self._warm = False
 
-    def solve(
-        self,
-        first_state: Array,
-        disturbance: Array,
-        reference: tuple[Array, Array],
-        bounds: tuple[Array, Array],
-    ) -> ChainSolution:
+    def solve(self, first_state: Array, disturbance: Array, target: ChainTarget) -> ChainSolution:
         """Solve with new numbers, starting from the last solution shifted by one stage.
 
         Parameters
@@ -92,11 +91,8 @@ class ChainQP:
             Position, velocity[, actuator] of stage 1, shape (levels, m).
         disturbance
             Acceleration that acts at every stage, shape (m,).
-        reference
-            Rows, shape (N, 3 m): position, velocity and input; and the terminal (position, velocity
-            [, actuator]), shape (levels m,).
-        bounds
-            Lower and upper, shape (3 m,), of position, velocity and input.
+        target
+            Reference and bounds.
 
         Returns
         -------
@@ -104,8 +100,6 @@ class ChainQP:
             The minimiser, or the best point found.
         """
         chain = self._chain
-        balance = chain.balance(disturbance)
-        target = self._without_balance(reference, bounds, balance)
         self._shift()
         chain.set_start(first_state, disturbance)
         if not self._warm:
@@ -116,39 +110,26 @@ class ChainQP:
             solved, further = self._interior_point(target)
             iterations += further
         self._warm = True
-        inputs = chain.values()[:-1, chain.inputs] - balance
+        inputs = chain.values()[:-1, chain.inputs]
         if not solved:
-            columns = chain.inputs
-            inputs = np.clip(inputs, bounds[0][columns], bounds[1][columns])
-            chain.roll_out(inputs + balance)
-        return ChainSolution(chain.flat[:-1].copy(), inputs, solved, iterations)
-
-    def _without_balance(
-        self, reference: tuple[Array, Array], bounds: tuple[Array, Array], balance: Array
-    ) -> ChainTarget:
-        """Inputs and actuators both carry the disturbance's balance as a constant; take it out."""
-        rows, terminal = reference[0].copy(), reference[1].copy()
-        lower, upper = bounds[0].copy(), bounds[1].copy()
-        for part in (rows, lower, upper):
-            part[..., self._chain.inputs] += balance
-        np.clip(lower, -UNBOUNDED, UNBOUNDED, out=lower)
-        np.clip(upper, -UNBOUNDED, UNBOUNDED, out=upper)
-        terminal[2 * self._chain.parameters.axes :] += balance if self._chain.parameters.levels == 3 else 0.0
-        return ChainTarget(rows, terminal, lower, upper)
+            inputs = np.clip(inputs, target.lower[chain.inputs], target.upper[chain.inputs])
+            chain.roll_out(inputs)
+        return ChainSolution(chain.flat[:-1].copy(), inputs - chain.balance(disturbance), solved, iterations)
 
     def _shift(self) -> None:
+        """Move the last solution on by one stage."""
         if not self._warm:
-            self._multipliers[:] = 0.0
-            self._side[:] = 0.0
+            self._side = None
             return
         self._chain.flat[:-2] = self._chain.flat[1:-1]
-        self._multipliers[:-2] = self._multipliers[1:-1]
-        self._side[:-1] = self._side[1:]
-        self._side *= self._chain.bounded
+        if self._side is not None:
+            self._multipliers[:-2] = self._multipliers[1:-1]
+            self._side[:-1] = self._side[1:]
+            self._side *= self._chain.bounded
 
     def _active_set(self, target: ChainTarget) -> tuple[bool, int]:
         """Semismooth Newton steps between multiplier updates; False if they do not settle."""
-        chain, side = self._chain, self._side
+        chain = self._chain
         values = chain.values()
         for iteration in range(1, ACTIVE_SET_STEPS + 1):
             step = self._newton_step(values, target)
@@ -156,36 +137,48 @@ class ChainQP:
                 return False, iteration
             chain.move(step)
             values = chain.values()
-            side_now = self._pressed_side(values, target)
-            settled = bool((side_now == side).all())
-            side[:] = side_now
+            side = self._pressed_side(values, target)
+            settled = _same(side, self._side)
+            self._side = side
             if settled and self._update_multipliers(values, target):
                 return True, iteration
         return False, ACTIVE_SET_STEPS
 
     def _newton_step(self, values: Array, target: ChainTarget) -> Array | None:
+        """Step to the minimum with the present side's bounds active; None if there is none."""
         chain, side = self._chain, self._side
-        active = side != 0.0
-        if self._factor is None or not np.array_equal(active, self._factor_active):
-            self._factor = chain.factorize(chain.weights + active * self._penalty)
-            self._factor_active = active
+        pull = chain.weights * (values - target.rows)
+        if side is None:
+            weights = chain.weights
+        else:
+            active = self._penalty * np.abs(side)
+            weights = chain.weights + active
+            pull += active * (values - np.where(side > 0.0, target.upper, target.lower))
+            pull[:, chain.inputs] += np.abs(side[:, chain.inputs]) * self._multipliers
+        if self._factor is None or not _same(side, self._factor_side):
+            self._factor, self._factor_side = chain.factorize(weights), side
             if self._factor is None:
                 return None
-        pull = chain.weights * (values - target.rows)
-        if active.any():
-            pull += active * self._penalty * (values - np.where(side > 0, target.upper, target.lower))
-            pull[:, chain.inputs] += active[:, chain.inputs] * self._multipliers
         return chain.solve(self._factor, -chain.cost_gradient(pull, target))
 
-    def _pressed_side(self, values: Array, target: ChainTarget) -> Array:
-        """Which bound each row presses on: -1 lower, 1 upper, 0 none."""
-        pressed = values.copy()
-        pressed[:, self._chain.inputs] += self._multipliers / INPUT_PENALTY
+    def _pressed_side(self, values: Array, target: ChainTarget) -> Array | None:
+        """Which bound each row presses on: -1 lower, 1 upper, 0 none; None if no row presses on any."""
+        pressed = values
+        if self._side is not None:
+            pressed = values.copy()
+            pressed[:, self._chain.inputs] += self._multipliers / INPUT_PENALTY
         above, below = pressed > target.upper, pressed < target.lower
-        return np.asarray((above.astype(float) - below) * self._chain.bounded)
+        above &= self._can_press
+        below &= self._can_press
+        if above.any() or below.any():
+            return above.astype(float) - below
+        return None
 
     def _update_multipliers(self, values: Array, target: ChainTarget) -> bool:
         """One step of the method of multipliers; True if the input bounds hold."""
+        if self._side is None:
+            self._multipliers[:] = 0.0
+            return True
         columns = self._chain.inputs
         inputs, lower, upper = values[:-1, columns], target.lower[columns], target.upper[columns]
         violation = np.maximum(inputs - upper, lower - inputs).max()
@@ -194,10 +187,30 @@ class ChainQP:
         return bool(violation <= INPUT_TOLERANCE)
 
     def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
-        found = solve_interior_point(self._chain, target, self._max_iterations)
-        upper, lower = found.multipliers
-        pressing = found.multipliers > found.slacks
-        self._side[:] = pressing[0].astype(float) - pressing[1]
-        self._multipliers[:] = ((upper - lower) * pressing.any(axis=0))[:, self._chain.inputs]
+        """Interior-point steps until the active bounds can be read off and give the exact solution."""
+        method = InteriorPoint(self._chain, target)
+        for gap in READABLE_GAPS:
+            closed = method.run(gap, self._max_iterations)
+            inside = self._chain.flat.copy()
+            self._take_over(method)
+            solved, _ = self._active_set(target)
+            if solved:
+                return True, method.iterations
+            self._chain.flat[:] = inside
+            if not closed:
+                break
+        return closed, method.iterations
+
+    def _take_over(self, method: InteriorPoint) -> None:
+        """Active bounds and multipliers of an interior point."""
+        pressing = method.multipliers > method.slacks
+        self._side = pressing[0].astype(float) - pressing[1]
+        upper, lower = method.multipliers * pressing
+        self._multipliers[:] = (upper - lower)[:, self._chain.inputs]
         self._factor = None
-        return found.solved, found.iterations
+
+
+def _same(one: Array | None, other: Array | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return bool((one == other).all())

@@ -7,7 +7,7 @@ import pytest
 from scipy import sparse
 
 from agents.controllers.cascade_terms import HeadingCost, riccati_cost
-from agents.controllers.chain import ChainParameters
+from agents.controllers.chain import ChainParameters, ChainTarget
 from agents.controllers.chain_qp import ChainQP
 from vehicles.state import Array
 
@@ -29,6 +29,13 @@ class Case:
     @property
     def levels(self) -> int:
         return self.parameters.levels
+
+    def target(self, disturbance: Array) -> ChainTarget:
+        """Rest at the origin, inputs and bounds with the disturbance's balance added."""
+        p = self.parameters
+        rows, terminal = np.zeros((p.stages, 6)), np.zeros(2 * self.levels)
+        balance = np.concatenate((np.zeros(4), disturbance / p.gain))
+        return ChainTarget(rows, terminal, self.lower + balance, self.upper + balance)
 
     def workspace(self) -> ChainQP:
         qp = ChainQP(self.parameters, 60)
@@ -125,8 +132,9 @@ def test_solution_is_the_one_an_independent_solver_finds(lag: bool, distance_m: 
     first = np.array([[distance_m, -0.6 * distance_m], [0.3, -0.4], [0.2, 0.1]])[: problem.levels]
     disturbance = np.array([0.1, -0.2])
     rows, terminal = np.zeros((16, 6)), np.zeros(2 * problem.levels)
+    terminal[4:] = (-disturbance / problem.parameters.gain)[: len(terminal) - 4]
     rows[:, 4:] = -disturbance / problem.parameters.gain
-    found = problem.workspace().solve(first, disturbance, (rows, terminal), (problem.lower, problem.upper))
+    found = problem.workspace().solve(first, disturbance, problem.target(disturbance))
     expected = independent(problem, first, disturbance, rows, terminal)
     assert found.solved
     assert found.inputs == pytest.approx(expected, abs=1e-3)
@@ -137,8 +145,7 @@ def test_plan_obeys_the_dynamics(lag: bool) -> None:
     problem = case(30, lag)
     first = np.array([[0.5, 0.2], [0.1, 0.3], [0.1, -0.1]])[: problem.levels]
     disturbance = np.array([0.1, -0.2])
-    rows, terminal = np.zeros((30, 6)), np.zeros(2 * problem.levels)
-    found = problem.workspace().solve(first, disturbance, (rows, terminal), (problem.lower, problem.upper))
+    found = problem.workspace().solve(first, disturbance, problem.target(disturbance))
     state = first.ravel()
     for stage in range(29):
         assert found.flat[stage] == pytest.approx(state[:2], abs=1e-6)
@@ -153,7 +160,7 @@ def test_unfinished_iterations_still_give_a_plan_that_obeys_the_dynamics() -> No
     qp = ChainQP(problem.parameters, 1)
     qp.set_matrices(problem.turn, problem.transition, problem.terminal_cost)
     first = np.array([[1.1, -1.0], [0.9, -1.2], [0.2, 0.1]])
-    found = qp.solve(first, np.zeros(2), (np.zeros((30, 6)), np.zeros(6)), (problem.lower, problem.upper))
+    found = qp.solve(first, np.zeros(2), problem.target(np.zeros(2)))
     assert not found.solved
     assert (np.abs(found.inputs) <= 1.0).all()
     state = first.ravel()
@@ -170,9 +177,7 @@ def test_next_step_starts_from_the_shifted_solution() -> None:
     state = np.array([0.8, -0.5, 0.0, 0.0, 0.0, 0.0])
     iterations = []
     for _ in range(10):
-        found = qp.solve(
-            state.reshape(3, 2), np.zeros(2), (np.zeros((40, 6)), np.zeros(6)), (problem.lower, problem.upper)
-        )
+        found = qp.solve(state.reshape(3, 2), np.zeros(2), problem.target(np.zeros(2)))
         assert found.solved
         iterations.append(found.iterations)
         a, b = problem.matrices(0)
