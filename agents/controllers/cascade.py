@@ -6,7 +6,7 @@ paper's problem with the true dynamics in place of the frozen ones, with actuato
 disturbances in the prediction and the inputs that fly the reference as input reference.
 """
 
-from typing import Annotated, Final
+from typing import Annotated, ClassVar, Final
 
 import msgspec
 import numpy as np
@@ -81,6 +81,8 @@ class CascadeController(GuardedController):
     """
 
     Settings = CascadeSettings
+    workspace: ClassVar[type[ChainQP]] = ChainQP
+    """Solver of the three quadratic programs; benchmarks put peers in its place."""
 
     def __init__(self, model: Model, period_s: float, settings: CascadeSettings) -> None:
         super().__init__(model, period_s, settings.horizon, settings.limits(model))
@@ -90,7 +92,7 @@ class CascadeController(GuardedController):
         self._levels = 3 if settings.actuator_lag else 2
         yaw, vertical, horizontal = (self._parameters(axes) for axes in ([3], [2], [0, 1]))
         self._yaw, self._vertical, self._horizontal = (
-            ChainQP(chain, settings.max_iterations) for chain in (yaw, vertical, horizontal)
+            self.workspace(chain, settings.max_iterations) for chain in (yaw, vertical, horizontal)
         )
         self._chains = yaw, vertical, horizontal
         self._heading_cost = HeadingCost(horizontal, self._decay[:2])

@@ -64,6 +64,7 @@ class HeadingCost:
         weights = parameters.position_weights
         self._isotropic = bool(weights[0] == weights[1])
         self._solved: dict[float, Array] = {}
+        self._at_grid(0.0)
 
     def at(self, yaw_rad: float) -> Array:
         """P at a heading, shape (2 levels, 2 levels)."""

@@ -19,7 +19,7 @@ INPUT_PENALTY: Final = 1e6
 """Penalty parameter of the augmented Lagrangian, against input weights of about one."""
 INPUT_TOLERANCE: Final = 1e-5
 """Largest violation of an input bound that counts as solved; what is left is cut off."""
-ACTIVE_SET_STEPS: Final = 8
+ACTIVE_SET_STEPS: Final = 5
 READABLE_GAPS: Final = (1e-2, 1e-4, 1e-6)
 """Mean complementarities at which the active bounds are read off an interior point; the last one is exact."""
 

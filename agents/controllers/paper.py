@@ -4,7 +4,7 @@ One quadratic program (3)-(4) in the scaled variables (5), 11 states, linearised
 at the heading of the reference's last stage (control.md sections 3, 4, 8, 9).
 """
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import msgspec
 import numpy as np
@@ -70,6 +70,8 @@ class PaperController(GuardedController):
     """
 
     Settings = PaperSettings
+    workspace: ClassVar[type[StageQP]] = StageQP
+    """Solver of the quadratic program; benchmarks put peers in its place."""
 
     def __init__(self, model: Model, period_s: float, settings: PaperSettings) -> None:
         super().__init__(model, period_s, settings.horizon, settings.limits(model))
@@ -102,7 +104,7 @@ class PaperController(GuardedController):
 
     def _workspace(self) -> StageQP:
         everywhere = np.abs(self._scale_dynamics(0.7)) > 0
-        return StageQP(
+        return self.workspace(
             StageStructure(
                 stages=self._horizon,
                 dynamics_pattern=everywhere,

@@ -72,6 +72,28 @@ class StageSolution:
     iterations: int
 
 
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Raw result of a solver: stacked variables and multipliers of all rows.
+
+    Attributes
+    ----------
+    primal
+        z, shape (size,).
+    duals
+        Shape (rows,).
+    solved
+        The tolerances were met.
+    iterations
+        Of the solver.
+    """
+
+    primal: Array
+    duals: Array
+    solved: bool
+    iterations: int
+
+
 class StageQP:
     """The workspace: set it up once, then update numbers and solve.
 
@@ -105,39 +127,24 @@ class StageQP:
         self._input_weights = input_weights
         self._terminal_cost = terminal_cost
         constraint = self._constraint_matrix(dynamics, input_matrix)
-        hessian = self._hessian(terminal_cost)
         rows = constraint.shape[0]
         self._lower = np.zeros(rows)
         self._upper = np.zeros(rows)
         self._gradient = np.zeros(self._size)
         self._start = np.zeros(self._size)
         self._duals = np.zeros(rows)
-        self._solver = osqp.OSQP()
-        self._solver.setup(
-            hessian,
-            self._gradient,
-            constraint,
-            self._lower,
-            self._upper,
-            verbose=False,
-            eps_abs=EPS,
-            eps_rel=EPS,
-            check_termination=CHECK_TERMINATION,
-            max_iter=MAX_ITERATIONS,
-            time_limit=time_limit_s,
-            polishing=False,
-        )
+        self._install(self._hessian(terminal_cost), constraint, time_limit_s)
 
     def set_dynamics(self, dynamics: Array) -> None:
         """Replace A, shape (nx, nx), at every stage."""
         values = np.tile(dynamics[self._structure.dynamics_pattern], self._structure.stages - 1)
-        self._solver.update(Ax=values, Ax_idx=self._dynamics_places)
+        self._replace_dynamics(values)
 
     def set_terminal_cost(self, terminal_cost: Array) -> None:
         """Replace P, shape (nx, nx)."""
         self._terminal_cost = terminal_cost
         pattern = np.triu(self._structure.terminal_pattern)
-        self._solver.update(Px=terminal_cost[pattern], Px_idx=self._terminal_places)
+        self._replace_terminal_cost(terminal_cost[pattern])
 
     def solve(
         self,
@@ -181,12 +188,8 @@ class StageQP:
             bound[nx:equalities].reshape(stages - 1, nx)[:] = affine
             bound[equalities:inputs_end].reshape(stages - 1, self._nu)[:] = input_bound
             bound[inputs_end:] = state_bound.ravel()
-        try:
-            self._solver.update(q=gradient, l=self._lower, u=self._upper)
-            result = self._solver.solve(raise_error=False)
-        except OSQPException:
-            return None
-        return self._unpack(result.x, result.y, result.info)
+        outcome = self._run()
+        return None if outcome is None else self._unpack(outcome)
 
     def cost(self, states: Array, inputs: Array, state_reference: Array, input_reference: Array) -> float:
         """Cost of a trajectory, up to the constant that does not depend on it; shapes as in `solve`."""
@@ -202,15 +205,58 @@ class StageQP:
         stage_part[:, :nx] = states[:-1]
         stage_part[:, nx:] = inputs
         start[-nx:] = states[-1]
-        self._solver.warm_start(x=start, y=self._duals)
+        self._start_from(start, self._duals)
 
     def forget(self) -> None:
         """Start the next solve from nothing."""
         self._duals[:] = 0.0
         self._start[:] = 0.0
-        self._solver.warm_start(x=self._start, y=self._duals)
+        self._start_from(self._start, self._duals)
 
-    def _unpack(self, primal: Array, duals: Array, info: object) -> StageSolution | None:
+    def _install(
+        self, hessian: sparse.csc_matrix, constraint: sparse.csc_matrix, time_limit_s: float
+    ) -> None:
+        """Hand the first matrices (upper triangle of the Hessian) to the solver."""
+        self._solver = osqp.OSQP()
+        self._solver.setup(
+            hessian,
+            self._gradient,
+            constraint,
+            self._lower,
+            self._upper,
+            verbose=False,
+            eps_abs=EPS,
+            eps_rel=EPS,
+            check_termination=CHECK_TERMINATION,
+            max_iter=MAX_ITERATIONS,
+            time_limit=time_limit_s,
+            polishing=False,
+        )
+
+    def _replace_dynamics(self, values: Array) -> None:
+        """Replace the entries at `_dynamics_places` of the constraint matrix."""
+        self._solver.update(Ax=values, Ax_idx=self._dynamics_places)
+
+    def _replace_terminal_cost(self, values: Array) -> None:
+        """Replace the entries at `_terminal_places` of the Hessian."""
+        self._solver.update(Px=values, Px_idx=self._terminal_places)
+
+    def _start_from(self, primal: Array, duals: Array) -> None:
+        """Set the solver's starting point."""
+        self._solver.warm_start(x=primal, y=duals)
+
+    def _run(self) -> Outcome | None:
+        """Solve with the present gradient and bounds; None if the solver refuses."""
+        try:
+            self._solver.update(q=self._gradient, l=self._lower, u=self._upper)
+            result = self._solver.solve(raise_error=False)
+        except OSQPException:
+            return None
+        solved = result.info.status_val == SolverStatus.OSQP_SOLVED
+        return Outcome(result.x, result.y, bool(solved), int(result.info.iter))
+
+    def _unpack(self, outcome: Outcome) -> StageSolution | None:
+        primal, duals = outcome.primal, outcome.duals
         if not (np.isfinite(primal).all() and np.isfinite(duals).all()):
             self.forget()
             return None
@@ -218,8 +264,7 @@ class StageQP:
         stage_part = primal[: (stages - 1) * self._stride].reshape(stages - 1, self._stride)
         states = np.vstack((stage_part[:, :nx], primal[-nx:]))
         self._shift_duals(duals)
-        solved = getattr(info, "status_val", None) == SolverStatus.OSQP_SOLVED
-        return StageSolution(states, stage_part[:, nx:].copy(), solved, int(getattr(info, "iter", 0)))
+        return StageSolution(states, stage_part[:, nx:].copy(), outcome.solved, outcome.iterations)
 
     def _shift_duals(self, duals: Array) -> None:
         """Multipliers of the next problem, one stage on."""
