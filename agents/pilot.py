@@ -142,12 +142,18 @@ class Pilot:
         return self.ready
 
     def note_applied(self, state: str, sequence: int, value: Array) -> None:
-        """Take in what the transmitter gateway made of a command."""
+        """Take in what the transmitter gateway made of a command.
+
+        Before the vehicle has been seen nothing follows from it: an agent that restarts in flight must know
+        where its vehicle is before it takes over.
+        """
         self.inputs.correct(sequence, value)
+        if not self.clock.started:
+            return
         event = _EVENT_OF_STATE[state]
         if event is Event.ARM and self.guidance.phase is Phase.GROUND and self._in_the_air(value):
             event = Event.RESUME
-        self.guidance.on_event(event, self.estimate if self.clock.started else None)
+        self.guidance.on_event(event, self.estimate)
 
     def take_off(self, height_m: float) -> str | None:
         """Begin to take off; a refusal is returned as its reason."""
