@@ -93,6 +93,8 @@ class Pilot:
         self.inputs = InputHistory(np.zeros(INPUT_SIZE))
         self.fallbacks: Counter[str] = Counter()
         self.sequence = 0
+        self.informed = False
+        """Whether the state of the transmitter is known; before that nothing may be commanded."""
         self._spool_up_until_s = 0.0
         self._blind_s = 0.0
         self._flown_by_controller = False
@@ -151,8 +153,9 @@ class Pilot:
         if not self.clock.started:
             return
         event = _EVENT_OF_STATE[state]
-        if event is Event.ARM and self.guidance.phase is Phase.GROUND and self._in_the_air(value):
+        if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
+        self.informed = True
         self.guidance.on_event(event, self.estimate)
 
     def take_off(self, height_m: float) -> str | None:

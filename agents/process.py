@@ -74,7 +74,7 @@ class Agent:
         # Sequences continue over restarts because they start from the wall clock.
         self._sequence = time.time_ns() // 1_000_000
         self._control_by_s: float | None = None
-        self._status_at_s = 0.0
+        self._status_at_s = self._clock() + STATUS_PERIOD_S
         self._previous = self._recall()
         session.serve(vehicle, VERBS)
         session.announce(vehicle, "agent")
@@ -119,7 +119,7 @@ class Agent:
     def _begin_control(self, now_s: float) -> None:
         clock = self._pilot.clock
         flying = self._pilot.guidance.rotor_on
-        if self._pacing.control_due(clock.current_frame, clock.period_s, flying):
+        if self._pilot.informed and self._pacing.control_due(clock.current_frame, clock.period_s, flying):
             self._control_by_s = now_s + (self._settings.leader_wait_s if self._pilot.guidance.follows else 0)
 
     def _control(self) -> None:
