@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
-NO_HURRY: Final = MappingProxyType({"time_limit_s": 1.0})
+NO_HURRY: Final[dict[str, object]] = {"time_limit_s": 1.0}
 """A solver that stops by the clock would make a flight depend on the machine; the rig's time can wait."""
 
 
@@ -34,7 +34,7 @@ KUNZ: Final = Scheme(
     "kunz_2013",
     "Implementation of [11]",
     "paper",
-    {**NO_HURRY, "terminal_cost": False, "z_integrator": False},
+    {**NO_HURRY, "terminal_cost": False, "z_integrator": False, "integral_limit_m_s": 20.0},
 )
 PAPER: Final = Scheme("paper", "Paper's scheme", "paper", NO_HURRY)
 CASCADE: Final = Scheme("cascade", "Cascade", "cascade")

@@ -1,0 +1,90 @@
+"""The command `rcopterx experiment`: documents, figures, and what it says to mistakes."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from experiments.runner import Options, Work, run_all
+from rcopterx.cli import app
+
+runner = CliRunner()
+
+
+def test_experiments_are_listed() -> None:
+    result = runner.invoke(app, ["experiment", "--list"])
+    assert result.exit_code == 0
+    assert [line.split()[0] for line in result.stdout.splitlines()] == ["hover", "horizon", "formation"]
+
+
+def test_hover_prints_its_document_and_draws_its_figure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("experiments.hover.QUICK_FLIGHT_S", 5.5)
+    figure = tmp_path / "hover.svg"
+    result = runner.invoke(
+        app,
+        ["experiment", "hover", "--quick", "--seed", "1", "--seeds", "2", "--json", "--plot", str(figure)],
+    )
+    assert result.exit_code == 0, result.output
+    table: dict[str, Any] = json.loads(result.stdout)
+    assert {"kunz_2013", "paper", "cascade"} <= set(table)
+    for row in table.values():
+        assert {"rms_mm", "mean_square_mm2"} == set(row["x"]) == set(row["y"]) == set(row["z"])
+        assert {"rms_rad", "mean_square_rad2"} == set(row["yaw"])
+    assert "seed 2" in result.stderr
+    assert "seed 1" not in result.stderr
+    assert figure.read_text(encoding="utf-8").startswith("<?xml")
+
+
+def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataclasses import replace
+
+    from experiments.catalogue import EXPERIMENTS
+    from experiments.runner import Result
+
+    seen: list[Options] = []
+
+    def record(options: Options, _: object) -> Result:
+        seen.append(options)
+        return Result({"figure": 1}, lambda _: None)
+
+    monkeypatch.setattr(
+        "experiments.catalogue.EXPERIMENTS",
+        {name: replace(row, run=record) for name, row in EXPERIMENTS.items()},
+    )
+    for arguments in (["formation"], ["formation", "--seed", "3"], ["hover", "--seeds", "9,4", "--quick"]):
+        assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0
+    assert [options.seeds for options in seen] == [(0, 1, 2, 3, 4), (3, 4, 5, 6, 7), (9, 4)]
+    assert [options.quick for options in seen] == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["tea"], "known are hover, horizon, formation"),
+        (["hover", "--seeds", "1,x"], "different whole numbers"),
+        (["hover", "--seeds", "1,1"], "different whole numbers"),
+        (["hover", "--plot", "figure.doc"], "allowed endings"),
+        (["hover", "--plot", "/nowhere/figure.png"], "cannot be written"),
+    ],
+)
+def test_mistakes_are_refused_before_anything_flies(arguments: list[str], message: str) -> None:
+    result = runner.invoke(app, ["experiment", *arguments], env={"COLUMNS": "200", "TERM": "dumb"})
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.replace("│", " ").split())
+
+
+def test_work_on_several_cores_returns_in_order() -> None:
+    told: list[float] = []
+    works = [Work(str(index), partial(_square, index)) for index in range(4)]
+    for processes in (1, 2):
+        assert run_all(works, processes, lambda _, fraction: told.append(fraction)) == [0, 1, 4, 9]
+        assert told[-1] == 1.0
+
+
+def _square(number: int, _: object) -> int:
+    return number * number

@@ -1,0 +1,124 @@
+"""The formation experiment: what is flown, and the document that comes out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.catalogue import save_figure
+from experiments.events import Follow, GoTo
+from experiments.formation import (
+    FOLLOWERS,
+    LEADER,
+    NEAR,
+    SLOT_S,
+    SLOTS,
+    Case,
+    Flown,
+    document,
+    events,
+    flown_schemes,
+    fly_formation,
+    formation,
+    mirrored,
+    run,
+    sequence,
+)
+from experiments.formation_figure import draw_formation
+from experiments.rig import Rig
+from experiments.runner import Options, Result
+from experiments.schemes import CASCADE, PAPER, SCHEMES
+from simulator.conditions import IDEAL, LABORATORY
+from vehicles.types import COAXIAL
+
+
+def test_sequence_changes_set_points_distances_and_headings() -> None:
+    changes = [change for slot in sequence() for change in slot]
+    assert {name for name, _, _ in changes} == {LEADER, *FOLLOWERS}
+    for names in ({LEADER}, set(FOLLOWERS)):
+        own = [(position, yaw) for name, position, yaw in changes if name in names]
+        assert len({position for position, _ in own}) > 4
+        assert len({yaw for _, yaw in own}) >= 3
+
+
+def test_sequence_keeps_every_station_inside_the_bounds() -> None:
+    place = {LEADER: np.array([0.0, 0.0, 1.0])} | {name: np.array(NEAR[name]) for name in FOLLOWERS}
+    for slot in sequence():
+        for name, position_m, _ in slot:
+            place[name] = np.array(position_m)
+        for name in FOLLOWERS:
+            station = place[LEADER] + place[name]
+            assert (station > COAXIAL.state_min[:3]).all()
+            assert (station < COAXIAL.state_max[:3]).all()
+        distances = [place["h2"] - place["h3"], place["h2"], place["h3"]]
+        assert min(float(np.linalg.norm(distance)) for distance in distances) > 0.3
+
+
+def test_sequence_fills_five_minutes_and_its_second_half_mirrors_the_first() -> None:
+    happenings = events(sequence())
+    assert max(event.time_s for event in happenings) + 2 * SLOT_S == pytest.approx(300)
+    assert mirrored(mirrored(SLOTS)) == SLOTS
+    assert {type(event) for event in happenings} == {GoTo, Follow}
+
+
+@pytest.mark.parametrize(("scheme", "conditions"), [(PAPER, IDEAL), (CASCADE, LABORATORY)])
+def test_formation_flies_the_sequence(scheme: object, conditions: object) -> None:
+    flight = fly_formation(scheme, conditions, 2, SLOTS[:1], True)  # type: ignore[arg-type]  # parametrized
+    assert flight.record is not None
+    assert flight.record["h1"].motion[-1, :3] == pytest.approx((0.3, 0.0, 1.4), abs=0.05)
+    assert 0 < flight.errors_m.max() < 0.2
+    assert len(flight.errors_m) == 2 * len(flight.gap_errors_m)
+
+
+def test_document_has_figures_by_condition_scheme_and_seed() -> None:
+    some = Flown(np.array([0.001, 0.003]), np.array([0.002]), np.zeros(7), {}, None)
+    more = Flown(np.array([0.002, 0.005]), np.array([0.002]), np.full(7, 0.1), {}, None)
+    flights = {
+        Case(scheme, condition, seed): flight
+        for scheme in ("paper", "cascade")
+        for condition, seed, flight in (("ideal", 0, some), ("laboratory", 0, some), ("laboratory", 1, more))
+    }
+    table = document(flights)
+    assert set(table) == {"ideal", "laboratory"}
+    for condition in table.values():
+        assert set(condition) == {"paper", "cascade"}
+        for figures in condition.values():
+            assert 0 <= figures["rms_mm"] <= figures["max_mm"]
+            assert set(figures["bound_excess"]) == {"position_m", "velocity_m_s", "yaw_rate_rad_s"}
+    for figures in table["laboratory"].values():
+        assert {seed: one["max_mm"] for seed, one in figures["per_seed"].items()} == {"0": 3.0, "1": 5.0}
+        assert figures["max_mm"] == 5.0
+    assert "per_seed" not in table["ideal"]["paper"]
+
+
+def test_flight_is_drawn(tmp_path: Path) -> None:
+    record = Rig(formation(CASCADE, 10), IDEAL).fly(0.2)
+    result = Result({}, lambda figure: draw_formation({"one": record, "other": record}, figure))
+    save_figure(result, tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+
+
+def test_figures_of_several_seeds_are_those_of_all_samples_together() -> None:
+    nothing = np.zeros(7)
+    flights = {
+        Case("cascade", "laboratory", seed): Flown(np.array(errors), np.zeros(1), nothing, {"hover": 1}, None)
+        for seed, errors in ((0, [0.003, 0.003, 0.003]), (1, [0.006]))
+    }
+    figures = document(flights)["laboratory"]["cascade"]
+    assert figures["rms_mm"] == pytest.approx(np.sqrt((3 * 9 + 36) / 4), abs=1e-3)
+    assert figures["max_mm"] == pytest.approx(6.0)
+    assert figures["fallbacks"] == {"hover": 2}
+
+
+def test_every_scheme_with_an_installed_controller_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [scheme.name for scheme in flown_schemes()] == list(SCHEMES)
+    seen: list[str] = []
+
+    def no_flight(scheme: object, conditions: object, seed: int, *_: object) -> Flown:
+        return Flown(np.ones(2), np.ones(1), np.zeros(7), {}, None)
+
+    monkeypatch.setattr("experiments.formation.fly_formation", no_flight)
+    result = run(Options((7, 8)), lambda label, fraction: seen.append(f"{label} {fraction:.2f}"))
+    assert set(result.document["ideal"]) == set(SCHEMES)
+    assert set(result.document["laboratory"]["pid"]["per_seed"]) == {"7", "8"}
+    assert seen[-1].endswith("1.00")

@@ -1,0 +1,42 @@
+"""The hovering experiment and the horizon experiment on short flights."""
+
+import numpy as np
+import pytest
+
+from experiments.horizon import SET_POINTS, draw_horizon, fly_horizon
+from experiments.horizon import figures as horizon_figures
+from experiments.hover import SETTINGS, figures, fly_hover
+from experiments.schemes import CASCADE, PAPER
+
+
+def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_predecessor() -> None:
+    squares = {
+        setting.scheme.name: np.mean(np.square(fly_hover(setting, 0, 15.0)), axis=0) for setting in SETTINGS
+    }
+    assert (squares["cascade"] < squares["paper"] / 2).all()
+    assert (squares["paper"][:2] < squares["kunz_2013"][:2]).all()
+    assert (np.sqrt(squares["cascade_50"][:3]) < 0.005).all()
+
+
+def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
+    table = figures([np.array([[0.001, 0.002, 0.0, 0.01]]), np.array([[0.001, 0.0, 0.003, -0.01]])])
+    assert table["x"] == {"rms_mm": 1.0, "mean_square_mm2": 1.0}
+    assert table["y"]["mean_square_mm2"] == pytest.approx(2.0)
+    assert table["z"]["rms_mm"] == pytest.approx(np.sqrt(4.5), abs=1e-3)
+    assert table["yaw"] == {"rms_rad": 0.01, "mean_square_rad2": 0.0001}
+
+
+def test_horizon_measures_steps_and_weighs_errors() -> None:
+    from matplotlib.figure import Figure
+
+    flights = {scheme.name: fly_horizon(scheme, 18, 0, 1.0) for scheme in (PAPER, CASCADE)}
+    table = {"18": {name: horizon_figures([flight]) for name, flight in flights.items()}}
+    for name, row in table["18"].items():
+        assert len(flights[name].step_s) == 50
+        assert 0 < row["step_mean_ms"] <= row["step_max_ms"]
+    # every scheme needs time for steps of 0.3 to 0.8 m and 540 degrees; the weights make that comparable
+    assert table["18"]["cascade"]["weighted_error_mm2"] < table["18"]["paper"]["weighted_error_mm2"]
+    assert len(SET_POINTS) == 5
+    figure = Figure()
+    draw_horizon(table, figure)
+    assert len(figure.axes) == 2

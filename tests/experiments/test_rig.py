@@ -1,0 +1,214 @@
+"""The closed loop in one process: reproducible, ordered by leaders, and flown by the pilots of flight."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bus.messages import Following
+from experiments.events import Event, Follow, GoTo, Lead, Switch
+from experiments.record import FlightRecord, rms
+from experiments.rig import (
+    LEADER_INPUT_RANGE,
+    Rig,
+    RigError,
+    RigOptions,
+    RigVehicle,
+    flying_order,
+    generations_below,
+    total_fallbacks,
+)
+from experiments.schemes import NO_HURRY
+from simulator.conditions import IDEAL, LABORATORY, Conditions
+from simulator.plant import Pose
+from vehicles.types import COAXIAL, QUADROTOR
+
+OFFSET_M = (-0.4, 0.5, 0.0)
+STEP = GoTo(2.0, "h1", (0.5, 0.0, 1.2), np.pi / 2)
+
+
+def leader(controller: str = "cascade", **settings: object) -> RigVehicle:
+    return RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), controller, settings, horizon=30)
+
+
+def follower(controller: str = "cascade", **settings: object) -> RigVehicle:
+    return RigVehicle(
+        "h2", COAXIAL, Pose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
+        following=(Following(leader="h1", offset_m=OFFSET_M),),
+    )  # fmt: skip
+
+
+def pair(controller: str = "cascade") -> list[RigVehicle]:
+    settings = NO_HURRY if controller == "paper" else {}
+    return [leader(controller, **settings), follower(controller, **settings)]
+
+
+def flown(
+    vehicles: Sequence[RigVehicle],
+    events: Sequence[Event] = (STEP,),
+    seconds: float = 6.0,
+    conditions: Conditions = IDEAL,
+    seed: int = 0,
+    previous_frame: bool = False,
+) -> FlightRecord:
+    options = RigOptions(previous_frame=previous_frame)
+    return Rig(vehicles, conditions, seed, options).fly(seconds, events)
+
+
+@pytest.mark.parametrize("controller", ["paper", "cascade"])
+def test_same_seed_gives_exactly_the_same_flight(controller: str) -> None:
+    first, again, other = (
+        flown(pair(controller), seconds=4.0, conditions=LABORATORY, seed=seed) for seed in (3, 3, 4)
+    )
+    for name in ("h1", "h2"):
+        assert np.array_equal(first[name].motion, again[name].motion)
+        assert np.array_equal(first[name].inputs, again[name].inputs)
+        assert not np.allclose(first[name].motion, other[name].motion)
+
+
+def test_order_of_the_vehicles_does_not_matter() -> None:
+    forward, backward = flown(pair(), seconds=3.0), flown(pair()[::-1], seconds=3.0)
+    assert np.array_equal(forward["h2"].motion, backward["h2"].motion)
+
+
+def test_vehicles_start_hovering_in_the_air() -> None:
+    record = flown(pair(), events=(), seconds=2.0)
+    for name, start in (("h1", (0.0, 0.0, 1.0)), ("h2", (-0.4, 0.5, 1.0))):
+        assert np.abs(record[name].motion[:, :3] - start).max() < 1e-3
+    assert not total_fallbacks(record)
+
+
+def test_cascade_keeps_the_formation_where_the_papers_scheme_loses_it() -> None:
+    errors = {name: flown(pair(name)).formation_error_m() for name in ("paper", "cascade")}
+    assert errors["cascade"].max() < 0.005
+    assert errors["paper"].max() > 0.03
+    assert rms(errors["cascade"]) < rms(errors["paper"]) / 8
+
+
+def test_plan_of_the_previous_frame_costs_the_leaders_acceleration_over_one_period() -> None:
+    same, previous = (flown(pair(), previous_frame=late).formation_error_m() for late in (False, True))
+    assert same.max() < previous.max() < 0.015
+
+
+def test_cascade_keeps_the_formation_in_the_laboratory() -> None:
+    record = flown(pair(), conditions=LABORATORY, seed=1)
+    assert rms(record.formation_error_m(2.0)) < 0.015
+    assert record.formation_error_m(2.0).max() < 0.045
+    assert not total_fallbacks(record)
+    for name in ("h1", "h2"):
+        assert not record[name].left_volume
+        assert not record[name].touchdowns
+
+
+def test_leader_leaves_its_follower_authority() -> None:
+    record = flown(pair())
+    hover = COAXIAL.hover_input
+    lowest = hover + LEADER_INPUT_RANGE * (COAXIAL.u_min - hover)
+    highest = hover + LEADER_INPUT_RANGE * (COAXIAL.u_max - hover)
+    inputs = record["h1"].inputs
+    assert (inputs >= lowest - 1e-4).all()
+    assert (inputs <= highest + 1e-4).all()
+    assert inputs[:, 0].max() > highest[0] - 0.01
+
+
+def test_control_period_may_be_several_frames() -> None:
+    rig = Rig(pair(), LABORATORY, 0, RigOptions(frame_period_s=0.005))
+    record = rig.fly(3.0, (replace(STEP, time_s=1.0),))
+    assert np.diff(record["h1"].time_s) == pytest.approx(0.02)
+    assert record.formation_error_m(1.0).max() < 0.045
+
+
+def test_rig_flies_on_from_where_it_stopped() -> None:
+    parts = Rig(pair(), LABORATORY, 5)
+    first, second = parts.fly(2.0, (STEP,)), parts.fly(2.0, (STEP,))
+    whole = Rig(pair(), LABORATORY, 5).fly(4.0, (STEP,))
+    joined = np.vstack((first["h2"].motion, second["h2"].motion))
+    assert np.array_equal(joined, whole["h2"].motion)
+
+
+def test_controller_may_be_switched_in_flight() -> None:
+    switch = Switch(1.5, "h1", "paper", {"horizon": 30, **NO_HURRY})
+    record = flown([leader()], (switch,), seconds=3.0, conditions=LABORATORY)["h1"]
+    after = record.time_s >= 1.5
+    assert np.abs(np.diff(record.inputs[:, 2]))[after[1:]].max() < 0.1
+    assert np.abs(record.motion[after, :3] - (0.0, 0.0, 1.0)).max() < 0.1
+
+
+def test_follower_that_leads_holds_its_place() -> None:
+    record = flown(pair(), (Lead(1.0, "h2"), STEP), seconds=5.0)["h2"]
+    assert np.abs(record.motion[:, :3] - (-0.4, 0.5, 1.0)).max() < 0.005
+    assert np.isnan(record.station[record.time_s > 1.0]).all()
+
+
+def test_leader_may_change_in_flight() -> None:
+    swap = [Lead(1.0, "h2"), Follow(1.1, "h1", (Following(leader="h2", offset_m=(0.4, -0.5, 0.0)),))]
+    record = flown(pair(), [*swap, GoTo(2.0, "h2", (0.0, 0.3, 1.3))], seconds=5.0)
+    assert record["h1"].motion[-1, :3] == pytest.approx((0.4, -0.2, 1.3), abs=0.02)
+    assert record["h1"].formation_error_m(4.5).max() < 0.005
+
+
+def test_vehicles_of_both_types_fly_one_formation() -> None:
+    quadrotor = replace(follower(), model=QUADROTOR)
+    record = flown([leader(), quadrotor])
+    assert record["h2"].motion[-1, :3] == pytest.approx((0.1, 0.5, 1.2), abs=0.05)
+
+
+def test_several_leaders_and_the_leaders_heading_frame_define_one_station() -> None:
+    third = replace(
+        follower(),
+        name="h3",
+        start=Pose((-0.2, 0.0, 1.0)),
+        following=(
+            Following(leader="h1", offset_m=(-0.3, 0.0, 0.0), frame="heading"),
+            Following(leader="h2", offset_m=(0.2, -0.5, 0.0), weight=3.0),
+        ),
+    )
+    record = flown([*pair(), third], (replace(STEP, time_s=0.5),), seconds=4.0)
+    h1, h2, h3 = (record[name].motion[-1] for name in ("h1", "h2", "h3"))
+    turned = np.array([-0.3 * np.cos(h1[3]), -0.3 * np.sin(h1[3]), 0.0])
+    wanted = 0.25 * (h1[:3] + turned) + 0.75 * (h2[:3] + np.array([0.2, -0.5, 0.0]))
+    assert record["h3"].station[-1, :3] == pytest.approx(wanted)
+    assert h3[:3] == pytest.approx(wanted, abs=0.02)
+
+
+def test_progress_is_told() -> None:
+    told: list[float] = []
+    Rig([leader()], IDEAL).fly(6.0, progress=told.append)
+    assert told == pytest.approx([0.0, 5 / 6])
+
+
+def test_unknown_leader_is_refused() -> None:
+    with pytest.raises(RigError, match="unknown leader 'h1'; there are h2"):
+        Rig([follower()], IDEAL)
+
+
+def test_cycle_of_leaders_is_refused() -> None:
+    circle = replace(leader(), following=(Following(leader="h2"),))
+    with pytest.raises(RigError, match="h1 follows h2 follows h1"):
+        Rig([circle, follower()], IDEAL)
+
+
+def test_control_period_that_fits_no_frames_is_refused() -> None:
+    with pytest.raises(RigError, match="no whole multiple of the frame period"):
+        Rig([leader()], IDEAL, 0, RigOptions(frame_period_s=0.015))
+
+
+@pytest.mark.parametrize(
+    ("event", "reason"),
+    [
+        (GoTo(0.1, "h2", (0.0, 0.0, 1.0)), "it follows h1"),
+        (GoTo(0.1, "h9", (0.0, 0.0, 1.0)), "no vehicle 'h9'"),
+        (Follow(0.0, "h2", (Following(leader="h1"),)), "no plan from h1"),
+    ],
+)
+def test_refused_event_stops_the_experiment(event: Event, reason: str) -> None:
+    with pytest.raises(RigError, match=reason):
+        flown(pair(), (event,), seconds=0.2)
+
+
+def test_leaders_come_before_their_followers() -> None:
+    leaders = {"h4": ["h3", "h2"], "h3": ["h1"], "h2": ["h1"], "h1": []}
+    order = flying_order(leaders)
+    assert all(order.index(one) < order.index(name) for name, links in leaders.items() for one in links)
+    assert [generations_below(leaders, name) for name in ("h1", "h2", "h3", "h4")] == [2, 1, 1, 0]
