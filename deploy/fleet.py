@@ -7,7 +7,7 @@ are the only difference.
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, field
@@ -15,6 +15,7 @@ from msgspec import Meta, Struct, field
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
+T = TypeVar("T")
 Positive = Annotated[float, Meta(gt=0)]
 
 DEFAULT_HOST = "main"
@@ -202,10 +203,12 @@ def parse_fleet(text: str) -> Fleet:
         }
     elif defaults:
         raise FleetError("defaults: must be a table of vehicle fields")
-    try:
-        fleet = msgspec.convert(raw, Fleet)
-    except msgspec.ValidationError as error:
-        raise FleetError(_readable(str(error))) from None
+    # One by one first, because a fault anywhere in a mapping is reported without its key.
+    for group, kind in (("vehicles", Vehicle), ("hosts", Host), ("gateways", Gateway)):
+        tables = raw.get(group)
+        for name, table in tables.items() if isinstance(tables, dict) else ():
+            _converted(table, kind, f"{group}.{name}")
+    fleet = _converted(raw, Fleet, "")
     _check_vehicles(fleet)
     _check_hosts(fleet)
     _check_leaders(fleet)
@@ -222,13 +225,16 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _readable(message: str) -> str:
-    """`Expected `int` - at `$.bus.x`` becomes `bus.x: expected `int``."""
-    what, separator, where = message.rpartition(" - at `")
-    if not separator:
-        return message
-    path = where.rstrip("`").removeprefix("key in ").removeprefix("$").removeprefix(".")
-    return f"{path or 'top level'}: {what[0].lower()}{what[1:]}"
+def _converted(raw: object, kind: type[T], where: str) -> T:
+    """Typed table; `Expected `int` - at `$.bus.x`` becomes `bus.x: expected `int``."""
+    try:
+        return msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        what, separator, place = str(error).rpartition(" - at `")
+        what = what if separator else str(error)
+        below = place.rstrip("`").removeprefix("key in ").removeprefix("$") if separator else ""
+        path = f"{where}{below}".removeprefix(".")
+        raise FleetError(f"{path or 'top level'}: {what[0].lower()}{what[1:]}") from None
 
 
 def _check_vehicles(fleet: Fleet) -> None:

@@ -136,7 +136,7 @@ def demo(
     fleet: FleetOption = DEFAULT_FLEET,
     seconds: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=1, help="End by itself after this flight time [s]."),
+        typer.Option(metavar="SECONDS", min=1, help="End by itself after this flight time in seconds."),
     ] = None,
 ) -> None:
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""

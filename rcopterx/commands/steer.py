@@ -33,7 +33,7 @@ def disarm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> Non
 def takeoff(
     vehicles: Vehicles = None,
     height: Annotated[
-        float, typer.Option(metavar="METRES", min=0.2, help="Height above the floor [m].")
+        float, typer.Option(metavar="METRES", min=0.2, help="Height above the floor in metres.")
     ] = 1.0,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
@@ -46,10 +46,10 @@ def takeoff(
 
 def goto(
     vehicle: Vehicle,
-    x: Annotated[float, typer.Argument(help="x in the inertial frame [m].")],
-    y: Annotated[float, typer.Argument(help="y in the inertial frame [m].")],
-    z: Annotated[float, typer.Argument(help="Height z [m].")],
-    yaw: Annotated[float, typer.Argument(help="Heading [deg]; more than a turn is allowed.")] = 0.0,
+    x: Annotated[float, typer.Argument(help="x in the inertial frame in metres.")],
+    y: Annotated[float, typer.Argument(help="y in the inertial frame in metres.")],
+    z: Annotated[float, typer.Argument(help="Height z in metres.")],
+    yaw: Annotated[float, typer.Argument(help="Heading in degrees; more than a turn is allowed.")] = 0.0,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Give a leader a new set point. Put -- before negative numbers: goto h1 -- -0.5 0 1."""
@@ -62,8 +62,10 @@ def goto(
 def follow(
     vehicle: Vehicle,
     leader: Annotated[str, typer.Argument(metavar="LEADER")],
-    offset: Annotated[str, typer.Option(metavar="X,Y,Z", help="Offset from the leader [m].")] = "0,0,0",
-    yaw: Annotated[float, typer.Option(metavar="DEG", help="Heading relative to the leader's [deg].")] = 0.0,
+    offset: Annotated[str, typer.Option(metavar="X,Y,Z", help="Offset from the leader in metres.")] = "0,0,0",
+    yaw: Annotated[
+        float, typer.Option(metavar="DEG", help="Heading relative to the leader's in degrees.")
+    ] = 0.0,
     frame: Annotated[
         str, typer.Option(help="inertial: offset fixed in the room; heading: turns with the leader.")
     ] = "inertial",
