@@ -6,7 +6,7 @@ shifted by one stage (`shifted_plan`), hovering at the last set point (`hover`).
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -25,8 +25,8 @@ HOVER: Final = "hover"
 SHIFTED_PLAN_LIMIT_S: Final = 0.3
 """A plan older than this says nothing about a vehicle that nobody has steered since."""
 
-_STATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0])
-"""Numbers beyond these are no vehicle of this laboratory; they are cut so that arithmetic stays finite."""
+_ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
+"""Motion, actuators, disturbance: numbers beyond these are no vehicle; cut, they keep arithmetic finite."""
 _REFERENCE_YAW_CAP_RAD: Final = 60.0
 
 _HOVER_STIFFNESS: Final = np.array([2.0, 2.0, 4.0, 9.0])
@@ -211,12 +211,8 @@ def _is_finite(estimate: Estimate) -> bool:
 
 def _capped(estimate: Estimate) -> Estimate:
     """Estimate within what arithmetic can bear; the same object in every real flight."""
-    if (np.abs(estimate.motion) <= _STATE_CAP).all() and np.abs(estimate.disturbance).max(
-        initial=0.0
-    ) <= 100.0:
+    values = np.concatenate((estimate.motion, estimate.actuator, estimate.disturbance))
+    if (np.abs(values) <= _ESTIMATE_CAP).all():
         return estimate
-    return replace(
-        estimate,
-        motion=np.clip(estimate.motion, -_STATE_CAP, _STATE_CAP),
-        disturbance=np.clip(estimate.disturbance, -100.0, 100.0),
-    )
+    motion, actuator, disturbance = np.split(np.clip(values, -_ESTIMATE_CAP, _ESTIMATE_CAP), (8, 12))
+    return Estimate(motion, actuator, disturbance)

@@ -288,7 +288,7 @@ class StageQP:
         diagonal_at = np.arange(len(diagonal))
         rows, columns = np.nonzero(pattern)
         offset = len(diagonal)
-        matrix, places = _sparse_with_places(
+        matrix, places = sparse_with_places(
             np.concatenate((diagonal_at, rows + offset)),
             np.concatenate((diagonal_at, columns + offset)),
             np.concatenate((diagonal, terminal_cost[pattern])),
@@ -331,7 +331,7 @@ class StageQP:
             state_columns,
             np.ones(state_columns.size),
         )
-        matrix, places = _sparse_with_places(
+        matrix, places = sparse_with_places(
             np.concatenate([block[0] for block in blocks]),
             np.concatenate([block[1] for block in blocks]),
             np.concatenate([block[2] for block in blocks]),
@@ -341,7 +341,7 @@ class StageQP:
         return matrix
 
 
-def _sparse_with_places(
+def sparse_with_places(
     rows: Indices, columns: Indices, values: Array, shape: tuple[int, int]
 ) -> tuple[sparse.csc_matrix, Indices]:
     """Compressed matrix and where each given entry ended up in its data; explicit zeros are kept."""
