@@ -186,9 +186,7 @@ def _section(kind: type, base: type, structures: dict[str, type]) -> Iterator[st
         described = _type(field.type, structures)
         default = "" if field.required else f"`{_default(field)}`"
         meaning = documents.get(field.name, "")
-        yield f"| `{field.name}` | {described} | {_unit(field.name)} | {default} | {meaning} |".replace(
-            "|  |", "| |"
-        )
+        yield f"| `{field.name}` | {described} | {_unit(field.name)} | {default} | {meaning} |"
     yield ""
 
 
