@@ -63,9 +63,7 @@ def follow(
     vehicle: Vehicle,
     leader: Annotated[str, typer.Argument(metavar="LEADER")],
     offset: Annotated[str, typer.Option(metavar="X,Y,Z", help="Offset from the leader in metres.")] = "0,0,0",
-    yaw: Annotated[
-        float, typer.Option(metavar="DEG", help="Heading relative to the leader's in degrees.")
-    ] = 0.0,
+    yaw: Annotated[float, typer.Option(metavar="DEG", help="Relative heading in degrees.")] = 0.0,
     frame: Annotated[
         str, typer.Option(help="inertial: offset fixed in the room; heading: turns with the leader.")
     ] = "inertial",
