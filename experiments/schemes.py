@@ -49,7 +49,6 @@ SCHEMES: Final = MappingProxyType(
                 "cascade_previous_frame", "Cascade, previous frame's plan", "cascade", previous_frame=True
             ),
             Scheme("cascade_no_feed_forward", "Cascade, no feed-forward", "cascade", {"feed_forward": False}),
-            Scheme("cascade_no_lag", "Cascade, no lag in the model", "cascade", {"actuator_lag": False}),
             Scheme("lqr", "LQR", "lqr"),
             Scheme("pid", "PID", "pid"),
         )

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rcopterx.commands import experiment, launch, roles, steer
+from rcopterx.commands import bench, experiment, launch, roles, steer
 
 app = typer.Typer(
     name="rcopterx",
@@ -27,6 +27,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
 for panel, commands in COMMANDS.items():
     for command in commands:
         app.command(rich_help_panel=panel)(command)
+app.add_typer(bench.app, name="bench", rich_help_panel="Experiment")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Reproducing the paper's figures: `experiment`; measuring speed: `bench`."""
+"""Reproducing the paper's figures: `experiment`."""
 
 import json
 import os
@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from rcopterx.commands.numbers import different_numbers
 
 QUICK_HELP = "Short flights, to see that it works; the figures mean little."
 
@@ -43,7 +45,9 @@ def experiment(
             f"unknown experiment {name!r}, known are {', '.join(EXPERIMENTS)}", param_hint="NAME"
         )
     chosen = EXPERIMENTS[name]
-    numbers = tuple(range(seed, seed + chosen.flights)) if seeds is None else _numbers(seeds)
+    numbers = (
+        tuple(range(seed, seed + chosen.flights)) if seeds is None else different_numbers(seeds, "--seeds")
+    )
     _check_plot(plot)
     result = chosen.run(Options(numbers, quick, processes), ProgressLine(name))
     if plot is not None:
@@ -87,19 +91,6 @@ def readable(document: object, indent: str = "") -> str:
         else:
             lines.append(f"{indent}{key:26} {value}")
     return "\n".join(lines)
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    try:
-        numbers = tuple(int(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if not numbers or min(numbers) < 0 or len(set(numbers)) < len(numbers):
-        raise typer.BadParameter(
-            f"{text!r}: allowed are different whole numbers from 0 on, separated by commas",
-            param_hint="--seeds",
-        )
-    return numbers
 
 
 def _check_plot(path: Path | None) -> None:
