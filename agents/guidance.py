@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agents.formation import FormationOffset, combined_reference, follower_reference
+from agents.formation import FormationOffset, OffsetTransition, combined_reference, follower_reference
 from agents.interfaces import Estimate
 from agents.phases import AIRBORNE, Event, Phase, next_phase
 from agents.references import PEAK_TO_MEAN_SPEED, ReferenceSource, SetPointReference, SmoothMove
@@ -56,12 +56,19 @@ class Link:
     start_s: float = 0.0
     duration_s: float = 0.0
 
-    def offset_at(self, time_s: float) -> FormationOffset:
-        """Offset of this moment."""
+    def course(self, time_s: float) -> FormationOffset | OffsetTransition:
+        """Offset from a time on: at rest, or on its way to the target."""
         if self.start is None or time_s >= self.start_s + self.duration_s:
             return self.target
-        s = max((time_s - self.start_s) / self.duration_s, 0.0)
-        return self.start.towards(self.target, s**3 * (10 + s * (6 * s - 15)))
+        return OffsetTransition(self.start, self.target, time_s - self.start_s, self.duration_s)
+
+    def offset_at(self, time_s: float) -> FormationOffset:
+        """Offset of a moment."""
+        course = self.course(time_s)
+        if isinstance(course, FormationOffset):
+            return course
+        value = course.sampled(1.0, 1)[0][0]
+        return FormationOffset(value[:3], float(value[3]), self.target.frame)
 
 
 class Guidance:
@@ -255,7 +262,7 @@ class Guidance:
         references = [
             follower_reference(
                 usable[link.leader].trajectory,
-                link.offset_at(time_s),
+                link.course(time_s + delay_s),
                 usable[link.leader].ahead_s + delay_s,
                 period_s,
                 stages,
