@@ -101,6 +101,13 @@ def test_arming_needs_a_tracked_vehicle() -> None:
     assert bench.arm().reason == "surveillance: descend: own pose lost for 0.3 s"
 
 
+def test_arming_beside_another_vehicle_is_refused() -> None:
+    bench = Bench()
+    bench.run(0.6, IDLE)
+    bench.pose("h2", (0.2, 0.0, 1.0))
+    assert bench.request(Action.ARM, source="agent").reason == "surveillance: hold: h2 closer than 0.3 m"
+
+
 def test_only_an_operator_or_the_source_itself_may_arm() -> None:
     bench = Bench()
     bench.run(0.6, IDLE)
@@ -154,6 +161,7 @@ def test_a_long_pause_does_not_allow_a_jump() -> None:
 
 def test_output_settles_on_the_command_exactly() -> None:
     bench = flying()
+    assert bench.command().reason == "accepted"
     assert bench.run(0.2, HOVER).u == HOVER
 
 
@@ -404,6 +412,24 @@ def test_disarming_is_for_holder_and_operator() -> None:
     assert answer.reason == "only the holder of the control lease or an operator may disarm"
 
 
+@pytest.mark.parametrize(("silence_s", "state"), [(0.08, State.HOLD), (1.0, State.DESCEND), (3.0, State.CUT)])
+def test_disarming_works_in_every_live_state(silence_s: float, state: State) -> None:
+    bench = flying()
+    silent(bench, silence_s)
+    assert bench.state is state
+    bench.request(Action.DISARM)
+    assert (bench.state, bench.reason) == (State.DISARMED, "disarmed: by operator")
+
+
+@pytest.mark.parametrize(("silence_s", "state"), [(0.08, State.HOLD), (1.0, State.DESCEND)])
+def test_a_freeze_beyond_the_limit_cuts_from_every_flying_state(silence_s: float, state: State) -> None:
+    bench = flying()
+    silent(bench, silence_s)
+    assert bench.state is state
+    assert bench.wait(2.0).state is State.CUT
+    assert bench.reason == "commands gone"
+
+
 def test_disarmed_vehicle_has_no_thrust_whatever_is_commanded() -> None:
     bench = flying()
     bench.request(Action.DISARM)
@@ -477,6 +503,13 @@ def test_module_that_is_not_ready_in_flight_brings_the_vehicle_down() -> None:
     assert bench.run(0.1).state is State.ARMED
 
 
+def test_module_that_is_not_ready_ends_a_hold_too() -> None:
+    bench = flying()
+    silent(bench, 0.08)
+    bench.arbiter.link(LinkState.UP)
+    assert bench.wait(0.001).state is State.DESCEND
+
+
 def test_shutdown_descends_then_cuts_whatever_is_commanded() -> None:
     bench = flying()
     assert bench.request(Action.SHUTDOWN, by="anybody").accepted
@@ -490,6 +523,18 @@ def test_shutdown_on_the_floor_cuts_at_once() -> None:
     bench = Bench()
     bench.arm()
     bench.run(0.1, IDLE)
+    bench.request(Action.SHUTDOWN)
+    assert bench.state is State.CUT
+
+
+@pytest.mark.parametrize(
+    ("silence_s", "state"), [(0.0, State.ARMED), (0.08, State.HOLD), (0.3, State.DESCEND)]
+)
+def test_shutdown_on_the_floor_cuts_from_every_flying_state(silence_s: float, state: State) -> None:
+    bench = Bench().fly()
+    bench.run(1.2, IDLE)
+    silent(bench, silence_s)
+    assert bench.state is state
     bench.request(Action.SHUTDOWN)
     assert bench.state is State.CUT
 
@@ -572,6 +617,11 @@ def test_thrust_time_counts_flying_only_and_ends_in_a_descent() -> None:
     assert bench.arm().accepted
     bench.run(0.5)
     assert bench.state is State.ARMED
+
+
+def test_a_short_thrust_limit_does_not_forbid_arming() -> None:
+    bench = Bench(ArbiterLimits(surveillance=SurveillanceLimits(maximum_thrust_s=0.5)))
+    assert bench.arm().accepted
 
 
 # Next event -----------------------------------------------------------------------------------------
