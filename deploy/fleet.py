@@ -4,6 +4,8 @@ A file without a `[simulator]` table flies hardware: that table, the Tracker's a
 are the only difference.
 """
 
+import math
+import os.path
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,13 +14,21 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Meta, Struct, field
 
+from bus import channels
+
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 T = TypeVar("T")
 Positive = Annotated[float, Meta(gt=0)]
 
+Text = Annotated[str, Meta(min_length=1)]
+
 DEFAULT_HOST = "main"
+RESERVED_UNITS = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
+"""Units of the bus that are no vehicles."""
+RESERVED_PROCESSES = ("router", "simulator", "tracker", "spare")
+"""Names of processes that are no transmitter gateways."""
 
 
 class FleetError(ValueError):
@@ -40,7 +50,7 @@ class Host(Table, frozen=True, kw_only=True):
 class Bus(Table, frozen=True, kw_only=True):
     """How processes talk and how they are scheduled."""
 
-    namespace: str | None = None
+    namespace: Name | None = None
     """Keeps fleets of tests apart; leave it out in a laboratory."""
     realtime_priority: Annotated[int, Meta(ge=0, le=90)] = 20
     """SCHED_FIFO priority where the operating system permits it; 0 for none."""
@@ -86,7 +96,7 @@ class Gateway(Table, frozen=True, kw_only=True):
 class Transmitter(Table, frozen=True, kw_only=True):
     """A vehicle's transmitter."""
 
-    port: str
+    port: Text
     """Serial device; with a `[simulator]` a relative path is created in the fleet's run directory."""
     gateway: Name = "transmitters"
     protocol: Literal["multi", "dsm2_serial", "dsmp", "ppm"] = "multi"
@@ -125,7 +135,7 @@ class Vehicle(Table, frozen=True, kw_only=True):
     transmitter: Transmitter
     type: str = "coaxial"
     host: Name = DEFAULT_HOST
-    subject: str
+    subject: Text
     """Name of the vehicle's subject in the Tracker."""
     control: Control = field(default_factory=Control)
     follow: list[Leader] = []
@@ -194,6 +204,7 @@ def parse_fleet(text: str) -> Fleet:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise FleetError(f"not TOML: {error}") from None
+    _check_finite(raw, "")
     defaults = raw.pop("defaults", {})
     vehicles = raw.get("vehicles")
     if isinstance(defaults, dict) and isinstance(vehicles, dict):
@@ -207,8 +218,8 @@ def parse_fleet(text: str) -> Fleet:
     for group, kind in (("vehicles", Vehicle), ("hosts", Host), ("gateways", Gateway)):
         tables = raw.get(group)
         for name, table in tables.items() if isinstance(tables, dict) else ():
-            _converted(table, kind, f"{group}.{name}")
-    fleet = _converted(raw, Fleet, "")
+            converted(table, kind, f"{group}.{name}")
+    fleet = converted(raw, Fleet, "")
     _check_vehicles(fleet)
     _check_hosts(fleet)
     _check_leaders(fleet)
@@ -225,8 +236,28 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _converted(raw: object, kind: type[T], where: str) -> T:
-    """Typed table; `Expected `int` - at `$.bus.x`` becomes `bus.x: expected `int``."""
+def converted(raw: object, kind: type[T], where: str) -> T:
+    """Typed object from a table of the file.
+
+    Parameters
+    ----------
+    raw
+        The table.
+    kind
+        Type wanted.
+    where
+        Path of the table in the file, empty for the whole file.
+
+    Returns
+    -------
+    T
+        The object.
+
+    Raises
+    ------
+    FleetError
+        Wrong type, missing or unknown field, or a value the type refuses; names the path of the field.
+    """
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
@@ -237,12 +268,32 @@ def _converted(raw: object, kind: type[T], where: str) -> T:
         raise FleetError(f"{path or 'top level'}: {what[0].lower()}{what[1:]}") from None
 
 
+def _check_finite(value: object, where: str) -> None:
+    """TOML knows nan and inf; nothing in a fleet is either."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise FleetError(f"{where}: {value} is not a finite number")
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _check_finite(item, f"{where}.{key}" if where else str(key))
+    elif isinstance(value, list):
+        for number, item in enumerate(value):
+            _check_finite(item, f"{where}[{number}]")
+
+
 def _check_vehicles(fleet: Fleet) -> None:
     if not fleet.vehicles:
         raise FleetError("vehicles: at least one vehicle is needed")
+    for group, names, reserved in (
+        ("vehicles", fleet.vehicles, RESERVED_UNITS),
+        ("gateways", fleet.gateways, RESERVED_PROCESSES),
+    ):
+        for name in names:
+            if name in reserved:
+                raise FleetError(f"{group}.{name}: the name is reserved, as are {', '.join(reserved)}")
     _check_unique("subject", {name: vehicle.subject for name, vehicle in fleet.vehicles.items()})
     _check_unique(
-        "transmitter.port", {name: vehicle.transmitter.port for name, vehicle in fleet.vehicles.items()}
+        "transmitter.port",
+        {name: os.path.normpath(vehicle.transmitter.port) for name, vehicle in fleet.vehicles.items()},
     )
     low, high = fleet.volume.min_m, fleet.volume.max_m
     for axis, (a, b) in enumerate(zip(low, high, strict=True)):
@@ -261,14 +312,22 @@ def _check_unique(field_name: str, values: Mapping[str, str]) -> None:
 
 
 def _check_hosts(fleet: Fleet) -> None:
+    addresses: dict[str, str] = {}
+    for name, host in fleet.hosts.items():
+        address = f"{host.address}:{host.router_port}"
+        other = addresses.setdefault(address, name)
+        if other != name:
+            raise FleetError(f"hosts.{name}.router_port: {address} is already that of hosts.{other}")
+        if fleet.simulator is not None and address == fleet.tracker.address:
+            raise FleetError(f"tracker.address: {address} is already that of the router of hosts.{name}")
     uses = {"tracker.host": fleet.tracker.host}
     if fleet.simulator is not None:
         uses["simulator.host"] = fleet.simulator.host
     uses |= {f"gateways.{name}.host": gateway.host for name, gateway in fleet.gateways.items()}
     uses |= {f"vehicles.{name}.host": vehicle.host for name, vehicle in fleet.vehicles.items()}
-    for where, host in uses.items():
-        if host not in fleet.hosts:
-            raise FleetError(f"{where}: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
+    for where, used in uses.items():
+        if used not in fleet.hosts:
+            raise FleetError(f"{where}: unknown host {used!r}, known are {', '.join(fleet.hosts)}")
     for name, vehicle in fleet.vehicles.items():
         gateway = vehicle.transmitter.gateway
         if gateway not in fleet.gateways:
@@ -289,12 +348,15 @@ def _check_hosts(fleet: Fleet) -> None:
 
 def _check_leaders(fleet: Fleet) -> None:
     for name, vehicle in fleet.vehicles.items():
+        leaders = [link.leader for link in vehicle.follow]
         for number, link in enumerate(vehicle.follow):
             where = f"vehicles.{name}.follow[{number}].leader"
             if link.leader not in fleet.vehicles:
                 raise FleetError(
                     f"{where}: unknown vehicle {link.leader!r}, known are {', '.join(fleet.vehicles)}"
                 )
+            if link.leader in leaders[:number]:
+                raise FleetError(f"{where}: {link.leader!r} is named twice")
     for name in fleet.vehicles:
         cycle = _cycle_from(fleet, name)
         if cycle:

@@ -1,10 +1,9 @@
 """What each process of a fleet needs, read from the fleet file."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from agents.settings import AgentSettings
 from bus.messages import Following
@@ -17,12 +16,16 @@ from simulator.plant import Pose
 from simulator.settings import SimulatedVehicle, SimulatorSettings
 from transmitter_gateway.calibration import Calibration
 from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
-from transmitter_gateway.protocols.base import RadioProtocol
-from transmitter_gateway.protocols.multi import LINE, MultiProtocol, MultiSettings
+from transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
+from transmitter_gateway.protocols.registry import create_protocol, default_line
 from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from vehicles.model import Model
 from vehicles.types import TYPES
 from vicon_gateway.settings import TrackerSettings
+
+MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
+"""What a radio protocol calls the number of the model match; the others have none on the wire."""
+SIMULATED_PROTOCOLS: Final = ("multi",)
 
 
 def bus_address(fleet: Fleet, host: str) -> BusAddress:
@@ -119,16 +122,26 @@ def protocol_of(fleet: Fleet, name: str) -> RadioProtocol:
     A pseudo-terminal keeps no parity, so simulated lines have none (dsm2_transmitters.md section 9).
     """
     transmitter = fleet.vehicles[name].transmitter
-    settings: Mapping[str, Any] = {"rx_num": transmitter.model_match} | transmitter.settings
-    where = f"vehicles.{name}.transmitter.settings"
-    line = LINE if fleet.simulator is None else replace(LINE, parity="N")
-    return MultiProtocol(dataclass_from(MultiSettings, settings, where), line)
+    where = f"vehicles.{name}.transmitter"
+    protocol = transmitter.protocol
+    if fleet.simulator is not None and protocol not in SIMULATED_PROTOCOLS:
+        allowed = ", ".join(SIMULATED_PROTOCOLS)
+        raise FleetError(f"{where}.protocol: the simulator has no {protocol!r} radio, allowed are {allowed}")
+    option = MODEL_MATCH_OPTIONS.get(protocol)
+    own: dict[str, Any] = {} if option is None else {option: transmitter.model_match}
+    line = None if fleet.simulator is None else replace(default_line(protocol), parity="N")
+    try:
+        return create_protocol(protocol, own | transmitter.settings, line)
+    except ProtocolError as error:
+        raise FleetError(f"{where}.settings: {error}") from None
 
 
 def limits_of(fleet: Fleet, name: str) -> ArbiterLimits:
     """Limits the transmitter gateway enforces for a vehicle."""
     table = dict(fleet.safety.settings)
-    surveillance = dict(table.pop("surveillance", {}))
+    surveillance = table.pop("surveillance", {})
+    if not isinstance(surveillance, dict):
+        raise FleetError(f"safety.settings.surveillance: {surveillance!r}, must be a table")
     model = model_of(fleet, name)
     fence = Fence(fleet.volume.min_m, fleet.volume.max_m) if fleet.safety.geofence else None
     base = ArbiterLimits(
@@ -169,7 +182,7 @@ def tracker_address(fleet: Fleet) -> tuple[str, int]:
         Not of the form host:port.
     """
     host, separator, port = fleet.tracker.address.rpartition(":")
-    if not separator or not host or not port.isdigit() or not 0 < int(port) < 65536:
+    if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise FleetError(f"tracker.address: {fleet.tracker.address!r}, must be HOST:PORT")
     return host, int(port)
 
@@ -262,8 +275,10 @@ def check_fleet(fleet: Fleet, directory: Path) -> None:
     from agents.process import build_pilot
 
     for name in fleet.vehicles:
+        settings = agent_settings(fleet, name)
+        _check_period(fleet, name)
         try:
-            build_pilot(agent_settings(fleet, name))
+            build_pilot(settings)
         except ValueError as error:
             raise FleetError(f"vehicles.{name}.control: {error}") from None
     for gateway in fleet.gateways:
@@ -271,3 +286,16 @@ def check_fleet(fleet: Fleet, directory: Path) -> None:
     tracker_settings(fleet)
     if fleet.simulator is not None:
         simulator_settings(fleet, directory)
+
+
+def _check_period(fleet: Fleet, name: str) -> None:
+    """Agents are paced by their poses, so a control period is a whole number of frames."""
+    if fleet.simulator is None:
+        return
+    period_s = fleet.vehicles[name].control.period_s
+    frames = period_s * fleet.simulator.rate_hz
+    if round(frames) < 1 or abs(frames - round(frames)) > 0.01:
+        raise FleetError(
+            f"vehicles.{name}.control.period_s: {period_s:g} s is no whole number of frames of "
+            f"simulator.rate_hz = {fleet.simulator.rate_hz:g} Hz"
+        )

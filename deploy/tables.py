@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from deploy.fleet import FleetError
+from deploy.fleet import FleetError, converted
 
 T = TypeVar("T")
 
@@ -34,10 +34,7 @@ def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
         Unknown field, wrong type, or a value the dataclass refuses.
     """
     _refuse_unknown(kind, table, where)
-    try:
-        return msgspec.convert(dict(table), kind)
-    except (msgspec.ValidationError, ValueError) as error:
-        raise FleetError(f"{where}: {error}") from None
+    return converted(dict(table), kind, where)
 
 
 def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:

@@ -5,7 +5,8 @@ passes an actuator lag and then acts as an acceleration. They differ in numbers 
 the simulator, in the tilt of their thrust.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +29,9 @@ from vehicles.state import (
     Z,
 )
 
+STATE_SIZE = MOTION_SIZE + 3
+"""Motion and the three integral states."""
+
 Four = tuple[float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 
@@ -38,6 +42,11 @@ class Model:
 
     Four-vectors are ordered pitch (body x), roll (body y), thrust (z), yaw. State limits bound
     x, y, z, xd_B, yd_B, zd_B, psid in this order (control.md section 3); yaw itself is free.
+
+    Raises
+    ------
+    ValueError
+        A parameter no vehicle can have; the message begins with its name.
     """
 
     kind: str
@@ -66,6 +75,29 @@ class Model:
     gravity_m_s2: float = 9.81
     integrator_gain: float = 2.0
     """k_i of equation (1)."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            numbers = value if isinstance(value, tuple) else () if isinstance(value, str) else (value,)
+            if not all(map(math.isfinite, numbers)):
+                raise ValueError(f"{field.name}: every number must be finite, got {value}")
+        for name in ("input_gain", "gravity_m_s2", "state_scale", "input_scale"):
+            if np.min(getattr(self, name)) <= 0:
+                raise ValueError(f"{name}: must be above 0, got {getattr(self, name)}")
+        for name in ("lag_s", "delay_s"):
+            if np.min(getattr(self, name)) < 0:
+                raise ValueError(f"{name}: must not be below 0, got {getattr(self, name)}")
+        for name in ("state_scale", "state_shift"):
+            if len(getattr(self, name)) != STATE_SIZE:
+                raise ValueError(f"{name}: {len(getattr(self, name))} numbers, {STATE_SIZE} are needed")
+        for kind in ("input", "state"):
+            low, high = getattr(self, f"{kind}_min"), getattr(self, f"{kind}_max")
+            if not all(a < b for a, b in zip(low, high, strict=True)):
+                raise ValueError(f"{kind}_max: {high} must be above {kind}_min = {low} everywhere")
+        if min(self.input_min) < -1 or max(self.input_max) > 1:
+            limits = f"{self.input_min} .. {self.input_max}"
+            raise ValueError(f"input_max: inputs are normalised sticks from -1 to 1, got {limits}")
 
     @cached_property
     def b(self) -> Array:
