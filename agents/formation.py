@@ -35,12 +35,6 @@ class FormationOffset:
     yaw_rad: float = 0.0
     frame: OffsetFrame = "inertial"
 
-    def towards(self, target: "FormationOffset", fraction: float) -> "FormationOffset":
-        """Offset on the way to another one in the target's frame; 0 is here, 1 is there."""
-        position_m = (1 - fraction) * self.position_m + fraction * target.position_m
-        yaw_rad = (1 - fraction) * self.yaw_rad + fraction * target.yaw_rad
-        return FormationOffset(position_m, yaw_rad, target.frame)
-
 
 @dataclass(frozen=True, slots=True)
 class OffsetTransition:

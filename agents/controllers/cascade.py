@@ -1,9 +1,10 @@
 """Yaw-first cascade ("trajectory MPC"): the default controller (control.md section 6).
 
 Three small quadratic programs per step. Yaw does not depend on the rest and comes first; the vertical does
-not either; along the planned yaw the horizontal motion is exactly linear, time-varying. Together they are the
-paper's problem with the true dynamics in place of the frozen ones, with actuator lags as states, estimated
-disturbances in the prediction and the inputs that fly the reference as input reference.
+not either and is solved beside it in the same workspace; along the planned yaw the horizontal motion is
+exactly linear, time-varying. Together they are the paper's problem with the true dynamics in place of the
+frozen ones, with actuator lags as states, estimated disturbances in the prediction and the inputs that fly the
+reference as input reference.
 """
 
 from typing import Annotated, ClassVar, Final
@@ -26,25 +27,26 @@ from agents.controllers.settings import ControllerSettings, EightWeights, FourWe
 from agents.interfaces import Estimate
 from agents.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
-from vehicles.state import U_THRUST, YAW, Array, Z
+from vehicles.state import U_THRUST, Array
 
 HEADING_TOLERANCE_RAD: Final = 2e-5
 TURN_TOLERANCE_RAD: Final = 4e-6
 """A heading plan that differs less (turn: per period) leaves the matrices as they are: the error stays below
 a tenth of a millimetre after two seconds at full speed."""
 
-_FREE = 1e9
+_FREE: Final = 1e9
 """Bound of a heading, which has none."""
-_YAW_BOUND = 6
-"""Where psid is among the bounded states."""
+_HORIZONTAL: Final = slice(0, 2)
+_STEADY: Final = slice(2, 4)
+"""The vertical and yaw among the four axes x, y, z, yaw: constant matrices, independent of all else."""
 
 
 class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
     """Settings of the cascade."""
 
-    state_weights: EightWeights = (800.0, 800.0, 800.0, 40.0, 1.0, 1.0, 1.0, 1.0)
+    state_weights: EightWeights = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
     """Diagonal of Q: x y z psi xd_B yd_B zd_B psid."""
-    input_weights: FourWeights = (1.5, 1.5, 1.5, 0.3)
+    input_weights: FourWeights = (1.5, 1.5, 15.0, 5.0)
     """Diagonal of R: pitch, roll, thrust, yaw."""
     actuator_lag: bool = True
     """Model the actuators' lag."""
@@ -82,7 +84,7 @@ class CascadeController(GuardedController):
 
     Settings = CascadeSettings
     workspace: ClassVar[type[ChainQP]] = ChainQP
-    """Solver of the three quadratic programs; benchmarks put peers in its place."""
+    """Solver of the quadratic programs; benchmarks put peers in its place."""
 
     def __init__(self, model: Model, period_s: float, settings: CascadeSettings) -> None:
         super().__init__(model, period_s, settings.horizon, settings.limits(model))
@@ -90,17 +92,15 @@ class CascadeController(GuardedController):
         self._observer = DisturbanceObserver(model, period_s)
         self._decay = 1.0 + period_s * model.k
         self._levels = 3 if settings.actuator_lag else 2
-        yaw, vertical, horizontal = (self._parameters(axes) for axes in ([3], [2], [0, 1]))
-        self._yaw, self._vertical, self._horizontal = (
-            self.workspace(chain, settings.max_iterations) for chain in (yaw, vertical, horizontal)
-        )
-        self._chains = yaw, vertical, horizontal
-        self._heading_cost = HeadingCost(horizontal, self._decay[:2])
-        turns, transitions = self._horizon + self._levels - 2, self._horizon + self._levels - 3
-        for qp, chain, axis in ((self._yaw, yaw, 3), (self._vertical, vertical, 2)):
-            decay = self._decay[axis : axis + 1]
-            transition = np.full((transitions, 1, 1), decay[0])
-            qp.set_matrices(np.ones((turns, 1, 1)), transition, riccati_cost(chain, decay))
+        self._steady_chain = steady = self._parameters(_STEADY, (True, False))
+        self._horizontal_chain = horizontal = self._parameters(_HORIZONTAL, (True, True))
+        self._steady = self.workspace(steady, settings.max_iterations)
+        self._horizontal = self.workspace(horizontal, settings.max_iterations)
+        self._heading_cost = HeadingCost(horizontal, self._decay[_HORIZONTAL])
+        decay = self._decay[_STEADY]
+        stages = self._horizon + self._levels - 2
+        turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
+        self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
         self._heading_plan: Array | None = None
         self.set_input_range(settings.input_range)
 
@@ -122,19 +122,17 @@ class CascadeController(GuardedController):
         hover, limits = self._model.hover_input, self._limits
         lower = hover + fraction * (limits.input_min - hover)
         upper = hover + fraction * (limits.input_max - hover)
-        self._bounds = tuple(
-            (
-                np.concatenate((positions[0], limits.state_min[rates], lower[axes])),
-                np.concatenate((positions[1], limits.state_max[rates], upper[axes])),
+        positions = (np.append(limits.state_min[:3], -_FREE), np.append(limits.state_max[:3], _FREE))
+        rates = (limits.state_min[3:], limits.state_max[3:])
+        self._steady_bounds, self._horizontal_bounds = (
+            tuple(
+                np.concatenate((positions[side][axes], rates[side][axes], inputs[axes]))
+                for side, inputs in enumerate((lower, upper))
             )
-            for positions, rates, axes in (
-                ((np.array([-_FREE]), np.array([_FREE])), [_YAW_BOUND], [3]),
-                ((limits.state_min[2:3], limits.state_max[2:3]), [5], [2]),
-                ((limits.state_min[:2], limits.state_max[:2]), [3, 4], [0, 1]),
-            )
+            for axes in (_STEADY, _HORIZONTAL)
         )
 
-    def _parameters(self, axes: list[int]) -> ChainParameters:
+    def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         weights = np.array(self._settings.state_weights)
         poles = lag_poles(self._model, self._period_s)
         return ChainParameters(
@@ -146,34 +144,31 @@ class CascadeController(GuardedController):
             velocity_weights=weights[4:][axes],
             input_weights=np.array(self._settings.input_weights)[axes],
             soft_weight=self._settings.soft_weight,
-            position_bounded=axes != [3],
+            position_bounded=position_bounded,
         )
 
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         self._observer.start(estimate.motion, last_input)
-        for qp in (self._yaw, self._vertical, self._horizontal):
-            qp.forget()
+        self._steady.forget()
+        self._horizontal.forget()
 
     def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution:  # noqa: ARG002
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
-        yaw_chain, vertical_chain, _ = self._chains
-        yaw_bounds, vertical_bounds, horizontal_bounds = self._bounds
-        aim = self._axis_reference(yaw_chain, YAW, reference)
-        yaw = self._solve(self._yaw, [3], estimate, push, aim, yaw_bounds)
-        aim = self._axis_reference(vertical_chain, Z, reference)
-        vertical = self._solve(self._vertical, [2], estimate, push, aim, vertical_bounds)
-        heading = yaw.flat[:, 0]
+        aim = self._steady_reference(reference)
+        steady = self._solve(self._steady, _STEADY, estimate, push, aim, self._steady_bounds)
+        heading = steady.flat[:, 1]
         self._linearize(heading)
         aim = self._horizontal_reference(heading, reference)
-        horizontal = self._solve(self._horizontal, [0, 1], estimate, push, aim, horizontal_bounds)
-        inputs = np.concatenate((horizontal.inputs, vertical.inputs, yaw.inputs), axis=1)
-        parts = (horizontal, vertical, yaw)
+        horizontal = self._solve(self._horizontal, _HORIZONTAL, estimate, push, aim, self._horizontal_bounds)
+        inputs = np.concatenate((horizontal.inputs, steady.inputs), axis=1)
+        np.maximum(inputs, self._limits.input_min, out=inputs)
+        np.minimum(inputs, self._limits.input_max, out=inputs)
         return Solution(
-            np.clip(inputs, self._limits.input_min, self._limits.input_max),
-            self._plan(np.concatenate((horizontal.flat, vertical.flat, yaw.flat), axis=1)),
-            sum(part.iterations for part in parts),
-            early=not all(part.solved for part in parts),
+            inputs,
+            self._plan(np.concatenate((horizontal.flat, steady.flat), axis=1)),
+            horizontal.iterations + steady.iterations,
+            early=not (horizontal.solved and steady.solved),
         )
 
     def _disturbance(self, estimate: Estimate) -> Array:
@@ -191,36 +186,34 @@ class CascadeController(GuardedController):
     def _solve(
         self,
         qp: ChainQP,
-        axes: list[int],
+        axes: slice,
         estimate: Estimate,
         push: Array,
         reference: tuple[Array, Array],
-        bounds: tuple[Array, Array],
+        bounds: tuple[Array, ...],
     ) -> ChainSolution:
         rows, terminal = reference
-        inputs = slice(-len(axes), None)
-        lower, upper = bounds[0].copy(), bounds[1].copy()
         balance = qp.balance(push[axes])
-        lower[inputs] += balance
-        upper[inputs] += balance
-        commands = rows[:, inputs]
-        np.maximum(commands, lower[inputs], out=commands)
-        np.minimum(commands, upper[inputs], out=commands)
-        motion = estimate.motion
-        first = np.array([motion[:4][axes], motion[4:][axes], estimate.actuator[axes]])[: self._levels]
-        return qp.solve(first, push[axes], ChainTarget(rows, terminal, lower, upper))
+        lower, upper = bounds[0].copy(), bounds[1].copy()
+        lower[4:] += balance
+        upper[4:] += balance
+        commands = rows[:, 4:]
+        np.maximum(commands, lower[4:], out=commands)
+        np.minimum(commands, upper[4:], out=commands)
+        first = np.empty((3, 2))
+        first[0], first[1] = estimate.motion[:4][axes], estimate.motion[4:][axes]
+        first[2] = estimate.actuator[axes]
+        return qp.solve(first[: self._levels], push[axes], ChainTarget(rows, terminal, lower, upper))
 
-    def _axis_reference(
-        self, chain: ChainParameters, axis: int, reference: Trajectory
-    ) -> tuple[Array, Array]:
-        """Yaw and the vertical: the chain's frame is the inertial one."""
+    def _steady_reference(self, reference: Trajectory) -> tuple[Array, Array]:
+        """The vertical and yaw: their frame is the inertial one."""
         samples = reference.samples
-        position, velocity = samples[:, axis : axis + 1], samples[:, axis + 4 : axis + 5]
-        carried = self._decay[axis] * velocity
+        position, velocity = samples[:, 2:4], samples[:, 6:8]
+        carried = self._decay[_STEADY] * velocity
         after = carried
         if self._settings.feed_forward:
-            after = velocity + self._period_s * samples[:, axis + 8 : axis + 9]
-        return chain_reference(chain, position, velocity, after, carried)
+            after = velocity + self._period_s * samples[:, 10:12]
+        return chain_reference(self._steady_chain, position, velocity, after, carried)
 
     def _horizontal_reference(self, heading: Array, reference: Trajectory) -> tuple[Array, Array]:
         """Velocities and accelerations in the body frame of the planned heading."""
@@ -238,7 +231,7 @@ class CascadeController(GuardedController):
         after = carried
         if self._settings.feed_forward:
             after = to_body(c[1:], s[1:], inertial + self._period_s * samples[:, 8:10])
-        return chain_reference(self._chains[2], samples[:, :2], velocity, after, carried)
+        return chain_reference(self._horizontal_chain, samples[:, :2], velocity, after, carried)
 
     def _linearize(self, heading: Array) -> None:
         """Matrices of the horizontal chain along the planned heading."""

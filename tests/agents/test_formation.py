@@ -137,16 +137,6 @@ def test_equal_leaders_with_consistent_offsets_agree_with_one() -> None:
     assert combined_reference(references, [1.0, 3.0]).samples == pytest.approx(references[0].samples)
 
 
-def test_an_offset_on_its_way_starts_here_and_ends_there() -> None:
-    here = FormationOffset(np.array([0.5, 0, 0]), 0.0)
-    there = FormationOffset(np.array([0, 0.5, 0.2]), np.pi)
-    assert here.towards(there, 0.0).position_m == pytest.approx(here.position_m)
-    assert here.towards(there, 1.0).position_m == pytest.approx(there.position_m)
-    half = here.towards(there, 0.5)
-    assert half.position_m == pytest.approx([0.25, 0.25, 0.1])
-    assert half.yaw_rad == pytest.approx(np.pi / 2)
-
-
 @given(
     angle,
     angle,

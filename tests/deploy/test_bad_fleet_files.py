@@ -38,7 +38,7 @@ def refusal(text: str, directory: Path) -> str:
         ('controller = "cascade"', 'controller = "magic"', "control", "allowed are"),
         ('estimator = "extended_kalman"', 'estimator = "magic"', "control", "allowed"),
         ("horizon = 50", "horizon = 1", "control.horizon", ">= 2"),
-        ("input_weights = [1.5, 1.5, 15.0, 5.0]", "input_weights = [1.5, 1.5, 15.0, -5.0]",
+        ("horizon = 50", "horizon = 50\nsettings = { input_weights = [1.5, 1.5, 15.0, -5.0] }",
          "control", "input_weights"),
         ('subject = "heli1"', 'subject = "heli1"\ntype = "zeppelin"', "vehicles.h1.type", "coaxial"),
         ('subject = "heli1"', 'subject = "heli1"\nmodel = { lag = 1 }',
