@@ -39,7 +39,7 @@ class ChainParameters:
     soft_weight
         Weight of the squared excess over a state bound.
     position_bounded
-        False for positions without bounds (yaw).
+        False for an axis whose position has no bounds (yaw), m entries.
     """
 
     stages: int
@@ -50,7 +50,7 @@ class ChainParameters:
     velocity_weights: Array
     input_weights: Array
     soft_weight: float
-    position_bounded: bool = True
+    position_bounded: tuple[bool, ...]
 
     @property
     def axes(self) -> int:
@@ -120,8 +120,7 @@ class Chain:
         self.bounded: Array = np.ones((stages, 3 * m))
         self.bounded[0, : 2 * m] = 0.0
         self.bounded[-1, self.inputs] = 0.0
-        if not parameters.position_bounded:
-            self.bounded[:, :m] = 0.0
+        self.bounded[:, :m] *= parameters.position_bounded
         self._products: Array = np.zeros((stages, width, 2 * width))
         step, row, item = self._products.strides
         # entry (s, j, a, d) of this view is products[s, j m + a, j m + a + d]: a diagonal as a column

@@ -60,7 +60,15 @@ class Case:
 def case(stages: int, lag: bool, yaw_rate: float = 1.5) -> Case:
     pole = np.exp(-PERIOD_S / np.array([0.06, 0.05])) if lag else None
     parameters = ChainParameters(
-        stages, PERIOD_S, np.array([2.0, 2.1]), pole, np.full(2, 800.0), np.ones(2), np.full(2, 1.5), 1e4
+        stages,
+        PERIOD_S,
+        np.array([2.0, 2.1]),
+        pole,
+        np.full(2, 800.0),
+        np.ones(2),
+        np.full(2, 1.5),
+        1e4,
+        (True, True),
     )
     levels = parameters.levels
     angle = yaw_rate * PERIOD_S * (np.arange(stages + levels - 2) + 0.5)
