@@ -3,7 +3,7 @@
 from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from agents.settings import AgentSettings
 from bus.messages import Following
@@ -22,6 +22,9 @@ from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from vehicles.model import Model
 from vehicles.types import TYPES
 from vicon_gateway.settings import TrackerSettings
+
+if TYPE_CHECKING:
+    from agents.pilot import Pilot
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
 """What a radio protocol calls the number of the model match; the others have none on the wire."""
@@ -271,21 +274,32 @@ def check_fleet(fleet: Fleet, directory: Path) -> None:
     FleetError
         Names the field.
     """
-    # Controllers and estimators check their own settings when they are built.
-    from agents.process import build_pilot
-
     for name in fleet.vehicles:
-        settings = agent_settings(fleet, name)
         _check_period(fleet, name)
-        try:
-            build_pilot(settings)
-        except ValueError as error:
-            raise FleetError(f"vehicles.{name}.control: {error}") from None
+        pilot_of(fleet, name)
     for gateway in fleet.gateways:
         gateway_settings(fleet, gateway, directory)
     tracker_settings(fleet)
     if fleet.simulator is not None:
         simulator_settings(fleet, directory)
+
+
+def pilot_of(fleet: Fleet, name: str) -> tuple[AgentSettings, "Pilot"]:
+    """Settings and pilot of a vehicle's agent.
+
+    Raises
+    ------
+    FleetError
+        A field of the vehicle is wrong; controllers and estimators check their settings when they are built.
+    """
+    # Other roles start without the numerical libraries that pilots need.
+    from agents.process import build_pilot
+
+    settings = agent_settings(fleet, name)
+    try:
+        return settings, build_pilot(settings)
+    except ValueError as error:
+        raise FleetError(f"vehicles.{name}.control: {error}") from None
 
 
 def _check_period(fleet: Fleet, name: str) -> None:

@@ -85,10 +85,9 @@ def run_role(role: str, unit: str, fleet_path: Path) -> None:
 
         run_gateway(build.gateway_settings(fleet, unit, directory))
     else:
-        from agents.process import build_pilot, run_agent
+        from agents.process import run_agent
 
-        settings = build.agent_settings(fleet, unit)
-        run_agent(settings, build_pilot(settings))
+        run_agent(*build.pilot_of(fleet, unit))
 
 
 def run_reporting(run: Callable[[], None]) -> None:

@@ -10,9 +10,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from agents.process import build_pilot, run_agent
+from agents.process import run_agent
 from deploy.fleet import load_fleet
-from deploy.role_settings import agent_settings
+from deploy.role_settings import pilot_of
 from deploy.roles import end_with_parent, run_reporting
 from deploy.spare_agent import READY
 
@@ -26,8 +26,7 @@ def wait_for_job(fleet_path: Path, vehicles: list[str]) -> Callable[[], None] | 
         Runs the agent; None when the supervisor closed the pipe instead.
     """
     fleet = load_fleet(fleet_path)
-    prepared = {name: agent_settings(fleet, name) for name in vehicles}
-    pilots = {name: build_pilot(settings) for name, settings in prepared.items()}
+    prepared = {name: pilot_of(fleet, name) for name in vehicles}
     os.write(sys.stdout.fileno(), READY)
     line = sys.stdin.readline()
     if not line:
@@ -37,7 +36,7 @@ def wait_for_job(fleet_path: Path, vehicles: list[str]) -> Callable[[], None] | 
     for descriptor in (sys.stdout.fileno(), sys.stderr.fileno()):
         os.dup2(log, descriptor)
     vehicle = order["vehicle"]
-    return lambda: run_agent(prepared[vehicle], pilots[vehicle])
+    return lambda: run_agent(*prepared[vehicle])
 
 
 def main() -> None:

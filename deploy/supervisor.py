@@ -138,7 +138,7 @@ class Supervisor:
         quick = now - child.started_s < STABLE_AFTER_S
         child.quick_deaths = child.quick_deaths + 1 if quick else 0
         child.restart_at_s = now + restart_pause_s(child.quick_deaths)
-        cause = f"killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        cause = f"killed by {_signal_name(-code)}" if code < 0 else f"ended with exit code {code}"
         return f"{name}: {cause}; log: {self._logs / (name + '.log')}"
 
     def _reap(self, child: Child) -> int:
@@ -180,3 +180,10 @@ class Supervisor:
                 child.events["killed_at_stop"] += 1
                 child.process.kill()
             self._reap(child)
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
