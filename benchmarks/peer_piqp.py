@@ -107,7 +107,7 @@ class PiqpChainQP(ChainQP):
         p, m = parameters, parameters.axes
         self._parameters = p
         self._states = p.levels * m
-        self._soft = np.arange(0 if p.position_bounded else m, 2 * m)
+        self._soft = np.flatnonzero([*p.position_bounded, *(m * [True])])
         self._block = self._states + m + len(self._soft)
         self._size = p.stages * self._block
         self._hessian, self._terminal_places = self._build_hessian()

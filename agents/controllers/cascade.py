@@ -3,8 +3,8 @@
 Three small quadratic programs per step. Yaw does not depend on the rest and comes first; the vertical does
 not either and is solved beside it in the same workspace; along the planned yaw the horizontal motion is
 exactly linear, time-varying. Together they are the paper's problem with the true dynamics in place of the
-frozen ones, with actuator lags as states, estimated disturbances in the prediction and the inputs that fly the
-reference as input reference.
+frozen ones, with actuator lags as states, estimated disturbances in the prediction and the inputs that fly
+the reference as input reference.
 """
 
 from typing import Annotated, ClassVar, Final
