@@ -1,0 +1,159 @@
+"""Promises of starting a host: what is in use or missing is named, and nothing has been started then."""
+
+import os
+import pty
+import socket
+from pathlib import Path
+
+import pytest
+from support.bus import free_port
+from support.fleets import HARDWARE_PAIR, PAIR
+
+from deploy.fleet import FleetError, parse_fleet
+from deploy.launcher import Launcher, check_resources
+from deploy.processes import processes_of
+from deploy.run_directory import router_socket, run_directory, serial_path
+
+TWO_HOSTS = (
+    PAIR
+    + 'host = "second"\n[hosts.main]\n[hosts.second]\naddress = "127.0.0.2"\n'
+    + '[gateways.transmitters]\n[gateways.spare_room]\nhost = "second"\n'
+)
+
+
+def on_free_ports(text: str) -> str:
+    return (
+        text + f'\n[hosts.main]\nrouter_port = {free_port()}\n[tracker]\naddress = "127.0.0.1:{free_port()}"'
+    )
+
+
+def names(text: str, host: str) -> list[str]:
+    return [spec.name for spec in processes_of(parse_fleet(text), host)]
+
+
+def test_one_host_runs_everything_in_starting_order() -> None:
+    specs = processes_of(parse_fleet(PAIR), "main")
+    assert [(spec.name, spec.role, spec.unit) for spec in specs] == [
+        ("router", "router", "main"),
+        ("simulator", "simulator", "main"),
+        ("tracker", "tracker", "main"),
+        ("transmitters", "transmitters", "transmitters"),
+        ("agent-h1", "agent", "h1"),
+        ("agent-h2", "agent", "h2"),
+    ]
+    stopped = [spec.name for spec in sorted(specs, key=lambda spec: spec.stop_order)]
+    assert stopped == ["agent-h1", "agent-h2", "transmitters", "tracker", "simulator", "router"]
+
+
+def test_a_fleet_that_flies_hardware_runs_no_simulator() -> None:
+    assert "simulator" not in names(HARDWARE_PAIR, "main")
+
+
+def test_every_process_runs_on_its_host_and_each_host_has_a_router() -> None:
+    assert names(TWO_HOSTS, "main") == ["router", "simulator", "tracker", "transmitters", "agent-h1"]
+    assert names(TWO_HOSTS, "second") == ["router", "agent-h2"]
+
+
+def test_an_unknown_host_is_refused() -> None:
+    with pytest.raises(FleetError, match="unknown host 'roof', known are main"):
+        processes_of(parse_fleet(PAIR), "roof")
+
+
+@pytest.mark.parametrize(
+    ("field", "port_of"), [("hosts.main.router_port", "router"), ("tracker.address", "tracker")]
+)
+def test_an_address_in_use_is_refused_by_its_field(
+    field: str, port_of: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        taken = busy.getsockname()[1]
+        ports = {"router": free_port(), "tracker": free_port()} | {port_of: taken}
+        text = PAIR + f'[tracker]\naddress = "127.0.0.1:{ports["tracker"]}"\n'
+        text += f"[hosts.main]\nrouter_port = {ports['router']}"
+        with pytest.raises(
+            FleetError, match=rf"^{field}: 127\.0\.0\.1:{taken} cannot be used: .*already up\?"
+        ):
+            Launcher(parse_fleet(text), tmp_path / "lab.toml", "main")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_an_address_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+    text = PAIR + '[hosts.main]\naddress = "192.0.2.77"'
+    with pytest.raises(FleetError, match=r"^hosts\.main\.router_port: 192\.0\.2\.77:7447 cannot be used"):
+        check_resources(parse_fleet(text), "main", tmp_path)
+
+
+def test_a_tracker_on_another_machine_needs_no_free_port_here(tmp_path: Path) -> None:
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        (tmp_path / "radio-h1").touch()
+        (tmp_path / "radio-h2").touch()
+        address = f'[tracker]\naddress = "127.0.0.1:{busy.getsockname()[1]}"'
+        text = HARDWARE_PAIR + f"[hosts.main]\nrouter_port = {free_port()}\n" + address
+        check_resources(parse_fleet(text), "main", tmp_path)
+
+
+def test_a_missing_serial_device_is_refused_by_its_field(tmp_path: Path) -> None:
+    master, slave = pty.openpty()
+    text = HARDWARE_PAIR.replace("radio-h1", os.ttyname(slave)).replace("radio-h2", "/dev/ttyNONE9")
+    text += f"[hosts.main]\nrouter_port = {free_port()}"
+    try:
+        with pytest.raises(
+            FleetError, match=r"^vehicles\.h2\.transmitter\.port: there is no device /dev/ttyNONE9"
+        ):
+            check_resources(parse_fleet(text), "main", tmp_path)
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_serial_devices_of_other_hosts_are_not_looked_for(tmp_path: Path) -> None:
+    hosts = f'\n[hosts.main]\nrouter_port = {free_port()}\n[hosts.roof]\naddress = "127.0.0.2"\n'
+    text = HARDWARE_PAIR + hosts + '[gateways.transmitters]\nhost = "roof"'
+    check_resources(parse_fleet(text), "main", tmp_path)
+
+
+def test_a_wrong_file_stops_the_start_before_any_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    text = on_free_ports(PAIR + 'control = { controller = "x" }')
+    with pytest.raises(FleetError, match=r"vehicles\.h2\.control"):
+        Launcher(parse_fleet(text), tmp_path / "lab.toml", "main")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_the_run_directory_is_where_the_user_says_else_where_the_system_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "mine"))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert run_directory("lab", None) == tmp_path / "mine" / "lab"
+    assert (tmp_path / "mine" / "lab" / "log").is_dir()
+    monkeypatch.delenv("RCOPTERX_RUN")
+    assert run_directory("lab", "t1") == tmp_path / "rcopterx" / "lab-t1"
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert run_directory("lab", None) == tmp_path / f"rcopterx-{os.getuid()}" / "lab"
+
+
+def test_fleets_of_other_names_and_namespaces_keep_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    directories = {run_directory(*names) for names in (("a", None), ("a", "b"), ("b", None))}
+    assert len(directories) == 3
+
+
+def test_relative_serial_ports_live_in_the_run_directory(tmp_path: Path) -> None:
+    assert serial_path("radio-h1", tmp_path) == tmp_path / "radio-h1"
+    assert serial_path("/dev/ttyUSB0", tmp_path) == Path("/dev/ttyUSB0")
+
+
+def test_a_router_has_a_socket_only_where_its_path_is_short_enough() -> None:
+    assert router_socket("main", Path("/run/x")) == "unixsock-stream//run/x/router-main.sock"
+    assert router_socket("main", Path("/run") / ("x" * 100)) is None

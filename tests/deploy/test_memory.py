@@ -1,0 +1,52 @@
+"""Promises of the launcher's memory: an agent that restarts learns what its predecessor last said."""
+
+from collections.abc import Callable
+
+from support.waiting import wait_for
+
+from bus import channels
+from bus.messages import AgentStatus, Following, SetPoint
+from bus.requests import Recall, RecallReply
+from bus.session import BusAddress, Session
+from deploy.memory import Memory
+
+STATUS = AgentStatus(
+    phase="flying",
+    controller="paper",
+    estimator="kalman",
+    horizon=50,
+    epoch=1,
+    frame=100,
+    set_point=SetPoint(position_m=(0.1, 0.2, 1.0), yaw_rad=0.5),
+    following=(Following(leader="h2", offset_m=(0.4, 0.0, 0.0)),),
+)
+
+
+def test_recall_gives_the_last_status_of_each_vehicle_and_its_age(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    memory = Memory(bus_address, ["h1", "h2"])
+    agent = join()
+
+    def recalled() -> RecallReply:
+        reply = agent.request("h1", Recall(), patience_s=10.0)
+        assert isinstance(reply, RecallReply)
+        return reply
+
+    try:
+        first = recalled()
+        assert not first.accepted
+        assert first.reason == "h1 has not said anything yet"
+
+        def remembered() -> bool:
+            agent.publish(channels.AGENT_STATUS, "h1", STATUS)
+            return recalled().accepted
+
+        wait_for(remembered, "the status is not remembered")
+        reply = recalled()
+        assert reply.status == STATUS
+        assert 0 <= reply.age_s < 10
+        other = agent.request("h2", Recall())
+        assert not other.accepted
+    finally:
+        memory.close()

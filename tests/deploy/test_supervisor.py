@@ -1,0 +1,260 @@
+"""Promises of the supervisor, with harmless processes that do nothing but live and die."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.fleets import PAIR
+from support.waiting import FakeClock, wait_for
+
+import deploy.supervisor
+from deploy.processes import ProcessSpec
+from deploy.spare_agent import SpareAgent
+from deploy.supervisor import MAX_PAUSE_S, QUICK_RESTARTS, STABLE_AFTER_S, Supervisor, restart_pause_s
+
+SLEEPS = "exec sleep 600"
+DIES = "exit 3"
+
+
+@dataclass(frozen=True)
+class Fake(ProcessSpec):
+    """A process that runs a line of shell."""
+
+    shell: str = SLEEPS
+
+    def command(self, fleet_path: Path) -> list[str]:
+        return ["/bin/sh", "-c", self.shell, str(fleet_path)]
+
+
+def fake(name: str, shell: str = SLEEPS, stop_order: int = 0) -> Fake:
+    return Fake(name, "router", "main", stop_order, shell)
+
+
+Supervise = Callable[..., Supervisor]
+
+
+@pytest.fixture
+def supervise(tmp_path: Path) -> Iterator[Supervise]:
+    with ExitStack() as stack:
+
+        def build(*specs: Fake, **options: FakeClock) -> Supervisor:
+            supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, **options)
+            stack.callback(supervisor.stop_all)
+            return supervisor
+
+        yield build
+
+
+def kill(supervisor: Supervisor, name: str, number: signal.Signals = signal.SIGKILL) -> int:
+    pid = supervisor.pid(name)
+    assert pid is not None
+    os.kill(pid, number)
+    return pid
+
+
+def watch_until(supervisor: Supervisor, condition: Callable[[], object], what: str) -> list[str]:
+    lines: list[str] = []
+
+    def watched() -> bool:
+        lines.extend(supervisor.watch(0.01))
+        return bool(condition())
+
+    wait_for(watched, what)
+    return lines
+
+
+def test_processes_are_started_in_the_order_of_the_list(supervise: Supervise, tmp_path: Path) -> None:
+    supervisor = supervise(*(fake(name) for name in ("c", "a", "b")))
+    supervisor.start_all()
+    assert supervisor.running() == ["c", "a", "b"]
+    started = [supervisor.children[name].started_s for name in ("c", "a", "b")]
+    assert started == sorted(started)
+
+
+def test_a_process_that_dies_is_back_at_once_and_the_user_is_told(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one"), fake("two"))
+    supervisor.start_all()
+    other, before = supervisor.pid("two"), kill(supervisor, "one")
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert supervisor.running() == ["one", "two"]
+    assert supervisor.pid("one") != before
+    assert supervisor.pid("two") == other
+    assert lines[0].startswith("one: killed by SIGKILL; log: ")
+    assert lines[0].endswith("one.log")
+    assert lines[1] == "one: started again (restart 1)"
+
+
+def test_the_exit_code_of_a_process_is_told(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one", DIES))
+    supervisor.start_all()
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts, "not restarted")
+    assert lines[0].startswith("one: ended with exit code 3; log: ")
+    assert supervisor.children["one"].last_exit == 3
+
+
+def test_signals_without_a_name_do_not_stop_the_supervisor(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one"))
+    supervisor.start_all()
+    pid = supervisor.pid("one")
+    assert pid is not None
+    os.kill(pid, signal.SIGRTMIN + 3)
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert lines[0].startswith(f"one: killed by signal {int(signal.SIGRTMIN) + 3}; ")
+
+
+def test_a_process_that_cannot_start_is_retried_with_growing_pauses(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(fake("one", DIES), clock=clock)
+    supervisor.start_all()
+    child = supervisor.children["one"]
+    # The first deaths are followed by restarts at once, for a crash in flight.
+    watch_until(supervisor, lambda: child.quick_deaths == QUICK_RESTARTS, "no quick restarts")
+    assert child.restarts == QUICK_RESTARTS - 1
+    for deaths in range(QUICK_RESTARTS, QUICK_RESTARTS + 4):
+        pause_s = restart_pause_s(deaths)
+        assert child.restart_at_s == pytest.approx(clock() + pause_s)
+        clock.advance(0.99 * pause_s)
+        assert supervisor.watch(0.0) == []
+        assert supervisor.running() == []
+        clock.advance(0.02 * pause_s)
+        watch_until(supervisor, lambda deaths=deaths: child.quick_deaths == deaths + 1, "not retried")
+
+
+def test_a_process_that_lived_long_enough_is_restarted_at_once_again(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(fake("one"), clock=clock)
+    supervisor.start_all()
+    child = supervisor.children["one"]
+    child.quick_deaths = 10
+    clock.advance(STABLE_AFTER_S + 0.1)
+    kill(supervisor, "one")
+    watch_until(supervisor, lambda: child.restarts == 1, "not restarted at once")
+    assert child.quick_deaths == 0
+
+
+@given(st.integers(0, 60))
+def test_pauses_grow_up_to_a_limit(deaths: int) -> None:
+    pause_s = restart_pause_s(deaths)
+    assert 0 <= pause_s <= restart_pause_s(deaths + 1) <= MAX_PAUSE_S
+    assert (pause_s == 0) == (deaths < QUICK_RESTARTS)
+
+
+def test_processes_are_stopped_group_by_group(supervise: Supervise, tmp_path: Path) -> None:
+    journal = tmp_path / "journal"
+
+    def writes(name: str) -> str:
+        return (
+            f'trap "echo stop {name} >> {journal}; exit 0" TERM; echo start >> {journal}; '
+            "while :; do sleep 0.02; done"
+        )
+
+    orders = {"router": 4, "tracker": 2, "agent_a": 0, "gateway": 1, "agent_b": 0}
+    supervisor = supervise(*(fake(name, writes(name), order) for name, order in orders.items()))
+    supervisor.start_all()
+    wait_for(lambda: journal.exists() and journal.read_text().count("start") == 5, "not all are ready")
+    supervisor.stop_all()
+    assert supervisor.running() == []
+    stops = [line.removeprefix("stop ") for line in journal.read_text().splitlines() if "stop" in line]
+    assert set(stops[:2]) == {"agent_a", "agent_b"}
+    assert stops[2:] == ["gateway", "tracker", "router"]
+
+
+def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(deploy.supervisor, "STOP_LIMIT_S", 0.1)
+    ready = tmp_path / "ready"
+    stubborn = f'trap "" TERM; touch {ready}; while :; do sleep 0.02; done'
+    supervisor = supervise(fake("stubborn", stubborn), fake("polite"))
+    supervisor.start_all()
+    wait_for(ready.exists, "not ready")
+    supervisor.stop_all()
+    assert supervisor.running() == []
+    assert supervisor.children["stubborn"].last_exit == -signal.SIGKILL
+    assert supervisor.children["stubborn"].events["killed_at_stop"] == 1
+    assert supervisor.children["polite"].last_exit == -signal.SIGTERM
+
+
+def test_a_stopped_supervisor_restarts_nothing(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one"))
+    supervisor.start_all()
+    supervisor.stop_all()
+    assert supervisor.watch(0.05) == []
+    assert supervisor.running() == []
+
+
+def test_output_is_appended_to_a_log_and_the_environment_is_set(supervise: Supervise, tmp_path: Path) -> None:
+    supervisor = supervise(
+        fake("one", 'echo "$OMP_NUM_THREADS $RCOPTERX_PARENT $0"; echo problem >&2; exit 1')
+    )
+    supervisor.start_all()
+    watch_until(supervisor, lambda: supervisor.children["one"].quick_deaths == 2, "did not run twice")
+    line = f"1 {os.getpid()} {(tmp_path / 'lab.toml').resolve()}\nproblem\n"
+    assert (tmp_path / "one.log").read_text().startswith(2 * line)
+
+
+def test_the_supervisor_tells_which_role_each_process_has() -> None:
+    command = ProcessSpec("agent-h1", "agent", "h1", 0).command(Path("/x/lab.toml"))
+    assert command == [sys.executable, "-m", "deploy.roles", "agent", "h1", "/x/lab.toml"]
+
+
+@pytest.fixture
+def spare(tmp_path: Path) -> Iterator[SpareAgent]:
+    path = tmp_path / "lab.toml"
+    path.write_text(PAIR.replace("[simulator]", '[bus]\nnamespace = "nobody"\n[simulator]'))
+    agent = SpareAgent(path, ["h1", "h2"], tmp_path / "spare.log")
+    yield agent
+    agent.close()
+
+
+def test_a_spare_takes_over_once_it_is_ready_and_writes_into_the_agents_log(
+    spare: SpareAgent, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    log = tmp_path / "agent-h2.log"
+    assert spare.take("h2", log) is None
+    spare.prepare()
+    spare.prepare()
+    taken = []
+
+    def took_over() -> bool:
+        process = spare.take("h2", log)
+        if process is not None:
+            taken.append(process)
+        return process is not None
+
+    wait_for(took_over, "the spare is never ready", deadline_s=60)
+    (process,) = taken
+    try:
+        wait_for(log.exists, "the log of the agent is not used")
+        assert spare.take("h1", log) is None
+    finally:
+        process.kill()
+        process.wait(10)
+        process.stdout.close()
+
+
+def test_a_spare_that_died_is_not_used(spare: SpareAgent, tmp_path: Path) -> None:
+    spare.prepare()
+    process = spare._process
+    assert process is not None
+    process.kill()
+    process.wait(10)
+    assert spare.take("h1", tmp_path / "x.log") is None
+    spare.prepare()
+    assert spare._process is not process
+
+
+def test_a_host_without_agents_has_no_spare(tmp_path: Path) -> None:
+    spare = SpareAgent(tmp_path / "lab.toml", [], tmp_path / "spare.log")
+    spare.prepare()
+    assert spare.take("h1", tmp_path / "x.log") is None
+    assert not (tmp_path / "spare.log").exists()
+    spare.close()
