@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.registry import load_controller
 from agents.guidance import LeaderPlan
 from agents.interfaces import Measurement
 from agents.pilot import Flight, Frame, Pilot
@@ -33,8 +32,6 @@ Progress = Callable[[float], None]
 """Called now and then with the fraction of the flight that is flown."""
 
 NO_BUS: Final = BusAddress((), "rig")
-LEADER_INPUT_RANGE: Final = 0.8
-"""Share of its input range that a leader plans with, per level of followers below it."""
 ROOM_M: Final = 100.0
 PROGRESS_EVERY_S: Final = 5.0
 
@@ -194,10 +191,7 @@ class Rig:
             estimator=vehicle.estimator,
             horizon=vehicle.horizon,
             period_s=vehicle.period_s,
-            controller_settings={
-                **_leader_share(vehicle.controller, generations),
-                **vehicle.controller_settings,
-            },
+            controller_settings=vehicle.controller_settings,
             estimator_settings=vehicle.estimator_settings,
             following=vehicle.following,
             generations_below=generations,
@@ -321,13 +315,6 @@ def generations_below(leaders: Mapping[str, Sequence[str]], name: str) -> int:
     """Levels of followers below a vehicle."""
     followers = [other for other, links in leaders.items() if name in links]
     return 1 + max(generations_below(leaders, other) for other in followers) if followers else 0
-
-
-def _leader_share(controller: str, generations: int) -> dict[str, object]:
-    """A leader leaves its followers authority, where its controller knows how to (control.md section 6)."""
-    if generations and "input_range" in load_controller(controller).Settings.__struct_fields__:
-        return {"input_range": LEADER_INPUT_RANGE**generations}
-    return {}
 
 
 def total_fallbacks(record: FlightRecord) -> Counter[str]:

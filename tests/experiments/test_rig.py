@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agents.process import LEADER_SHARE
 from bus.messages import Following
 from experiments.events import Event, Follow, GoTo, Lead, Switch
 from experiments.record import FlightRecord, rms
 from experiments.rig import (
-    LEADER_INPUT_RANGE,
     Rig,
     RigError,
     RigOptions,
@@ -104,8 +104,8 @@ def test_cascade_keeps_the_formation_in_the_laboratory() -> None:
 def test_leader_leaves_its_follower_authority() -> None:
     record = flown(pair())
     hover = COAXIAL.hover_input
-    lowest = hover + LEADER_INPUT_RANGE * (COAXIAL.u_min - hover)
-    highest = hover + LEADER_INPUT_RANGE * (COAXIAL.u_max - hover)
+    lowest = hover + LEADER_SHARE * (COAXIAL.u_min - hover)
+    highest = hover + LEADER_SHARE * (COAXIAL.u_max - hover)
     inputs = record["h1"].inputs
     assert (inputs >= lowest - 1e-4).all()
     assert (inputs <= highest + 1e-4).all()
