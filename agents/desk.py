@@ -8,6 +8,7 @@ import numpy as np
 from agents.formation import FormationOffset
 from agents.guidance import Link
 from agents.leaders import Leaders
+from agents.phases import Phase
 from agents.pilot import Pilot
 from agents.settings import AgentSettings
 from bus.messages import AgentStatus, Following
@@ -74,10 +75,9 @@ class Desk:
         if isinstance(request, Follow):
             refusal = self._follow_problem(request)
             if refusal is None:
-                leaders = {link.leader for link in request.following}
-                self._leaders.keep({link.leader for link in self._pilot.guidance.links} | leaders)
                 deadline_s = self._clock() + FIRST_PLAN_LIMIT_S
                 self._waiting.append(_Waiting(incoming, request, deadline_s))
+                self._keep_leaders()
                 self.settle_waiting()
                 return
         elif not self._pilot.ready and not isinstance(request, Lead):
@@ -96,23 +96,35 @@ class Desk:
 
     def settle_waiting(self) -> None:
         """Decide on follow requests whose leaders' plans have arrived, or have not in time."""
-        still: list[_Waiting] = []
-        for waiting in self._waiting:
+        if not self._waiting:
+            return
+        undecided, self._waiting = self._waiting, []
+        for waiting in undecided:
             names = [link.leader for link in waiting.request.following]
             missing = [name for name in names if self._leaders.newest(name) is None]
             if missing and self._clock() < waiting.deadline_s:
-                still.append(waiting)
+                self._waiting.append(waiting)
                 continue
             refusal = f"no plan from {', '.join(missing)}" if missing else self._follow(waiting.request)
-            self._leaders.keep(link.leader for link in self._pilot.guidance.links)
             waiting.incoming.answer(Reply(accepted=refusal is None, reason=refusal or ""))
-        self._waiting = still
+        self._keep_leaders()
+
+    def _keep_leaders(self) -> None:
+        """Hear the leaders of now and those that requests wait for."""
+        followed = {link.leader for link in self._pilot.guidance.links}
+        self._leaders.keep(
+            followed.union(
+                *({link.leader for link in waiting.request.following} for waiting in self._waiting)
+            )
+        )
 
     def resume(self, status: AgentStatus) -> None:
         """Take over the task of an earlier process of this agent."""
         self._pilot.guidance.links = tuple(link_of(following) for following in status.following)
         self._leaders.keep(following.leader for following in status.following)
-        if not status.following:
+        if status.phase == Phase.LANDING:
+            self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
+        elif not status.following:
             self._pilot.guidance.go_to(np.array(status.set_point.position_m), status.set_point.yaw_rad)
 
     def _take_off(self, request: TakeOff) -> str | None:
@@ -133,7 +145,7 @@ class Desk:
 
     def _lead(self) -> str | None:
         self._pilot.guidance.lead(self._pilot.estimate)
-        self._leaders.keep(())
+        self._keep_leaders()
         return None
 
     def _follow_problem(self, request: Follow) -> str | None:

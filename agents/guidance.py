@@ -21,6 +21,8 @@ LANDING_SPEED_M_S = 0.35
 LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
 FLOOR_TOLERANCE_M = 0.03
+STUCK_DEPTH_M = 0.2
+"""A landing vehicle that stays so far above its reference stands on something."""
 FLOOR_SPEED_M_S = 0.1
 FLOOR_TIME_S = 0.2
 
@@ -278,7 +280,10 @@ class Guidance:
         """Whether a landing vehicle stands on the floor now; then the phase is left."""
         if self.phase is not Phase.LANDING:
             return False
+        # An agent that restarted in flight does not know how high the floor is where the vehicle stood.
+        reference_m = self.source.sample(time_s, 1.0, 1).position_m[0, 2]
         low = estimate.motion[2] < self._floor_m + FLOOR_TOLERANCE_M
+        low = low or estimate.motion[2] > reference_m + STUCK_DEPTH_M
         slow = abs(estimate.motion[6]) < FLOOR_SPEED_M_S
         if not (low and slow):
             self._on_floor_since_s = None

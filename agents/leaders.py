@@ -52,7 +52,7 @@ class Leaders:
         )
 
     def plans(self, clock: FleetClock) -> Mapping[str, LeaderPlan]:
-        """Plans on this vehicle's clock; those of another epoch cannot be aligned and are left out."""
+        """Plans on this vehicle's clock; those of another epoch or from a cycle are left out."""
         found = {}
         for name in self._inboxes:
             plan = self.newest(name)
@@ -60,6 +60,10 @@ class Leaders:
                 continue
             if plan.epoch != clock.epoch:
                 self.rejected["plan.epoch"] += 1
+                continue
+            if self._vehicle in plan.ancestors:
+                # Two vehicles that began to follow each other at the same moment; none of them moves on.
+                self.rejected["plan.cycle"] += 1
                 continue
             ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
             trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)

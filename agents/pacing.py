@@ -45,6 +45,10 @@ class Pacing:
         """A frame was bridged by prediction."""
         self._coasts += 1
 
+    def on_overtaken(self) -> None:
+        """A control period began before the command of the one before was computed."""
+        self.missed_ticks += 1
+
     def control_due(self, frame: int, frame_period_s: float, flying: bool) -> bool:
         """Whether a control period begins with this frame.
 

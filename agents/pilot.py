@@ -233,6 +233,8 @@ class Pilot:
         self._predict(start_s)
 
     def _predict(self, start_s: float) -> None:
+        if self._standing:
+            return  # The model knows no floor: it would fall.
         for value, duration_s in self.inputs.between(start_s, self.clock.time_s):
             self.estimator.predict(value, duration_s)
 

@@ -109,7 +109,8 @@ class Agent:
         for received in self._poses.drain():
             if self._pilot.observe(_frame(received.message)):
                 self._pacing.on_pose(received.arrived_s)
-                self._begin_control(received.arrived_s)
+                if self._pilot.ready:
+                    self._begin_control(received.arrived_s)
         coast_at_s = self._pacing.coast_at_s(self._pilot.clock.period_s)
         if coast_at_s is not None and self._clock() >= coast_at_s:
             self._pacing.on_coast()
@@ -120,6 +121,8 @@ class Agent:
         clock = self._pilot.clock
         flying = self._pilot.guidance.rotor_on
         if self._pilot.informed and self._pacing.control_due(clock.current_frame, clock.period_s, flying):
+            if self._control_by_s is not None and flying:
+                self._pacing.on_overtaken()
             self._control_by_s = now_s + (self._settings.leader_wait_s if self._pilot.guidance.follows else 0)
 
     def _control(self) -> None:

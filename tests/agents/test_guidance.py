@@ -1,0 +1,364 @@
+"""Promises of the guidance: phases, refusals, take-off and landing, and joining leaders without a jerk."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.flight import still
+
+from agents.formation import FormationOffset
+from agents.guidance import (
+    FLOOR_TIME_S,
+    LANDING_SPEED_M_S,
+    OFFSET_SPEED_M_S,
+    TAKE_OFF_SPEED_M_S,
+    Guidance,
+    LeaderPlan,
+    Link,
+)
+from agents.interfaces import Estimate
+from agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
+from agents.references import SetPointReference
+from agents.trajectory import COLUMNS, Trajectory, hold
+
+PERIOD_S = 0.02
+STAGES = 20
+FLOOR = still((0.2, 0.1, 0.05))
+ALOFT = still((0.2, 0.1, 1.0), 0.3)
+
+events = st.sampled_from(list(Event))
+
+
+def at(position_m: tuple[float, float, float], yaw_rad: float = 0.0, climb_m_s: float = 0.0) -> Estimate:
+    estimate = still(position_m, yaw_rad)
+    estimate.motion[6] = climb_m_s
+    return estimate
+
+
+def flying(links: tuple[Link, ...] = (), estimate: Estimate = ALOFT) -> Guidance:
+    guidance = Guidance(links)
+    guidance.on_event(Event.RESUME, estimate)
+    return guidance
+
+
+def offset(x: float, y: float = 0.0, z: float = 0.0, yaw_rad: float = 0.0) -> FormationOffset:
+    return FormationOffset(np.array([x, y, z]), yaw_rad)
+
+
+def standing_leader(
+    position_m: tuple[float, float, float], yaw_rad: float = 0.0, ahead_s: float = 0.0, airborne: bool = True
+) -> LeaderPlan:
+    return LeaderPlan(hold(np.array(position_m), yaw_rad, PERIOD_S, STAGES), ahead_s, airborne)
+
+
+def moving_leader(speed_m_s: float, ahead_s: float = 0.0) -> LeaderPlan:
+    samples = np.zeros((STAGES, COLUMNS))
+    samples[:, 0] = speed_m_s * PERIOD_S * np.arange(STAGES)
+    samples[:, 4] = speed_m_s
+    samples[:, 2] = 1.0
+    return LeaderPlan(Trajectory(samples, PERIOD_S), ahead_s)
+
+
+def reference(
+    guidance: Guidance,
+    plans: dict[str, LeaderPlan] | None = None,
+    time_s: float = 0.0,
+    estimate: Estimate = ALOFT,
+    delay_s: float = 0.0,
+) -> Trajectory:
+    return guidance.reference(plans or {}, estimate, time_s, delay_s, PERIOD_S, STAGES)
+
+
+@given(st.lists(events, max_size=30))
+def test_the_rotor_never_turns_on_the_floor(history: list[Event]) -> None:
+    guidance = Guidance()
+    for event in history:
+        before = guidance.phase
+        changed = guidance.on_event(event, ALOFT)
+        assert changed == (guidance.phase is not before)
+        assert guidance.rotor_on == (guidance.phase in AIRBORNE)
+        if before in (Phase.GROUND, Phase.ARMED) and guidance.rotor_on:
+            assert event in (Event.TAKE_OFF, Event.RESUME)
+        if event is Event.DISARM:
+            assert guidance.phase is Phase.GROUND
+            assert not guidance.rotor_on
+
+
+@given(st.sampled_from(list(Phase)), events)
+def test_phases_change_only_by_the_table(phase: Phase, event: Event) -> None:
+    assert next_phase(phase, event) is TRANSITIONS.get((phase, event), phase)
+
+
+def test_every_phase_can_be_reached_and_left() -> None:
+    assert set(TRANSITIONS.values()) == set(Phase)
+    assert {phase for phase, _ in TRANSITIONS} == set(Phase)
+
+
+@given(st.lists(st.one_of(events, st.sampled_from(["take_off", "land", "go_to", "lead"])), max_size=30))
+def test_requests_are_refused_with_a_reason_exactly_in_the_wrong_phases(history: list[Event | str]) -> None:
+    guidance = Guidance()
+    for time_s, step in enumerate(history):
+        phase = guidance.phase
+        match step:
+            case "take_off":
+                refusal = guidance.take_off(FLOOR, 1.0, float(time_s))
+                assert (refusal is None) == (phase is Phase.ARMED)
+            case "land":
+                refusal = guidance.land(ALOFT, float(time_s))
+                assert (refusal is None) == (phase in AIRBORNE)
+                assert refusal is not None or guidance.phase is Phase.LANDING
+            case "go_to":
+                refusal = guidance.go_to(np.ones(3), 0.0)
+                assert (refusal is None) == (phase is Phase.FLYING)
+            case "lead":
+                guidance.lead(ALOFT)
+                refusal = None
+            case _:
+                guidance.on_event(Event(step), ALOFT)
+                refusal = None
+        if refusal is not None:
+            assert str(phase) in refusal
+            assert guidance.phase is phase
+        assert np.isfinite(reference(guidance, time_s=float(time_s)).samples).all()
+
+
+def armed() -> Guidance:
+    guidance = Guidance()
+    guidance.on_event(Event.ARM, FLOOR)
+    return guidance
+
+
+def test_take_off_climbs_straight_up_from_where_the_vehicle_stands() -> None:
+    guidance = armed()
+    assert guidance.take_off(FLOOR, 0.8, 5.0) is None
+    assert guidance.phase is Phase.TAKEOFF
+    path = guidance.source.sample(5.0, 0.01, 600)
+    assert path.position_m[0] == pytest.approx(FLOOR.motion[:3])
+    assert path.position_m[-1] == pytest.approx(FLOOR.motion[:3] + np.array([0, 0, 0.8]))
+    assert np.ptp(path.position_m[:, :2], axis=0) == pytest.approx(0.0)
+    assert (np.diff(path.position_m[:, 2]) >= 0).all()
+    assert path.velocity_m_s[:, 2].max() == pytest.approx(TAKE_OFF_SPEED_M_S, rel=1e-3)
+
+
+def test_take_off_ends_in_flight_once_the_climb_is_over() -> None:
+    guidance = armed()
+    guidance.take_off(FLOOR, 0.8, 5.0)
+    reference(guidance, time_s=5.5)
+    assert guidance.phase is Phase.TAKEOFF
+    reference(guidance, time_s=20.0)
+    assert guidance.phase is Phase.FLYING
+    position_m, _ = guidance.set_point()
+    assert position_m[2] == pytest.approx(0.85)
+
+
+def land(guidance: Guidance, heights_m: np.ndarray, start_s: float = 0.0) -> list[float]:
+    """Times at which the phase was left while the vehicle was at these heights, one per period."""
+    left = []
+    for number, (before_m, height_m) in enumerate(itertools.pairwise(heights_m)):
+        time_s = start_s + number * PERIOD_S
+        climb_m_s = (height_m - before_m) / PERIOD_S
+        if guidance.check_floor(at((0.0, 0.0, height_m), climb_m_s=climb_m_s), time_s):
+            left.append(time_s)
+    return left
+
+
+def test_landing_descends_where_the_vehicle_is_and_ends_on_the_floor_it_took_off_from() -> None:
+    guidance = armed()
+    guidance.take_off(FLOOR, 0.8, 0.0)
+    reference(guidance, time_s=20.0)
+    assert guidance.land(ALOFT, 20.0) is None
+    path = guidance.source.sample(20.0, 0.01, 800)
+    assert path.position_m[0] == pytest.approx(ALOFT.motion[:3])
+    assert path.position_m[:, :2] == pytest.approx(np.tile(ALOFT.motion[:2], (800, 1)))
+    assert path.yaw_rad == pytest.approx(0.3)
+    assert path.position_m[-1, 2] < FLOOR.motion[2]
+    assert path.velocity_m_s[:, 2].min() == pytest.approx(-LANDING_SPEED_M_S, rel=1e-3)
+    descent = np.concatenate((np.linspace(1.0, 0.05, 150), np.full(60, 0.05)))
+    (touchdown_s,) = land(guidance, descent, 20.0)
+    assert touchdown_s == pytest.approx(20.0 + 150 * PERIOD_S + FLOOR_TIME_S, abs=0.05)
+    assert guidance.phase is Phase.ARMED
+    assert not guidance.rotor_on
+
+
+def test_a_vehicle_that_passes_low_and_fast_has_not_landed() -> None:
+    guidance = armed()
+    guidance.take_off(FLOOR, 0.8, 0.0)
+    guidance.land(at((0.2, 0.1, 0.3)), 0.5)
+    bounces = 0.06 + 0.02 * np.sin(0.6 * np.arange(100))
+    assert land(guidance, bounces, 0.5) == []
+
+
+def test_landing_asked_twice_goes_on() -> None:
+    guidance = flying()
+    guidance.land(ALOFT, 0.0)
+    path = guidance.source
+    assert guidance.land(at((0.0, 0.0, 0.5)), 1.0) is None
+    assert guidance.source is path
+
+
+def test_an_agent_that_restarted_in_flight_finds_a_floor_it_does_not_know() -> None:
+    # Markers sit 12 cm above the floor, and only the process that died had seen the vehicle stand.
+    guidance = flying()
+    guidance.land(ALOFT, 0.0)
+    path = guidance.source.sample(0.0, PERIOD_S, 500).position_m[:, 2]
+    (touchdown_s,) = land(guidance, np.maximum(path, 0.12))
+    assert guidance.phase is Phase.ARMED
+    assert touchdown_s < guidance.source.duration_s  # type: ignore[attr-defined]  # a SmoothMove
+
+
+def test_a_vehicle_in_the_air_that_follows_its_descent_has_not_landed() -> None:
+    guidance = flying()
+    guidance.land(ALOFT, 0.0)
+    path = guidance.source.sample(0.0, PERIOD_S, 500).position_m[:, 2]
+    lagging = np.concatenate((np.full(10, 1.0), path))
+    assert land(guidance, lagging[lagging > 0.04]) == []
+
+
+def test_resuming_and_recovering_hold_the_present_place() -> None:
+    guidance = flying()
+    assert reference(guidance).position_m == pytest.approx(np.tile(ALOFT.motion[:3], (STAGES, 1)))
+    guidance.go_to(np.array([1.0, 1.0, 1.0]), 0.0)
+    guidance.on_event(Event.OVERRIDE, ALOFT)
+    assert guidance.phase is Phase.EMERGENCY
+    here = still((0.5, 0.5, 0.6), 1.0)
+    guidance.on_event(Event.ARM, here)
+    assert reference(guidance, estimate=here).position_m[-1] == pytest.approx([0.5, 0.5, 0.6])
+
+
+def test_a_follower_takes_no_set_point_and_says_whose_to_ask_for() -> None:
+    guidance = flying((Link("h1", offset(1.0)),))
+    refusal = guidance.go_to(np.zeros(3), 0.0)
+    assert refusal is not None
+    assert "h1" in refusal
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-2, 2), st.floats(-2, 2), st.floats(-9, 9), st.floats(-3, 3))
+def test_a_follower_joins_from_where_it_is_without_a_jerk(
+    x: float, y: float, yaw: float, leader: float
+) -> None:
+    here = still((x, y, 1.2), yaw)
+    guidance = flying((Link("h1", offset(-0.5, 0.2, 0.0, 0.4)),), here)
+    plans = {"h1": standing_leader((0.0, 0.0, 1.0), leader)}
+    first = reference(guidance, plans, 0.0, here)
+    assert first.position_m[0] == pytest.approx([x, y, 1.2], abs=1e-9)
+    assert first.yaw_rad[0] == pytest.approx(yaw, abs=1e-9)
+    speeds = []
+    for number in range(200):
+        path = reference(guidance, plans, 5 * number * PERIOD_S, here)
+        speeds.append(np.linalg.norm(path.velocity_m_s[0]))
+    assert path.position_m[0] == pytest.approx([-0.5, 0.2, 1.0])
+    assert np.cos(path.yaw_rad[0] - leader - 0.4) == pytest.approx(1.0)
+    assert abs(path.yaw_rad[0] - yaw) <= np.pi + 1e-9
+    assert max(speeds) <= OFFSET_SPEED_M_S + 1e-6
+
+
+def test_a_follower_is_at_its_offset_from_the_moving_leader_once_it_has_joined() -> None:
+    guidance = flying((Link("h1", offset(-0.5)),))
+    reference(guidance, {"h1": moving_leader(0.5)}, 0.0)
+    path = reference(guidance, {"h1": moving_leader(0.5)}, 60.0)
+    assert path.position_m[:, 0] == pytest.approx(-0.5 + 0.5 * PERIOD_S * np.arange(STAGES))
+    assert path.velocity_m_s[:, 0] == pytest.approx(0.5)
+
+
+def test_an_old_plan_is_read_further_on() -> None:
+    guidance = flying((Link("h1", offset(0.0)),))
+    reference(guidance, {"h1": moving_leader(0.5)}, 0.0)
+    path = reference(guidance, {"h1": moving_leader(0.5, ahead_s=0.06)}, 60.0, delay_s=0.04)
+    assert path.position_m[0, 0] == pytest.approx(0.5 * 0.1)
+
+
+def test_whole_turns_between_leader_and_follower_mean_nothing() -> None:
+    turned = still((0.0, 0.0, 1.0), 6 * np.pi + 0.1)
+    guidance = flying((Link("h1", offset(0.0)),), turned)
+    plans = {"h1": standing_leader((0.0, 0.0, 1.0), -4 * np.pi + 0.1)}
+    for time_s in (0.0, 60.0):
+        path = reference(guidance, plans, time_s, turned)
+        assert path.yaw_rad == pytest.approx(6 * np.pi + 0.1)
+
+
+@pytest.mark.parametrize(
+    "plans",
+    [
+        {},
+        {"h3": standing_leader((5.0, 5.0, 1.0))},
+        {"h1": standing_leader((5.0, 5.0, 1.0), ahead_s=0.7)},
+        {"h1": standing_leader((5.0, 5.0, 0.0), airborne=False)},
+    ],
+)
+def test_a_follower_without_a_usable_plan_holds_its_place_and_counts_it(plans: dict[str, LeaderPlan]) -> None:
+    guidance = flying((Link("h1", offset(-0.5)),))
+    path = reference(guidance, plans)
+    assert path.position_m == pytest.approx(np.tile(ALOFT.motion[:3], (STAGES, 1)))
+    assert guidance.events["no_leader_plan"] == 1
+
+
+def test_a_follower_that_loses_its_leader_stays_and_joins_again_without_a_jerk() -> None:
+    guidance = flying((Link("h1", offset(-0.5)),))
+    plans = {"h1": standing_leader((0.0, 0.0, 1.0))}
+    reference(guidance, plans, 0.0)
+    reference(guidance, plans, 60.0)
+    held = reference(guidance, {}, 60.02, still((-0.5, 0.0, 1.0)))
+    assert held.position_m == pytest.approx(np.tile([-0.5, 0.0, 1.0], (STAGES, 1)))
+    drifted = still((-0.4, 0.1, 1.1))
+    joined = reference(guidance, plans, 61.0, drifted)
+    assert joined.position_m[0] == pytest.approx(drifted.motion[:3])
+
+
+def test_a_follower_of_several_takes_the_weighted_mean_and_goes_on_with_those_it_hears() -> None:
+    links = (Link("h1", offset(-1.0), 3.0), Link("h2", offset(1.0), 1.0))
+    guidance = flying(links)
+    plans = {"h1": standing_leader((0.0, 0.0, 1.0)), "h2": standing_leader((2.0, 0.0, 1.0))}
+    reference(guidance, plans, 0.0)
+    path = reference(guidance, plans, 60.0)
+    assert path.position_m[-1] == pytest.approx([0.75 * -1.0 + 0.25 * 3.0, 0.0, 1.0])
+    alone = reference(guidance, {"h1": plans["h1"]}, 60.02)
+    assert alone.position_m[-1] == pytest.approx([-1.0, 0.0, 1.0])
+
+
+def test_lead_holds_the_place_and_forgets_the_leaders() -> None:
+    guidance = flying((Link("h1", offset(-0.5)),))
+    guidance.lead(ALOFT)
+    assert guidance.links == ()
+    assert not guidance.follows
+    path = reference(guidance, {"h1": standing_leader((5.0, 5.0, 1.0))})
+    assert path.position_m[-1] == pytest.approx(ALOFT.motion[:3])
+
+
+def test_a_new_offset_is_reached_in_the_time_that_was_asked_for() -> None:
+    guidance = flying((Link("h1", offset(-0.5)),))
+    plans = {"h1": standing_leader((0.7, 0.1, 1.0))}
+    guidance.follow([Link("h1", offset(0.5))], plans, ALOFT, 10.0, 4.0)
+    begin = guidance.links[0].offset_at(10.0).position_m
+    assert begin == pytest.approx(ALOFT.motion[:3] - [0.7, 0.1, 1.0])
+    middle = guidance.links[0].offset_at(12.0).position_m
+    assert middle == pytest.approx((begin + np.array([0.5, 0.0, 0.0])) / 2)
+    assert guidance.links[0].offset_at(14.0).position_m == pytest.approx([0.5, 0.0, 0.0])
+
+
+def test_a_transition_of_no_time_is_there_at_once() -> None:
+    guidance = flying()
+    plans = {"h1": standing_leader((0.0, 0.0, 1.0))}
+    guidance.follow([Link("h1", offset(0.5))], plans, ALOFT, 10.0, 0.0)
+    assert reference(guidance, plans, 10.0).position_m[0] == pytest.approx([0.5, 0.0, 1.0])
+
+
+def test_a_vehicle_on_the_floor_may_be_told_to_follow_and_does_so_in_the_air() -> None:
+    guidance = armed()
+    guidance.follow([Link("h1", offset(0.5))], {}, FLOOR, 0.0, None)
+    assert guidance.links[0].leader == "h1"
+    assert not guidance.follows
+    guidance.take_off(FLOOR, 1.0, 0.0)
+    assert not guidance.follows
+    reference(guidance, {}, 60.0)
+    assert guidance.follows
+
+
+def test_the_set_point_is_where_the_own_reference_ends() -> None:
+    guidance = flying()
+    guidance.source = SetPointReference(np.array([1.0, 2.0, 3.0]), 3 * np.pi)
+    position_m, yaw_rad = guidance.set_point()
+    assert position_m == pytest.approx([1.0, 2.0, 3.0])
+    assert yaw_rad == pytest.approx(3 * np.pi)

@@ -1,0 +1,100 @@
+"""Promises of the pacing: control periods follow frame numbers, and what was missed is counted."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents.pacing import Pacing, SolveTimer
+
+
+def due(pacing: Pacing, frames: range | list[int], period_s: float, flying: bool = True) -> list[int]:
+    return [frame for frame in frames if pacing.control_due(frame, period_s, flying)]
+
+
+@pytest.mark.parametrize(("rate_hz", "per_tick"), [(50, 1), (100, 2), (200, 4), (25, 1)])
+def test_control_keeps_its_rate_whatever_the_rate_of_the_motion_capture(rate_hz: int, per_tick: int) -> None:
+    pacing = Pacing(0.02)
+    assert pacing.frames_per_tick(1 / rate_hz) == per_tick
+    assert due(pacing, range(1000, 1040), 1 / rate_hz) == list(range(1000, 1040, per_tick))
+    assert pacing.ticks == 40 // per_tick
+    assert pacing.missed_ticks == 0
+
+
+def test_leaders_and_followers_take_the_same_frames_whenever_they_started() -> None:
+    one, other = Pacing(0.02), Pacing(0.02)
+    due(one, [1001], 0.005)
+    due(other, [1002], 0.005)
+    assert due(one, range(1003, 1030), 0.005) == due(other, range(1003, 1030), 0.005)
+
+
+def test_after_a_gap_control_is_due_at_once_and_the_missed_periods_are_counted() -> None:
+    pacing = Pacing(0.02)
+    due(pacing, [0], 0.02)
+    assert due(pacing, [4], 0.02) == [4]
+    assert pacing.missed_ticks == 3
+    fast = Pacing(0.02)
+    due(fast, [0], 0.005)
+    assert due(fast, [13], 0.005) == [13]
+    assert fast.missed_ticks == 2
+    assert due(fast, [14, 15, 16], 0.005) == [16]
+    assert fast.missed_ticks == 2
+
+
+def test_nothing_is_missed_on_the_floor() -> None:
+    pacing = Pacing(0.02)
+    due(pacing, [0, 50], 0.02, flying=False)
+    assert pacing.missed_ticks == 0
+
+
+def test_frame_numbers_that_begin_anew_are_due_at_once_and_nothing_is_missed() -> None:
+    pacing = Pacing(0.02)
+    due(pacing, [5000], 0.02)
+    assert due(pacing, [3, 4], 0.02) == [3, 4]
+    assert pacing.missed_ticks == 0
+
+
+def test_a_command_overtaken_by_the_next_period_is_missed() -> None:
+    pacing = Pacing(0.02)
+    pacing.on_overtaken()
+    assert pacing.missed_ticks == 1
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=60), st.sampled_from([0.02, 0.01, 0.005]))
+def test_periods_and_missed_periods_add_up_to_the_time_flown(steps: list[int], period_s: float) -> None:
+    pacing, frame = Pacing(0.02), 0
+    due(pacing, [0], period_s)
+    last = 0
+    for step in steps:
+        frame += step
+        last = (due(pacing, [frame], period_s) or [last])[-1]
+    per_tick = pacing.frames_per_tick(period_s)
+    assert pacing.ticks + pacing.missed_ticks <= 1 + len(steps) + last / per_tick
+    assert pacing.missed_ticks <= last / per_tick
+    assert frame - last < per_tick
+
+
+def test_a_pose_is_overdue_after_one_and_a_half_periods_and_then_every_period() -> None:
+    pacing = Pacing(0.02)
+    assert pacing.coast_at_s(0.02) is None
+    pacing.on_pose(100.0)
+    overdue = []
+    for _ in range(3):
+        at_s = pacing.coast_at_s(0.02)
+        assert at_s is not None
+        overdue.append(at_s)
+        pacing.on_coast()
+    assert overdue == pytest.approx([100.03, 100.05, 100.07])
+    pacing.on_pose(100.1)
+    assert pacing.coast_at_s(0.02) == pytest.approx(100.13)
+
+
+def test_solver_times_are_percentiles_of_the_recent_steps_in_milliseconds() -> None:
+    timer = SolveTimer()
+    assert timer.times().maximum == 0.0
+    for number in range(1, 101):
+        timer.add(number / 1000)
+    times = timer.times()
+    assert (times.p50, times.p99, times.maximum) == pytest.approx((50.5, 99.01, 100.0))
+    for _ in range(500):
+        timer.add(0.001)
+    assert timer.times().maximum == pytest.approx(1.0)
