@@ -43,4 +43,4 @@ class AgentSettings:
     following: tuple[Following, ...] = ()
     generations_below: int = 0
     realtime_priority: int = 0
-    leader_wait_s: float = 0.004
+    leader_wait_s: float = 0.0025

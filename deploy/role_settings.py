@@ -97,6 +97,7 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
         period_s=control.period_s,
         controller_settings=control.settings,
         estimator_settings=control.estimator_settings,
+        leader_wait_s=control.leader_wait_s,
         following=tuple(
             Following(
                 leader=link.leader,
