@@ -1,0 +1,143 @@
+"""Promises of following: plans are aligned by frame, other epochs and cycles are left out and counted."""
+
+import pytest
+from support.plans import PlanBus, plan_of
+
+from agents.fleet_clock import FleetClock
+from agents.leaders import Leaders
+
+
+@pytest.fixture
+def plan_bus() -> PlanBus:
+    return PlanBus()
+
+
+@pytest.fixture
+def leaders(plan_bus: PlanBus) -> Leaders:
+    return Leaders("h9", plan_bus.subscribe)  # type: ignore[arg-type]  # an inbox without a bus
+
+
+def clock_at(frame: int, epoch: int = 1, coasted: int = 0) -> FleetClock:
+    clock = FleetClock()
+    clock.frames_until(epoch, frame - coasted, 0.02)
+    for _ in range(coasted):
+        clock.coast()
+    return clock
+
+
+def test_exactly_the_wanted_plans_are_subscribed_to(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1", "h2"])
+    first = {inbox.name: inbox for inbox in plan_bus.opened}
+    leaders.keep(["h2", "h3"])
+    assert plan_bus.open_names() == ["h2", "h3"]
+    assert first["h1"].closed
+    assert [inbox.name for inbox in plan_bus.opened].count("h2") == 1
+    leaders.keep([])
+    assert plan_bus.open_names() == []
+
+
+@pytest.mark.parametrize(
+    ("plan_frame", "start_s", "ahead_s"),
+    [(10, 0.02, -0.02), (9, 0.02, 0.0), (10, 0.0, 0.0), (7, 0.02, 0.04), (11, 0.02, -0.04)],
+)
+def test_plans_are_aligned_by_the_difference_of_frames_and_their_own_delay(
+    leaders: Leaders, plan_bus: PlanBus, plan_frame: int, start_s: float, ahead_s: float
+) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", plan_frame, start_s=start_s, position_m=(1.0, 2.0, 3.0)))
+    plan = leaders.plans(clock_at(10))["h1"]
+    assert plan.ahead_s == pytest.approx(ahead_s)
+    assert plan.trajectory.position_m[0] == pytest.approx([1.0, 2.0, 3.0])
+    assert plan.trajectory.period_s == 0.02
+    assert plan.airborne
+
+
+def test_frames_that_were_coasted_count(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", 10, start_s=0.0))
+    assert leaders.plans(clock_at(13, coasted=3))["h1"].ahead_s == pytest.approx(0.06)
+
+
+def test_plans_of_another_epoch_are_left_out_and_counted(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1", "h2"])
+    plan_bus.deliver(plan_of("h1", epoch=7))
+    plan_bus.deliver(plan_of("h2"))
+    assert set(leaders.plans(clock_at(10))) == {"h2"}
+    assert leaders.counts() == {"plan.epoch": 1}
+
+
+def test_a_leader_on_the_floor_says_so(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", airborne=False))
+    assert not leaders.plans(clock_at(10))["h1"].airborne
+
+
+def test_plans_are_complete_when_every_leaders_plan_of_this_frame_is_here(
+    leaders: Leaders, plan_bus: PlanBus
+) -> None:
+    clock = clock_at(10)
+    assert leaders.complete(clock)
+    leaders.keep(["h1", "h2"])
+    assert not leaders.complete(clock)
+    plan_bus.deliver(plan_of("h1", 10))
+    assert not leaders.complete(clock)
+    plan_bus.deliver(plan_of("h2", 9))
+    assert not leaders.complete(clock)
+    plan_bus.deliver(plan_of("h2", 10))
+    assert leaders.complete(clock)
+    assert not leaders.complete(clock_at(11))
+    assert not leaders.complete(clock_at(1, epoch=2))
+
+
+def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
+    leaders: Leaders, plan_bus: PlanBus
+) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", ancestors=("h2", "h3")))
+    assert leaders.ancestors() == ("h1", "h2", "h3")
+    leaders.keep(["h1", "h4"])
+    plan_bus.deliver(plan_of("h4", ancestors=("h3", "h5")))
+    assert set(leaders.ancestors()) == {"h1", "h2", "h3", "h4", "h5"}
+    assert len(leaders.ancestors()) == 5
+
+
+def test_a_line_that_leads_back_is_found(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1"])
+    assert leaders.cycle_through("h1") is None
+    plan_bus.deliver(plan_of("h1", ancestors=("h2", "h9", "h3")))
+    assert leaders.cycle_through("h1") == ("h1", "h2", "h9")
+    assert leaders.cycle_through("h9") == ("h9",)
+    plan_bus.deliver(plan_of("h1", ancestors=("h2", "h3")))
+    assert leaders.cycle_through("h1") is None
+
+
+def test_plans_of_a_cycle_that_began_unnoticed_are_left_out_and_counted(
+    leaders: Leaders, plan_bus: PlanBus
+) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", ancestors=("h9",)))
+    assert leaders.plans(clock_at(10)) == {}
+    assert leaders.counts() == {"plan.cycle": 1}
+
+
+def test_refused_plans_stay_counted_after_the_leader_has_changed(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1"])
+    plan_bus.opened[0].store(b"garbage", 0.0)
+    assert leaders.newest("h1") is None
+    leaders.keep(["h2"])
+    plan_bus.opened[1].store(b"garbage", 0.0)
+    assert leaders.newest("h2") is None
+    (count,) = leaders.counts().values()
+    assert count == 2
+
+
+def test_the_age_is_that_of_the_oldest_plan_and_unknown_while_one_is_missing(
+    leaders: Leaders, plan_bus: PlanBus
+) -> None:
+    assert leaders.plan_age_s(100.0) is None
+    leaders.keep(["h1", "h2"])
+    plan_bus.deliver(plan_of("h1"), 99.0)
+    assert leaders.plan_age_s(100.0) is None
+    plan_bus.deliver(plan_of("h2"), 99.5)
+    assert leaders.plan_age_s(100.0) == pytest.approx(1.0)
+    assert leaders.newest("h7") is None

@@ -1,0 +1,68 @@
+"""Plans as messages, and subscriptions without a bus."""
+
+import numpy as np
+
+from agents.trajectory import COLUMNS
+from bus import channels
+from bus.codec import encode
+from bus.messages import FloatArray, Plan
+from bus.subscription import Inbox
+
+
+class PlanInbox(Inbox[Plan]):
+    """A subscription to a plan that tests fill by hand."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(channels.PLAN)
+        self.name = name
+        self.closed = False
+
+    def close(self) -> None:
+        self.closed = True
+
+    def arrive(self, plan: Plan, arrived_s: float = 100.0) -> None:
+        self.store(encode(plan), arrived_s)
+
+
+class PlanBus:
+    """Hands out subscriptions and delivers plans to them."""
+
+    def __init__(self) -> None:
+        self.opened: list[PlanInbox] = []
+
+    def subscribe(self, name: str) -> PlanInbox:
+        self.opened.append(PlanInbox(name))
+        return self.opened[-1]
+
+    def deliver(self, plan: Plan, arrived_s: float = 100.0) -> None:
+        for inbox in self.opened:
+            if inbox.name == plan.source and not inbox.closed:
+                inbox.arrive(plan, arrived_s)
+
+    def open_names(self) -> list[str]:
+        return sorted(inbox.name for inbox in self.opened if not inbox.closed)
+
+
+def plan_of(
+    source: str,
+    frame: int = 10,
+    *,
+    epoch: int = 1,
+    ancestors: tuple[str, ...] = (),
+    start_s: float = 0.02,
+    position_m: tuple[float, float, float] = (0.0, 0.0, 1.0),
+    airborne: bool = True,
+) -> Plan:
+    """Plan of a vehicle that hovers."""
+    samples = np.zeros((20, COLUMNS))
+    samples[:, :3] = position_m
+    return Plan(
+        epoch=epoch,
+        frame=frame,
+        source=source,
+        ancestors=ancestors,
+        period_s=0.02,
+        start_s=start_s,
+        airborne=airborne,
+        trajectory=FloatArray.of(samples),
+    )
