@@ -14,7 +14,7 @@ from vehicles.state import Array
 
 RESIDUAL: Final = 1e-7
 START_MULTIPLIER: Final = 10.0
-START_SLACK: Final = 0.5
+START_SLACK: Final = 0.1
 TO_BOUNDARY: Final = 0.99
 
 
