@@ -155,6 +155,8 @@ class Pilot:
         event = _EVENT_OF_STATE[state]
         if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
+            # What acts now is what the earlier process commanded; the first step starts from there.
+            self.inputs = InputHistory(value)
         self.informed = True
         self.guidance.on_event(event, self.estimate)
 

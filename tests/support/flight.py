@@ -30,12 +30,18 @@ def measured(estimate: Estimate) -> Measurement:
 class Plant:
     """A vehicle whose inputs act `model.delay_s` after they were sent."""
 
-    def __init__(self, model: Model = COAXIAL, start: Estimate | None = None, floor_m: float | None = 0.0):
+    def __init__(
+        self,
+        model: Model = COAXIAL,
+        start: Estimate | None = None,
+        floor_m: float | None = 0.0,
+        acting: Array = REST,
+    ) -> None:
         self.model = model
         self.state = still() if start is None else start
         self.time_s = 0.0
         self._floor_m = floor_m
-        self._acting = REST
+        self._acting = acting
         self._under_way: deque[tuple[float, Array]] = deque()
 
     @property
