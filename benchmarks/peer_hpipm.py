@@ -9,7 +9,7 @@ from scipy import sparse
 from agents.controllers.stage_qp import Outcome, StageQP
 from vehicles.state import Array
 
-TOLERANCE: Final = 1e-5
+TOLERANCE: Final = 1e-6
 STAND_IN_FOR_INFINITY: Final = 100.0
 """In scaled variables; the interface's own default makes the solver fail."""
 
@@ -34,15 +34,20 @@ class HpipmStageQP(StageQP):
         positions.data = np.arange(1, constraint.nnz + 1, dtype=float)
         self._gap_places = positions[: self._equalities][nx:].tocsc().data.astype(np.int64) - 1
         self._gap_values = self._constraint_values[self._gap_places]
-        full = (hessian + sparse.triu(hessian, 1).T).tocsc()
+        # sums of sparse matrices lose explicit zeros, so the pattern is summed
+        pattern = hessian.copy()
+        pattern.data[:] = 1.0
+        full = (pattern + sparse.triu(pattern, 1).T).tocsc()
         full.sort_indices()
-        self._hessian_values = full.data.copy()
+        columns = np.repeat(np.arange(self._size), np.diff(full.indptr))
+        self._hessian_values = hessian.diagonal()[columns]
         block = self._size - nx
         self._terminal_entries = np.flatnonzero(full.indices >= block)
         self._terminal_where = (
             full.indices[self._terminal_entries] - block,
-            np.repeat(np.arange(self._size), np.diff(full.indptr))[self._terminal_entries] - block,
+            columns[self._terminal_entries] - block,
         )
+        self._hessian_values[self._terminal_entries] = self._terminal_cost[self._terminal_where]
         options = {
             "N": stages - 1,
             "nx": [nx] * stages,

@@ -1,0 +1,30 @@
+"""The solver benchmark: every contestant solves the problems it is timed on."""
+
+import pytest
+
+from benchmarks import flight, judge, solver
+
+
+def test_every_installed_contestant_is_timed_and_solves_its_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Set points with turns follow each other quickly here, so that all matrices change."""
+    monkeypatch.setattr(flight, "HOLD_S", 0.1)
+    monkeypatch.setattr(judge, "EVERY", 3)
+    told: list[str] = []
+    result = solver.run(horizons=(6,), steps=40, seed=1, progress=told.append)
+    assert told
+    figures = result["horizons"]["6"]
+    assert set(figures) | set(result["missing"]) == set(solver.CONTESTANTS)
+    assert {"cascade", "cascade_no_lag", "paper_constant", "paper_relinearized"} <= set(figures)
+    for name, row in figures.items():
+        assert row["mean_ms"] > 0
+        assert row["p99_ms"] <= row["p999_ms"] <= row["max_ms"]
+        if row["error"] is not None:
+            assert row["error_median"] < 1e-2, name
+            assert row["error"] < 0.2, name
+
+
+def test_a_missing_peer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solver, "find_spec", lambda package: None)
+    result = solver.run(horizons=(4,), steps=3)
+    assert result["missing"] == ["hpipm", "piqp_cascade", "piqp_multistage", "piqp_sparse"]
+    assert result["horizons"]["4"]["cascade"]["error"] is None
