@@ -318,20 +318,35 @@ class Fleet(AbstractContextManager["Fleet"]):
         )
 
     def land(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
-        """Land and disarm vehicles, by default every one that is in the air."""
+        """Land and disarm vehicles, by default every one that is in the air.
+
+        Raises
+        ------
+        RefusedError, RequestFailedError, NotReachedError
+            A vehicle could not be told to land, or did not; all the others land first.
+        """
         vehicles = list(self) if names is None else [self[name] for name in names]
+        problems: list[RefusedError | RequestFailedError] = []
+        told = []
         for vehicle in vehicles:
             if vehicle.state.airborne:
-                vehicle.land()
+                try:
+                    vehicle.land()
+                except (RefusedError, RequestFailedError) as error:
+                    problems.append(error)
+                    continue
+            told.append(vehicle)
         self.wait_until(
-            lambda: not any(vehicle.state.airborne for vehicle in vehicles),
+            lambda: not any(vehicle.state.airborne for vehicle in told),
             timeout_s,
             "not all vehicles have landed",
-            [vehicle.name for vehicle in vehicles],
+            [vehicle.name for vehicle in told],
         )
-        for vehicle in vehicles:
+        for vehicle in told:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 vehicle.disarm()
+        if problems:
+            raise problems[0]
 
     def kill(self, names: Iterable[str] = (), reason: str = "operator", seconds: float = 1.0) -> None:
         """Cut the motors of some or all vehicles now; repeated for a while, as delivery is not assured."""

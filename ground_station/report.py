@@ -2,7 +2,8 @@
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 
 PULSE_TOLERANCE_US = 1.0
 MATCH_LIMIT_S = 0.1
+LONGEST_LATENCY_MS = 1000.0
+"""What took longer has nothing to do with each other."""
 
 
 def percentiles(values: Sequence[float]) -> dict[str, float] | None:
@@ -106,24 +109,28 @@ class FlightFigures:
                 start_s = received.get((applied.epoch, applied.frame))
                 if applied.fresh and start_s is not None and applied.command_arrived_s is not None:
                     values.append(1000 * (applied.command_arrived_s - start_s))
-        return [value for value in values if 0 <= value < 1000]
+        return [value for value in values if 0 <= value < LONGEST_LATENCY_MS]
 
     def frame_to_radio_ms(self) -> list[float]:
         """From the simulator's send of a frame to the arrival of the first radio frame computed from it."""
-        sent = {state.frame: state.sent_s for state in self._laboratory}
+        sent: dict[int, list[float]] = {}
+        for state in self._laboratory:
+            sent.setdefault(state.frame, []).append(state.sent_s)
         values = []
         for name in self._vehicles:
             arrivals = [radio for vehicle in self.truth(name) for radio in vehicle.radio]
             times = [radio[0] for radio in arrivals]
-            seen: set[int] = set()
+            seen: set[tuple[int, int]] = set()
             for applied in self._applied[name]:
-                if not applied.fresh or applied.frame in seen or applied.frame not in sent:
+                # A laboratory that was started again counts its frames anew: the last one before counts.
+                before = [at_s for at_s in sent.get(applied.frame, ()) if at_s <= applied.written_s]
+                if not applied.fresh or (applied.epoch, applied.frame) in seen or not before:
                     continue
-                seen.add(applied.frame)
+                seen.add((applied.epoch, applied.frame))
                 arrived_s = _arrival_of(applied, arrivals, times)
                 if arrived_s is not None:
-                    values.append(1000 * (arrived_s - sent[applied.frame]))
-        return values
+                    values.append(1000 * (arrived_s - before[-1]))
+        return [value for value in values if value < LONGEST_LATENCY_MS]
 
     def formation_error_m(self, name: str) -> Array:
         """Norm of p_F - p_L - d at every frame in which the vehicle followed, shape (n,)."""
@@ -170,29 +177,35 @@ class FlightFigures:
     def vehicle(self, name: str) -> dict[str, Any]:
         """The report's table of one vehicle."""
         status = self._status[name]
-        first, last = (status[0], status[-1]) if status else (None, None)
         table: dict[str, Any] = {
             "formation_error_mm": rms_and_max(self.formation_error_m(name)),
             "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
             "radio_frames": dict(Counter(applied.state for applied in self._applied[name])),
             "safety": self._safety_events(name),
         }
-        if first is None or last is None:
+        if not status:
             return table | {"ticks": 0, "missed_ticks": 0, "fallbacks": {}, "solve_ms": None}
         return table | {
-            "ticks": last.ticks - first.ticks,
-            "missed_ticks": last.missed_ticks - first.missed_ticks,
-            "fallbacks": {
-                kind: count - first.fallbacks.get(kind, 0)
-                for kind, count in last.fallbacks.items()
-                if count > first.fallbacks.get(kind, 0)
-            },
+            "ticks": _growth(status, lambda s: {"ticks": s.ticks})["ticks"],
+            "missed_ticks": _growth(status, lambda s: {"missed": s.missed_ticks})["missed"],
+            "fallbacks": dict(_growth(status, lambda s: s.fallbacks)),
             "solve_ms": {
                 "p50": round(float(np.median([s.solve_ms_p50 for s in status])), 3),
                 "p99": round(max(s.solve_ms_p99 for s in status), 3),
                 "max": round(max(s.solve_ms_max for s in status), 3),
             },
         }
+
+
+def _growth(
+    statuses: Sequence[AgentStatus], counts: Callable[[AgentStatus], Mapping[str, int]]
+) -> Counter[str]:
+    """How far counters grew during a recording; an agent that was started again counts from zero."""
+    grown: Counter[str] = Counter()
+    for before, after in pairwise(statuses):
+        base = counts(before) if before.process == after.process else {}
+        grown.update({kind: count - base.get(kind, 0) for kind, count in counts(after).items()})
+    return +grown
 
 
 def _arrival_of(

@@ -1,5 +1,6 @@
 """The live table of a fleet in a terminal."""
 
+from collections import Counter
 from collections.abc import Iterable
 
 from rich.table import Table
@@ -12,7 +13,8 @@ STALE_S = 0.5
 
 def fleet_table(fleet: Fleet) -> Table:
     """All vehicles of a running fleet: phases, ages, solver times, and everything that went wrong."""
-    table = Table(title=_tracker_line(fleet), title_justify="left", expand=False)
+    # Texts from the bus are shown as they are, whatever brackets they contain.
+    table = Table(title=Text(_tracker_line(fleet)), title_justify="left", expand=False)
     for heading in (
         "vehicle", "phase", "transmitter", "follows", "x y z [m]", "pose age [ms]", "command age [ms]",
         "solve p50 / p99 [ms]", "missed", "fallbacks, rejections",
@@ -50,8 +52,9 @@ def _row(state: VehicleState) -> Iterable[Text | str]:
     yield _milliseconds(None if transmitter is None else transmitter.command_age_s)
     yield f"{agent.solve_ms_p50:.2f} / {agent.solve_ms_p99:.2f}"
     yield str(agent.missed_ticks)
-    counts = agent.fallbacks | agent.rejected | ({} if transmitter is None else transmitter.rejected)
-    yield ", ".join(f"{kind} {count}" for kind, count in counts.items()) or "-"
+    counts = Counter(agent.fallbacks) + Counter(agent.rejected)
+    counts += Counter({} if transmitter is None else transmitter.rejected)
+    yield Text(", ".join(f"{kind} {count}" for kind, count in counts.items()) or "-")
 
 
 def _milliseconds(value_s: float | None) -> str:

@@ -122,7 +122,7 @@ class Watch:
 
     def _print_events(self, console: Console) -> None:
         while self._launcher.events:
-            console.print(self._launcher.events.popleft(), highlight=False)
+            console.print(self._launcher.events.popleft(), highlight=False, markup=False)
 
 
 def up(fleet: FleetArgument = DEFAULT_FLEET, host: HostOption = None) -> None:

@@ -1,0 +1,326 @@
+"""Promises of the figures: recordings with known answers give them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus import channels
+from bus.channels import Channel
+from bus.codec import encode
+from bus.messages import (
+    AgentStatus,
+    Applied,
+    FloatArray,
+    Following,
+    LaboratoryState,
+    LaboratoryVehicle,
+    Message,
+    Plan,
+    Pose,
+    SetPoint,
+    TransmitterStatus,
+)
+from ground_station.recorder import Record, Recording
+from ground_station.report import FlightFigures, percentiles, rms_and_max
+
+Four = tuple[float, float, float, float]
+Three = tuple[float, float, float]
+
+
+class Flight:
+    """Builds a recording message by message."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+
+    def add(self, channel: Channel, unit: str, message: Message) -> None:
+        self.records.append(Record(unit, channel.topic, encode(message), float(len(self.records))))
+
+    def pose(self, unit: str, frame: int, position_m: Three | None, received_s: float = 0.0) -> None:
+        quaternion = None if position_m is None else (0.0, 0.0, 0.0, 1.0)
+        self.add(
+            channels.POSE,
+            unit,
+            Pose(
+                epoch=1,
+                frame=frame,
+                period_s=0.02,
+                latency_s=0.0,
+                received_s=received_s,
+                occluded=position_m is None,
+                position_m=position_m,
+                quaternion_xyzw=quaternion,
+            ),
+        )
+
+    def plan(
+        self, unit: str, frame: int, reference: Four | None, *following: Following, start_s: float = 0.02
+    ) -> None:
+        trajectory = FloatArray.of(np.zeros((2, 12)))
+        self.add(
+            channels.PLAN,
+            unit,
+            Plan(
+                epoch=1,
+                frame=frame,
+                source=unit,
+                ancestors=(),
+                period_s=0.02,
+                start_s=start_s,
+                trajectory=trajectory,
+                reference=reference,
+                following=following,
+            ),
+        )
+
+    def laboratory(self, frame: int, sent_s: float, **vehicles: LaboratoryVehicle) -> None:
+        state = LaboratoryState(frame=frame, sent_s=sent_s, vehicles=vehicles)
+        self.add(channels.LABORATORY, channels.SIMULATOR_UNIT, state)
+
+    def applied(
+        self,
+        unit: str,
+        frame: int,
+        written_s: float,
+        pulses_us: tuple[float, ...],
+        *,
+        epoch: int = 1,
+        fresh: bool = True,
+        arrived_s: float | None = None,
+    ) -> None:
+        self.add(
+            channels.APPLIED,
+            unit,
+            Applied(
+                state="armed",
+                input=(0.0, 0.0, 0.5, 0.0),
+                pulse_width_us=pulses_us,
+                epoch=epoch,
+                frame=frame,
+                sequence=frame,
+                fresh=fresh,
+                command_arrived_s=arrived_s,
+                written_s=written_s,
+            ),
+        )
+
+    def status(self, unit: str, ticks: int, process: int = 1, **fields: object) -> None:
+        self.add(
+            channels.AGENT_STATUS,
+            unit,
+            AgentStatus(
+                phase="flying",
+                controller="paper",
+                estimator="kalman",
+                horizon=50,
+                epoch=1,
+                frame=1,
+                set_point=SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0),
+                ticks=ticks,
+                process=process,
+                **fields,  # type: ignore[arg-type]  # counters and times
+            ),
+        )
+
+    def figures(self, *names: str) -> FlightFigures:
+        return FlightFigures(Recording(self.records), names)
+
+
+def truth(
+    x: float = 0.0, y: float = 0.0, z: float = 1.0, radio: tuple[tuple[float, ...], ...] = ()
+) -> LaboratoryVehicle:
+    return LaboratoryVehicle(
+        position_m=(x, y, z),
+        yaw_rad=0.0,
+        velocity_m_s=(0.0, 0.0, 0.0),
+        on_floor=False,
+        outside=False,
+        radio=radio,
+    )
+
+
+def test_percentiles_of_a_known_sequence() -> None:
+    assert percentiles(list(range(101))) == {"p50": 50.0, "p99": 99.0, "max": 100.0}
+    assert percentiles([1.23456]) == {"p50": 1.235, "p99": 1.235, "max": 1.235}
+    assert percentiles([]) is None
+
+
+@given(st.lists(st.floats(0, 1e3), min_size=1))
+def test_percentiles_are_ordered_and_within_the_values(values: list[float]) -> None:
+    figures = percentiles(values)
+    assert figures is not None
+    low, high = min(values) - 1e-3, max(values) + 1e-3
+    assert low <= figures["p50"] <= figures["p99"] + 1e-9 <= figures["max"] + 2e-9 <= high + 1e-3
+
+
+def test_root_mean_square_and_maximum_are_millimetres() -> None:
+    assert rms_and_max(np.array([0.003, 0.004])) == {"rms": 3.54, "max": 4.0}
+    assert rms_and_max(np.zeros(0)) is None
+
+
+def test_formation_error_is_the_distance_to_the_leader_plus_offset() -> None:
+    flight = Flight()
+    for frame, error_m in enumerate((0.0, 0.03, 0.04)):
+        flight.pose("h1", frame, (0.1 * frame, 0.0, 1.0))
+        flight.pose("h2", frame, (0.1 * frame - 0.5, 0.2 + error_m, 1.0))
+        flight.plan("h2", frame, (0.0,) * 4, Following(leader="h1", offset_m=(-0.5, 0.2, 0.0)))
+    figures = flight.figures("h1", "h2")
+    assert figures.formation_error_m("h2") == pytest.approx([0.0, 0.03, 0.04])
+    assert figures.vehicle("h2")["formation_error_mm"] == {"rms": 28.87, "max": 40.0}
+    assert figures.vehicle("h1")["formation_error_mm"] is None
+
+
+def test_formation_error_with_several_leaders_uses_the_weighted_mean() -> None:
+    flight = Flight()
+    flight.pose("h1", 5, (0.0, 0.0, 1.0))
+    flight.pose("h2", 5, (4.0, 0.0, 1.0))
+    flight.pose("h3", 5, (1.0, 0.1, 1.0))
+    links = (Following(leader="h1", weight=3.0), Following(leader="h2", weight=1.0))
+    flight.plan("h3", 5, (0.0,) * 4, *links)
+    assert flight.figures("h1", "h2", "h3").formation_error_m("h3") == pytest.approx([0.1])
+
+
+def test_frames_in_which_somebody_was_not_seen_or_not_flown_do_not_count() -> None:
+    flight = Flight()
+    link = Following(leader="h1")
+    flight.pose("h1", 1, (0.0, 0.0, 1.0))
+    flight.pose("h2", 1, None)
+    flight.pose("h1", 2, None)
+    flight.pose("h2", 2, (0.0, 0.0, 1.0))
+    for frame in (3, 4):
+        flight.pose("h1", frame, (0.0, 0.0, 1.0))
+        flight.pose("h2", frame, (0.0, 0.01, 1.0))
+    for frame in (1, 2, 4):
+        flight.plan("h2", frame, (0.0, 0.0, 1.0, 0.0), link)
+    flight.plan("h2", 3, None, link)
+    flight.plan("h2", 99, (0.0, 0.0, 1.0, 0.0), link)
+    assert flight.figures("h1", "h2").formation_error_m("h2") == pytest.approx([0.01])
+
+
+def test_the_truth_of_the_laboratory_counts_where_there_is_one() -> None:
+    flight = Flight()
+    flight.laboratory(1, 0.0, h1=truth(0.0), h2=truth(0.25))
+    flight.pose("h1", 1, (9.0, 9.0, 9.0))
+    flight.pose("h2", 1, (9.0, 9.0, 9.0))
+    flight.plan("h2", 1, (0.0, 0.0, 1.0, 0.0), Following(leader="h1"))
+    assert flight.figures("h1", "h2").formation_error_m("h2") == pytest.approx([0.25])
+
+
+def test_tracking_error_is_taken_when_the_reference_was_to_be_reached() -> None:
+    flight = Flight()
+    for frame in range(5):
+        flight.pose("h1", frame, (0.1 * frame, 0.0, 1.0))
+    # The first stage lies one frame after the pose, so it is compared with the next position.
+    flight.plan("h1", 2, (0.3, 0.0, 1.0, 0.0))
+    flight.plan("h1", 3, (0.4, 0.05, 1.0, 0.0))
+    flight.plan("h1", 4, (0.0, 0.0, 0.0, 0.0))
+    assert flight.figures("h1").tracking_error_m("h1") == pytest.approx([0.0, 0.05])
+
+
+def test_pose_to_command_counts_fresh_commands_of_known_frames_only() -> None:
+    flight = Flight()
+    for frame in range(4):
+        flight.pose("h1", frame, (0.0, 0.0, 1.0), received_s=100 + 0.02 * frame)
+    flight.applied("h1", 0, 0.0, (1500.0,), arrived_s=100.003)
+    flight.applied("h1", 0, 0.0, (1500.0,), arrived_s=100.003, fresh=False)
+    flight.applied("h1", 1, 0.0, (1500.0,), arrived_s=100.024)
+    flight.applied("h1", 2, 0.0, (1500.0,), arrived_s=None)
+    flight.applied("h1", 77, 0.0, (1500.0,), arrived_s=100.1)
+    flight.applied("h1", 3, 0.0, (1500.0,), arrived_s=5.0)
+    assert flight.figures("h1").pose_to_command_ms() == pytest.approx([3.0, 4.0])
+
+
+def pulses(number: int) -> tuple[float, ...]:
+    return (1100.0 + number, 1500.0, 1500.0, 1500.0, 1500.0)
+
+
+def test_frame_to_radio_runs_to_the_first_radio_frame_with_the_same_pulse_widths() -> None:
+    flight = Flight()
+    for frame in range(3):
+        sent_s = 100 + 0.02 * frame
+        radio = (
+            (sent_s + 0.001, *pulses(frame - 1)),  # a keep-alive of the frame before
+            (sent_s + 0.004, *pulses(frame)),
+            (sent_s + 0.015, *pulses(frame)),  # a keep-alive of this one
+        )
+        flight.laboratory(frame, sent_s, h1=truth(radio=radio))
+        flight.applied("h1", frame, sent_s + 0.0025, pulses(frame))
+        flight.applied("h1", frame, sent_s + 0.0145, pulses(frame), fresh=False)
+    assert flight.figures("h1").frame_to_radio_ms() == pytest.approx([4.0, 4.0, 4.0])
+
+
+def test_radio_frames_that_are_not_found_do_not_count() -> None:
+    flight = Flight()
+    flight.laboratory(0, 100.0, h1=truth(radio=((100.5, *pulses(0)),)))
+    flight.laboratory(1, 100.02, h1=truth(radio=((100.524, *pulses(7)),)))
+    flight.applied("h1", 0, 100.002, pulses(0))
+    flight.applied("h1", 1, 100.522, pulses(1))
+    flight.applied("h1", 9, 100.522, pulses(7))
+    assert flight.figures("h1").frame_to_radio_ms() == []
+
+
+def test_a_laboratory_that_began_anew_is_not_mixed_up_with_the_one_before() -> None:
+    flight = Flight()
+    for epoch, start_s in ((1, 100.0), (2, 105.0)):
+        for frame in range(3):
+            sent_s = start_s + 0.02 * frame
+            flight.laboratory(frame, sent_s, h1=truth(radio=((sent_s + 0.005, *pulses(frame)),)))
+            flight.applied("h1", frame, sent_s + 0.004, pulses(frame), epoch=epoch)
+    assert flight.figures("h1").frame_to_radio_ms() == pytest.approx([5.0] * 6)
+
+
+def test_counters_are_told_as_their_growth_during_the_recording() -> None:
+    flight = Flight()
+    times = {"solve_ms_p50": 1.0, "solve_ms_p99": 2.0, "solve_ms_max": 3.0}
+    flight.status("h1", 100, missed_ticks=5, fallbacks={"hover": 2, "old": 1}, **times)
+    flight.status("h1", 150, missed_ticks=6, fallbacks={"hover": 4, "old": 1, "early_stop": 1})
+    table = flight.figures("h1").vehicle("h1")
+    assert (table["ticks"], table["missed_ticks"]) == (50, 1)
+    assert table["fallbacks"] == {"hover": 2, "early_stop": 1}
+    assert table["solve_ms"] == {"p50": 0.5, "p99": 2.0, "max": 3.0}
+
+
+def test_an_agent_that_was_started_again_counts_from_zero() -> None:
+    flight = Flight()
+    for ticks, process in ((1000, 1), (1010, 1), (4, 2), (24, 2)):
+        flight.status("h1", ticks, process, missed_ticks=process, fallbacks={"hover": process})
+    table = flight.figures("h1").vehicle("h1")
+    assert table["ticks"] == 10 + 24
+    assert table["missed_ticks"] == 2
+    assert table["fallbacks"] == {"hover": 2}
+
+
+def test_a_vehicle_that_said_nothing_has_no_ticks() -> None:
+    table = Flight().figures("h1").vehicle("h1")
+    assert (table["ticks"], table["missed_ticks"], table["fallbacks"], table["solve_ms"]) == (0, 0, {}, None)
+    assert table["tracking_error_mm"] is None
+
+
+def test_what_the_arbiter_did_is_told_once_each() -> None:
+    flight = Flight()
+    for state, reason in (("armed", ""), ("hold", "late"), ("hold", "late"), ("armed", ""), ("hold", "late")):
+        flight.add(
+            channels.TRANSMITTER_STATUS,
+            "h1",
+            TransmitterStatus(state=state, reason=reason, link="open", module="", ready=True),
+        )
+    assert flight.figures("h1").vehicle("h1")["safety"] == ["hold: late"]
+
+
+def test_malformed_records_are_counted_and_left_out() -> None:
+    flight = Flight()
+    flight.status("h1", 1)
+    recording = Recording([*flight.records, Record("h1", "status", b"\xc1", 0.0)])
+    assert len(recording) == 2
+    assert len(recording.messages(channels.AGENT_STATUS, "h1")) == 1
+    assert recording.rejected == {"status.malformed": 1}
+
+
+def test_figures_of_an_empty_recording_are_empty() -> None:
+    figures = Flight().figures("h1")
+    assert figures.pose_to_command_ms() == figures.frame_to_radio_ms() == []
+    assert figures.truth("h1") == []
+    assert not math.isfinite(float(np.max(figures.formation_error_m("h1"), initial=-math.inf)))

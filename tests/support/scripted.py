@@ -1,0 +1,121 @@
+"""A fleet without helicopters: its vehicles answer requests and tell their status as a test wants it."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from bus import channels
+from bus.messages import AgentStatus, Pose, SetPoint, TrackerStatus, TransmitterStatus
+from bus.requests import Reply
+from bus.session import BusAddress, Incoming, Session
+
+PERIOD_S = 0.01
+VERBS = ["arm", "disarm", "kill", "reset", "take_off", "land", "go_to", "follow", "lead"]
+NEXT_PHASE = {"arm": "armed", "take_off": "flying", "land": "armed", "disarm": "ground", "kill": "ground"}
+NEXT_STATE = {"arm": "armed", "disarm": "disarmed", "kill": "killed", "reset": "disarmed"}
+
+
+def fleet_file_text(address: BusAddress, vehicles: tuple[str, ...] = ("h1", "h2")) -> str:
+    """Fleet file of a bus that is up already."""
+    tables = "\n".join(
+        f'[vehicles.{name}]\nsubject = "{name}"\ntransmitter = {{ port = "radio-{name}" }}'
+        for name in vehicles
+    )
+    port = address.endpoints[0].rpartition(":")[2]
+    namespace = f'[bus]\nnamespace = "{address.namespace}"\n' if address.namespace else ""
+    return f'name = "{address.fleet}"\n[hosts.main]\nrouter_port = {port}\n{namespace}{tables}\n'
+
+
+class ScriptedVehicle:
+    """What one vehicle says and does; change the attributes while it runs."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.phase = "ground"
+        self.state = "disarmed"
+        self.ready = True
+        self.pose_age_s = 0.01
+        self.refusals: dict[str, str] = {}
+        self.silent: set[str] = set()
+        self.speaks = True
+        self.stuck: set[str] = set()
+        self.requests: list[object] = []
+        self.counts: dict[str, int] = {}
+
+    def answer(self, incoming: Incoming) -> None:
+        self.requests.append(incoming.request)
+        if incoming.verb in self.silent:
+            return
+        refusal = self.refusals.get(incoming.verb)
+        if refusal is None and incoming.verb not in self.stuck:
+            self.phase = NEXT_PHASE.get(incoming.verb, self.phase)
+            self.state = NEXT_STATE.get(incoming.verb, self.state)
+        incoming.answer(Reply(accepted=refusal is None, reason=refusal or ""))
+
+    @property
+    def verbs(self) -> list[str]:
+        """Requests in the order they came, by type."""
+        return [type(request).__name__ for request in self.requests]
+
+    def agent_status(self) -> AgentStatus:
+        return AgentStatus(
+            phase=self.phase,
+            controller="paper",
+            estimator="kalman",
+            horizon=50,
+            epoch=1,
+            frame=1,
+            set_point=SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0),
+            position_m=(0.1, 0.2, 0.3),
+            pose_age_s=self.pose_age_s,
+            fallbacks=self.counts,
+        )
+
+    def transmitter_status(self) -> TransmitterStatus:
+        return TransmitterStatus(
+            state=self.state, reason="scripted", link="open", module="module speaks", ready=self.ready
+        )
+
+
+@contextmanager
+def scripted(session: Session, *names: str, tracker: str = "up") -> Iterator[dict[str, ScriptedVehicle]]:
+    """Vehicles that live on a session until the block is left."""
+    vehicles = {name: ScriptedVehicle(name) for name in names}
+    for name in names:
+        session.serve(name, VERBS)
+    stop = threading.Event()
+
+    def live() -> None:
+        while not stop.wait(PERIOD_S):
+            for incoming in session.pending():
+                vehicles[incoming.unit].answer(incoming)
+            for name, vehicle in vehicles.items():
+                if vehicle.speaks:
+                    session.publish(channels.AGENT_STATUS, name, vehicle.agent_status())
+                    session.publish(channels.TRANSMITTER_STATUS, name, vehicle.transmitter_status())
+                session.publish(channels.POSE, name, SEEN)
+            session.publish(
+                channels.TRACKER_STATUS,
+                channels.TRACKER_UNIT,
+                TrackerStatus(state=tracker, trying="is silent [/dev/null]", address="x:801", period_s=0.02),
+            )
+
+    thread = threading.Thread(target=live)
+    thread.start()
+    try:
+        yield vehicles
+    finally:
+        stop.set()
+        thread.join()
+
+
+SEEN = Pose(
+    epoch=1,
+    frame=1,
+    period_s=0.02,
+    latency_s=0.0,
+    received_s=0.0,
+    occluded=False,
+    position_m=(0.1, 0.2, 0.3),
+    quaternion_xyzw=(0.0, 0.0, 0.0, 1.0),
+)
