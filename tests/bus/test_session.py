@@ -375,3 +375,20 @@ def test_a_router_ends_cleanly_when_it_is_asked_to() -> None:
     finally:
         code = router.end(signal.SIGTERM)
     assert code == 0
+
+
+def test_an_endpoint_that_is_not_there_does_not_keep_a_session_from_the_next(bus_address: BusAddress) -> None:
+    missing = ("unixsock-stream//nowhere/router.sock", own_address().endpoints[0])
+    address = BusAddress((*missing, *bus_address.endpoints), bus_address.fleet, bus_address.namespace)
+    with Session(address, timeout_s=10.0) as session:
+        assert session.connected()
+
+
+def test_a_session_waits_for_a_router_that_is_being_started() -> None:
+    address = own_address()
+    router = RouterProcess(address)
+    try:
+        with Session(address, timeout_s=10.0) as session:
+            assert session.connected()
+    finally:
+        router.end()
