@@ -1,0 +1,34 @@
+"""A fleet without helicopters for the scripting interface."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import wait_for
+
+from bus.session import BusAddress, Session
+from deploy.fleet import parse_fleet
+from ground_station.fleet import Fleet
+
+
+@pytest.fixture
+def vehicles(join: Callable[..., Session]) -> Iterator[dict[str, ScriptedVehicle]]:
+    """The vehicles behind the fleet; change what they say and do."""
+    with scripted(join(), "h1", "h2") as running:
+        yield running
+
+
+@pytest.fixture
+def fleet(
+    bus_address: BusAddress,
+    vehicles: dict[str, ScriptedVehicle],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Iterator[Fleet]:
+    """The scripting interface of the scripted fleet, once it has heard of every vehicle."""
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    running = Fleet(parse_fleet(fleet_file_text(bus_address)))
+    wait_for(lambda: all(not vehicle.state.problems() for vehicle in running), "no status arrives")
+    yield running
+    running.close()

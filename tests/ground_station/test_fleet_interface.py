@@ -1,0 +1,310 @@
+"""Promises of the scripting interface: calls wait for what they ask for, and say what stands in the way."""
+
+import io
+import threading
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from support.bus import own_address
+from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import wait_for
+
+from bus import channels
+from bus.messages import Following
+from bus.requests import Arm, Follow, GoTo, Land, TakeOff
+from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
+from deploy.fleet import parse_fleet
+from ground_station.fleet import Fleet, NotReachedError, RefusedError
+from ground_station.recorder import Recorder
+from ground_station.table import fleet_table
+
+Vehicles = dict[str, ScriptedVehicle]
+
+
+def phases(vehicles: Vehicles) -> list[str]:
+    return [vehicle.phase for vehicle in vehicles.values()]
+
+
+def put(vehicles: Vehicles, fleet: Fleet, phase: str, names: Iterable[str] = ("h1", "h2")) -> None:
+    """Change the phase of vehicles and wait until the fleet knows."""
+    for name in names:
+        vehicles[name].phase = phase
+        vehicles[name].state = "armed"
+    wait_for(lambda: all(fleet.state_of(name).phase == phase for name in names), f"not {phase}")
+
+
+def test_a_fleet_that_is_not_up_says_where_was_looked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    address = own_address()
+    with pytest.raises(BusUnreachableError, match=address.endpoints[0]):
+        Fleet(parse_fleet(fleet_file_text(address)), timeout_s=0.2)
+
+
+def test_a_fleet_is_joined_by_its_file(
+    bus_address: BusAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    path = tmp_path / "lab.toml"
+    path.write_text(fleet_file_text(bus_address))
+    with Fleet.connect(path) as fleet:
+        assert [vehicle.name for vehicle in fleet] == ["h1", "h2"]
+        assert fleet["h2"].name == "h2"
+        with pytest.raises(KeyError, match="no vehicle 'h9', known are h1, h2"):
+            fleet["h9"]
+
+
+def test_the_state_of_a_vehicle_is_what_its_processes_last_said(fleet: Fleet, vehicles: Vehicles) -> None:
+    state = fleet["h1"].state
+    assert (state.phase, state.airborne) == ("ground", False)
+    assert state.transmitter is not None
+    assert state.transmitter.state == "disarmed"
+    assert state.pose_age_s is not None
+    assert state.summary() == "h1: ground, transmitter disarmed: scripted"
+    put(vehicles, fleet, "flying")
+    assert fleet["h1"].state.airborne
+    assert fleet["h1"].plan is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"ready": False}, "h1: transmitter not ready: module speaks"),
+        ({"state": "killed"}, r"h1: killed \(scripted\); reset it first"),
+        ({"pose_age_s": 3.0}, "h1: no pose for 3.0 s"),
+        (
+            {"speaks": False},
+            "h1: no word from its agent for .* s; h1: no word from its transmitter gateway for",
+        ),
+    ],
+)
+def test_what_speaks_against_taking_off_is_told_in_words(
+    fleet: Fleet, vehicles: Vehicles, change: dict[str, object], words: str
+) -> None:
+    for name, value in change.items():
+        setattr(vehicles["h1"], name, value)
+    wait_for(lambda: fleet.state_of("h1").problems(stale_s=0.3), "no problem is seen")
+    if "speaks" in change:
+        wait_for(lambda: len(fleet.state_of("h1").problems()) == 2, "not stale")
+    with pytest.raises(NotReachedError, match=f"not ready after 0.05 s: {words}"):
+        fleet.wait_ready(timeout_s=0.05)
+    fleet.wait_ready(["h2"])
+
+
+def test_a_vehicle_nobody_heard_of_has_no_words_and_no_ages(
+    bus_address: BusAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    text = fleet_file_text(bus_address, ("h7",))
+    with Fleet(parse_fleet(text)) as fleet:
+        state = fleet.state_of("h7")
+        assert (state.phase, state.agent, state.agent_age_s) == ("unknown", None, None)
+        assert len(state.problems()) == 2
+        assert state.summary() == "h7: unknown"
+        with pytest.raises(NotReachedError, match="h7: no word from its agent; h7: no word"):
+            fleet.wait_ready(timeout_s=0.05)
+
+
+def test_waiting_ends_as_soon_as_the_condition_holds_and_tells_the_states_otherwise(fleet: Fleet) -> None:
+    asked: list[int] = []
+
+    def third_time() -> bool:
+        asked.append(1)
+        return len(asked) == 3
+
+    fleet.wait_until(third_time, 10.0, "never")
+    assert len(asked) == 3
+    with pytest.raises(NotReachedError, match=r"after 0\.05 s: no luck \(h2: ground, transmitter disarmed"):
+        fleet.wait_until(lambda: False, 0.05, "no luck", ["h2"])
+
+
+def test_take_off_arms_and_climbs_every_vehicle_and_waits(fleet: Fleet, vehicles: Vehicles) -> None:
+    fleet.take_off(height_m=0.7)
+    assert phases(vehicles) == ["flying", "flying"]
+    for vehicle in vehicles.values():
+        assert vehicle.requests == [Arm(lease=vehicle.name), TakeOff(height_m=0.7)]
+
+
+def test_take_off_leaves_others_and_those_in_the_air_alone(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying", ["h1"])
+    fleet.take_off(["h1"])
+    assert vehicles["h1"].requests == []
+    assert phases(vehicles) == ["flying", "ground"]
+
+
+def test_arming_is_asked_again_while_it_is_refused_for_the_moment(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h1"].refusals["arm"] = "thrust was not low for half a second"
+
+    stop = threading.Event()
+
+    def relent() -> None:
+        while not stop.wait(0.005):
+            if len(vehicles["h1"].requests) >= 2:
+                vehicles["h1"].refusals.clear()
+
+    watcher = threading.Thread(target=relent)
+    watcher.start()
+    try:
+        fleet.arm(["h1"])
+    finally:
+        stop.set()
+        watcher.join()
+    assert vehicles["h1"].phase == "armed"
+    assert set(vehicles["h1"].verbs) == {"Arm"}
+
+
+def test_arming_gives_up_with_the_reason(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].refusals["arm"] = "killed"
+    with pytest.raises(RefusedError, match="h2: killed"):
+        fleet.arm(["h2"], timeout_s=0.1)
+
+
+def test_a_vehicle_that_does_not_take_off_is_named(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].stuck.add("take_off")
+    with pytest.raises(NotReachedError, match=r"not all vehicles have taken off \(.*h2: armed"):
+        fleet.take_off(timeout_s=0.2)
+
+
+def test_landing_waits_for_the_floor_and_disarms(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    fleet.land()
+    assert phases(vehicles) == ["ground", "ground"]
+    assert vehicles["h1"].verbs == ["Land", "Disarm"]
+
+
+def test_landing_leaves_those_on_the_floor_and_killed_ones_alone(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying", ["h1"])
+    vehicles["h2"].state = "killed"
+
+    def known() -> bool:
+        transmitter = fleet.state_of("h2").transmitter
+        return transmitter is not None and transmitter.state == "killed"
+
+    wait_for(known, "not known as killed")
+    fleet.land()
+    assert vehicles["h2"].requests == []
+
+
+@pytest.mark.parametrize("fault", ["silent", "refuses"])
+def test_a_vehicle_that_cannot_be_landed_does_not_keep_the_others_up(
+    fleet: Fleet, vehicles: Vehicles, fault: str
+) -> None:
+    put(vehicles, fleet, "flying")
+    if fault == "silent":
+        vehicles["h1"].silent.add("land")
+    else:
+        vehicles["h1"].refusals["land"] = "no"
+    with pytest.raises((RefusedError, RequestFailedError), match="h1"):
+        fleet.land()
+    assert phases(vehicles) == ["flying", "ground"]
+    assert vehicles["h2"].verbs == ["Land", "Disarm"]
+
+
+def test_an_error_in_a_script_lands_the_fleet(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    with pytest.raises(ZeroDivisionError), fleet:
+        _ = 1 / 0
+    assert phases(vehicles) == ["ground", "ground"]
+
+
+def test_a_script_that_ends_well_leaves_the_fleet_in_the_air(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    with fleet:
+        pass
+    assert phases(vehicles) == ["flying", "flying"]
+
+
+def test_calls_of_a_vehicle_are_typed_requests(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicle = fleet["h1"]
+    vehicle.go_to([0, 1, 2], 3)
+    vehicle.follow("h2", (1, 2, 3), 0.5, "heading", 2.0)
+    vehicle.follow([Following(leader="h2", weight=2.0)])
+    vehicle.lead()
+    vehicle.kill("smoke")
+    vehicle.reset()
+    go_to, follow, several, *others = vehicles["h1"].requests
+    assert isinstance(go_to, GoTo)
+    assert (go_to.set_point.position_m, go_to.set_point.yaw_rad) == ((0.0, 1.0, 2.0), 3.0)
+    link = Following(leader="h2", offset_m=(1.0, 2.0, 3.0), yaw_offset_rad=0.5, frame="heading")
+    assert follow == Follow(following=(link,), transition_s=2.0)
+    assert several == Follow(following=(Following(leader="h2", weight=2.0),))
+    assert [type(other).__name__ for other in others] == ["Lead", "KillVehicle", "ResetKill"]
+
+
+def test_a_refusal_names_vehicle_and_reason(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].refusals["land"] = "nothing to land"
+    with pytest.raises(RefusedError, match="h2: nothing to land"):
+        fleet["h2"].land()
+    assert vehicles["h2"].requests == [Land()]
+
+
+def test_kill_reaches_the_transmitters_more_than_once(fleet: Fleet, join: Callable[..., Session]) -> None:
+    transmitter = join().subscribe(channels.KILL, channels.FLEET_UNIT, depth=50)
+
+    def heard() -> bool:
+        fleet.kill(["h2"], "test", seconds=0.15)
+        return len(transmitter.drain()) >= 2
+
+    wait_for(heard, "no kill is heard")
+    fleet.kill(seconds=0.0)
+    wait_for(lambda: (newest := transmitter.latest()) is not None and newest.message.vehicles == (), "all")
+
+
+def test_a_recording_holds_what_travelled_between_start_and_stop(fleet: Fleet, vehicles: Vehicles) -> None:
+    recorder = Recorder(fleet.session)
+    assert len(recorder.stop()) == 0
+    recorder.start()
+    wait_for(lambda: len(recorder._records) > 30, "nothing is recorded")
+    recording = recorder.stop()
+    messages = recording.messages(channels.AGENT_STATUS, "h1")
+    assert messages
+    assert all(message.phase == "ground" for message, _ in messages)
+    times = [arrived_s for _, arrived_s in messages]
+    assert times == sorted(times)
+    assert not recording.rejected
+
+
+def test_a_recorder_with_a_limit_keeps_the_newest(fleet: Fleet) -> None:
+    recorder = Recorder(fleet.session, kept=5)
+    recorder.start()
+    wait_for(lambda: len(recorder._records) == 5, "nothing is recorded")
+    first = recorder._records[0]
+    wait_for(lambda: recorder._records[0] is not first, "the oldest is kept")
+    assert len(recorder.stop()) == 5
+
+
+def rendered(fleet: Fleet) -> str:
+    console = Console(width=250, record=True, file=io.StringIO())
+    console.print(fleet_table(fleet))
+    return console.export_text()
+
+
+def test_the_table_shows_every_vehicle_its_task_and_what_went_wrong(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h1"].counts = {"early_stop": 3, "[bold]odd": 1}
+    put(vehicles, fleet, "flying", ["h1"])
+    wait_for(lambda: "early_stop 3" in rendered(fleet), "the fallback is not shown")
+    text = rendered(fleet)
+    line = next(line for line in text.splitlines() if "h1" in line)
+    for part in ("flying", "armed", "0.10   0.20   0.30", "[bold]odd 1"):
+        assert part in line
+    assert "h2" in text
+    assert "x:801" in text
+
+
+def test_the_table_shows_silent_vehicles_as_silent(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].speaks = False
+    wait_for(lambda: "ground (silent)" in rendered(fleet), "the silence is not shown")
+
+
+def test_the_table_says_what_the_vicon_gateway_tries(
+    bus_address: BusAddress, join: Callable[..., Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    with Fleet(parse_fleet(fleet_file_text(bus_address))) as fleet:
+        assert "lab: no word from the Vicon gateway yet" in rendered(fleet)
+        assert "unknown (silent)" in rendered(fleet)
+        with scripted(join(), tracker="connecting"):
+            wait_for(lambda: "Tracker is silent [/dev/null]" in rendered(fleet), "not shown")
