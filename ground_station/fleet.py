@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -34,6 +34,8 @@ M = TypeVar("M", bound=Message)
 SOURCE = "operator"
 AIRBORNE = frozenset({"takeoff", "flying", "landing", "emergency"})
 KILL_REPEAT_S = 0.1
+FIRST_WORDS_S = 1.5
+"""Longest wait for a first status, which comes five times a second."""
 
 
 class RefusedError(RuntimeError):
@@ -328,8 +330,9 @@ class Fleet(AbstractContextManager["Fleet"]):
         vehicles = list(self) if names is None else [self[name] for name in names]
         problems: list[RefusedError | RequestFailedError] = []
         told = []
+        self._hear(vehicles)
         for vehicle in vehicles:
-            if vehicle.state.airborne:
+            if vehicle.state.airborne or vehicle.state.agent is None:
                 try:
                     vehicle.land()
                 except (RefusedError, RequestFailedError) as error:
@@ -347,6 +350,16 @@ class Fleet(AbstractContextManager["Fleet"]):
                 vehicle.disarm()
         if problems:
             raise problems[0]
+
+    def _hear(self, vehicles: Sequence[Vehicle]) -> None:
+        """Wait for the first words of vehicles after joining; who stays silent is asked all the same."""
+
+        def heard() -> bool:
+            states = [vehicle.state for vehicle in vehicles]
+            return not any(state.agent is None or state.transmitter is None for state in states)
+
+        with suppress(NotReachedError):
+            self.wait_until(heard, FIRST_WORDS_S, "silent vehicles")
 
     def kill(self, names: Iterable[str] = (), reason: str = "operator", seconds: float = 1.0) -> None:
         """Cut the motors of some or all vehicles now; repeated for a while, as delivery is not assured."""
