@@ -1,0 +1,192 @@
+"""Promises of flown manoeuvres: what is recorded is judged, and whatever happens the fleet lands."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import wait_for
+
+from bus import channels
+from bus.codec import encode
+from bus.messages import LaboratoryState, LaboratoryVehicle
+from bus.requests import GoTo
+from bus.session import BusAddress, Session
+from deploy.fleet import parse_fleet
+from experiments.checks import Check, always, latency_checks
+from experiments.flight import fly, report_of, write_report
+from experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS, Manoeuvre, Say, Wait
+from ground_station.fleet import Fleet, RefusedError
+from ground_station.recorder import Record, Recording
+from ground_station.report import FlightFigures
+
+NAMES = ["h1", "h2"]
+Lab = tuple[Fleet, dict[str, ScriptedVehicle]]
+
+
+@dataclass
+class Figures:
+    """Latencies as a test wants them."""
+
+    command_ms: list[float] = field(default_factory=list)
+    radio_ms: list[float] = field(default_factory=list)
+
+    def pose_to_command_ms(self) -> list[float]:
+        return self.command_ms
+
+    def frame_to_radio_ms(self) -> list[float]:
+        return self.radio_ms
+
+
+def recording(*states: tuple[bool, bool]) -> Recording:
+    """Truth of one vehicle: on the floor, outside the volume."""
+    records = []
+    for frame, (on_floor, outside) in enumerate(states):
+        vehicle = LaboratoryVehicle(
+            position_m=(0.0, 0.0, 1.0), yaw_rad=0.0, velocity_m_s=(0.0, 0.0, 0.0), on_floor=on_floor,
+            outside=outside,
+        )  # fmt: skip
+        state = LaboratoryState(frame=frame, sent_s=0.02 * frame, vehicles={"h1": vehicle})
+        records.append(Record(channels.SIMULATOR_UNIT, "laboratory", encode(state), 0.02 * frame))
+    return Recording(records)
+
+
+def verdicts(flown: Recording, tables: dict[str, dict[str, Any]]) -> dict[str, bool]:
+    figures = FlightFigures(flown, ["h1"])
+    return {check.name: check.run(figures, tables)["passed"] for check in always()}
+
+
+def test_a_clean_flight_passes_every_check() -> None:
+    assert all(verdicts(recording((False, False)), {"h1": {"ticks": 50, "missed_ticks": 0}}).values())
+
+
+@pytest.mark.parametrize(
+    ("flown", "table", "failed"),
+    [
+        (recording((False, False)), {"ticks": 0, "missed_ticks": 0}, "every vehicle ticked"),
+        (recording((False, False)), {"ticks": 9, "missed_ticks": 1}, "no control period was missed"),
+        (
+            recording((False, False), (True, False)),
+            {"ticks": 9, "missed_ticks": 0},
+            "no vehicle touched the floor",
+        ),
+        (recording((False, True)), {"ticks": 9, "missed_ticks": 0}, "no vehicle left the flight volume"),
+    ],
+)
+def test_each_fault_fails_its_own_check(flown: Recording, table: dict[str, int], failed: str) -> None:
+    assert [name for name, passed in verdicts(flown, {"h1": table}).items() if not passed] == [failed]
+
+
+@pytest.mark.parametrize(
+    ("figures", "passed"),
+    [
+        (Figures([1.0, 4.9], [3.0, 11.9]), [True, True]),
+        (Figures([1.0, 6.0], [3.0]), [False, True]),
+        (Figures([1.0], [30.0]), [True, False]),
+        (Figures(), [False, False]),
+    ],
+)
+def test_latency_is_judged_by_its_99th_percentile_and_fails_without_figures(
+    figures: Figures, passed: list[bool]
+) -> None:
+    results = [check.run(figures, {}) for check in latency_checks()]  # type: ignore[arg-type]  # only latencies
+    assert [result["passed"] for result in results] == passed
+    assert [result["name"] for result in results] == [
+        "pose to command, p99 at most 5 ms",
+        "frame to radio, p99 at most 12 ms",
+    ]
+
+
+def manoeuvre(flown: Callable[[Fleet, Say, Wait], None], *checks: Check) -> Manoeuvre:
+    return Manoeuvre("test", "A test", 1.0, flown, checks, height_m=0.6)
+
+
+@pytest.fixture
+def lab(
+    bus_address: BusAddress, join: Callable[..., Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Lab]:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    text = fleet_file_text(bus_address).replace(
+        '"radio-h2" }', '"radio-h2" }\nfollow = [{ leader = "h1", offset_m = [-0.4, 0.5, 0.0] }]'
+    )
+    with scripted(join(), *NAMES) as vehicles, Fleet(parse_fleet(text)) as fleet:
+        wait_for(lambda: all(not vehicle.state.problems() for vehicle in fleet), "no status arrives")
+        yield fleet, vehicles
+
+
+def test_a_manoeuvre_takes_off_flies_records_and_lands(lab: Lab) -> None:
+    fleet, vehicles = lab
+    said: list[str] = []
+
+    def flown(running: Fleet, say: Say, wait: Wait) -> None:
+        running["h1"].go_to((0.1, 0.2, 0.3))
+        say("there")
+        count = 0
+
+        def more() -> bool:
+            nonlocal count
+            count += 1
+            return count > 20
+
+        running.wait_until(more, 10, "never")
+
+    result = fly(manoeuvre(flown), fleet, said.append, lambda _: None)
+    assert said == ["take-off to 0.6 m", "there", "landing"]
+    assert vehicles["h1"].verbs == ["Arm", "TakeOff", "GoTo", "Land", "Disarm"]
+    phases = {message.phase for message, _ in result.messages(channels.AGENT_STATUS, "h1")}
+    assert phases == {"flying"}
+
+
+def test_a_manoeuvre_that_fails_lands_the_fleet_and_tells_why(lab: Lab) -> None:
+    fleet, vehicles = lab
+    vehicles["h1"].refusals["go_to"] = "no"
+
+    def flown(running: Fleet, say: Say, wait: Wait) -> None:
+        running["h1"].go_to((0.1, 0.2, 0.3))
+
+    with pytest.raises(RefusedError, match="h1: no"):
+        fly(manoeuvre(flown), fleet, lambda _: None, lambda _: None)
+    assert [vehicle.phase for vehicle in vehicles.values()] == ["ground", "ground"]
+
+
+def test_the_papers_formation_sends_the_leader_and_moves_the_followers(lab: Lab) -> None:
+    fleet, vehicles = lab
+    waited: list[float] = []
+    row = MANOEUVRES["paper-formation"]
+    row.fly(fleet, lambda _: None, waited.append)
+    goals = [request for request in vehicles["h1"].requests if isinstance(request, GoTo)]
+    assert [(goal.set_point.position_m, goal.set_point.yaw_rad) for goal in goals] == list(PAPER_SET_POINTS)
+    offsets = [request.following[0].offset_m for request in vehicles["h2"].requests]  # type: ignore[attr-defined]  # Follow
+    assert offsets == [pytest.approx((-0.6, 0.5, 0.1)), (-0.4, 0.5, 0.0)]
+    assert sum(waited) == row.seconds
+
+
+def test_hovering_asks_nothing_of_anybody(lab: Lab) -> None:
+    fleet, vehicles = lab
+    waited: list[float] = []
+    MANOEUVRES["hover"].fly(fleet, lambda _: None, waited.append)
+    assert sum(waited) == MANOEUVRES["hover"].seconds
+    assert vehicles["h1"].requests == []
+
+
+@pytest.mark.parametrize(("passed", "verdict"), [(True, "passed"), (False, "failed")])
+def test_the_report_holds_everything_and_its_verdict_is_that_of_the_checks(
+    passed: bool, verdict: str, tmp_path: Path
+) -> None:
+    row = manoeuvre(
+        lambda *_: None, Check("always", lambda *_: (True, 1)), Check("this", lambda *_: (passed, 2))
+    )
+    report = report_of(row, recording((False, False)), ["h1"], 12.34)
+    path = write_report(report, tmp_path / "new" / "directory")
+    assert json.loads(path.read_text()) == json.loads(json.dumps(report))
+    assert path.name == "report.json"
+    assert report["verdict"] == verdict
+    assert report["seconds"] == 12.3
+    assert report["checks"][1] == {"name": "this", "passed": passed, "figure": 2}
+    assert {"manoeuvre", "pose_to_command_ms", "frame_to_radio_ms", "vehicles"} <= report.keys()
+    assert {
+        "formation_error_mm", "tracking_error_mm", "ticks", "missed_ticks", "fallbacks", "solve_ms",
+    } <= report["vehicles"]["h1"].keys()  # fmt: skip
