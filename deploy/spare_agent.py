@@ -36,6 +36,7 @@ class SpareAgent:
         self._vehicles = vehicles
         self._log = log
         self._process: subprocess.Popen[bytes] | None = None
+        self._heard = b""
 
     def prepare(self) -> None:
         """Start the spare if there is none."""
@@ -44,6 +45,7 @@ class SpareAgent:
         if not self._vehicles:
             return
         self.close()
+        self._heard = b""
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "deploy.spare", str(self._fleet_path), *self._vehicles],
@@ -59,9 +61,7 @@ class SpareAgent:
     def take(self, vehicle: str, log: Path) -> subprocess.Popen[bytes] | None:
         """Let the spare take over a vehicle; None if it is not ready."""
         process = self._process
-        if process is None or process.poll() is not None or not self._ready(process):
-            return None
-        if process.stdin is None:
+        if process is None or process.stdin is None or not self.ready():
             return None
         try:
             process.stdin.write((json.dumps({"vehicle": vehicle, "log": str(log)}) + "\n").encode())
@@ -71,8 +71,13 @@ class SpareAgent:
         self._process = None
         return process
 
-    def _ready(self, process: "subprocess.Popen[bytes]") -> bool:
-        return process.stdout is not None and (process.stdout.read() or b"").startswith(READY)
+    def ready(self) -> bool:
+        """Whether the spare could take over at this moment."""
+        process = self._process
+        if process is None or process.poll() is not None or process.stdout is None:
+            return False
+        self._heard += process.stdout.read() or b""
+        return self._heard.startswith(READY)
 
     def close(self) -> None:
         """End the spare."""

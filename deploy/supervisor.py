@@ -150,6 +150,11 @@ class Supervisor:
         child.process = None
         return code
 
+    @property
+    def spare_ready(self) -> bool:
+        """Whether a warm process waits to replace an agent."""
+        return self._spare.ready()
+
     def running(self) -> list[str]:
         """Names of the processes that run now."""
         return [name for name, child in self.children.items() if child.process is not None]

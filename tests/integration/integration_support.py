@@ -39,6 +39,11 @@ class Flying:
         assert pid is not None, f"{process} does not run"
         return pid
 
+    def wait_for_spare(self, process: str) -> None:
+        """Wait until a warm process could replace this one."""
+        supervisor = self.launcher_of(process).supervisor
+        self.fleet.wait_until(lambda: supervisor.spare_ready, 20, "no spare process")
+
     def kill(self, process: str) -> int:
         """SIGKILL a process of the fleet; returns the pid it had."""
         pid = self.pid(process)

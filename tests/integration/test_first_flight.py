@@ -143,6 +143,7 @@ def test_restarted_follower_still_follows(launch: Launch) -> None:
     flying.fleet.wait_until(
         lambda: _offset(flying, "h2") == pytest.approx((-0.5, 0.4, 0.1), abs=1e-6), 10, "offset not reached"
     )
+    flying.wait_for_spare("agent-h2")
     killed = flying.kill("agent-h2")
     flying.fleet.wait_until(
         lambda: _flies_again(flying, "h2", killed), 10, "the agent did not come back", ["h2"]
