@@ -36,6 +36,8 @@ a tenth of a millimetre after two seconds at full speed."""
 
 _FREE: Final = 1e9
 """Bound of a heading, which has none."""
+_NARROWEST: Final = 0.01
+"""Range of a command that is still worth planning with."""
 _HORIZONTAL: Final = slice(0, 2)
 _STEADY: Final = slice(2, 4)
 """The vertical and yaw among the four axes x, y, z, yaw: constant matrices, independent of all else."""
@@ -107,6 +109,10 @@ class CascadeController(GuardedController):
     def set_input_range(self, fraction: float) -> None:
         """Plan with a share of the input range around hovering, from the next step on.
 
+        The share is what is left to accelerate with once the disturbance is balanced, because that is what
+        followers must be able to do as well: a gust that carries a leader along does not make it faster, and
+        one that brakes it is balanced with the rest of the range.
+
         Parameters
         ----------
         fraction
@@ -120,17 +126,17 @@ class CascadeController(GuardedController):
         if not 0.0 < fraction <= 1.0:
             raise ValueError(f"input range must be above 0 and at most 1, got {fraction}")
         hover, limits = self._model.hover_input, self._limits
-        lower = hover + fraction * (limits.input_min - hover)
-        upper = hover + fraction * (limits.input_max - hover)
         positions = (np.append(limits.state_min[:3], -_FREE), np.append(limits.state_max[:3], _FREE))
         rates = (limits.state_min[3:], limits.state_max[3:])
         self._steady_bounds, self._horizontal_bounds = (
             tuple(
                 np.concatenate((positions[side][axes], rates[side][axes], inputs[axes]))
-                for side, inputs in enumerate((lower, upper))
+                for side, inputs in enumerate((limits.input_min, limits.input_max))
             )
             for axes in (_STEADY, _HORIZONTAL)
         )
+        share = fraction if fraction < 1.0 else np.inf
+        self._share = share * (limits.input_min - hover), share * (limits.input_max - hover)
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         weights = np.array(self._settings.state_weights)
@@ -195,8 +201,7 @@ class CascadeController(GuardedController):
         rows, terminal = reference
         balance = qp.balance(push[axes])
         lower, upper = bounds[0].copy(), bounds[1].copy()
-        lower[4:] += balance
-        upper[4:] += balance
+        lower[4:], upper[4:] = self._shared(axes, lower[4:] + balance, upper[4:] + balance)
         commands = rows[:, 4:]
         np.maximum(commands, lower[4:], out=commands)
         np.minimum(commands, upper[4:], out=commands)
@@ -204,6 +209,12 @@ class CascadeController(GuardedController):
         first[0], first[1] = estimate.motion[:4][axes], estimate.motion[4:][axes]
         first[2] = estimate.actuator[axes]
         return qp.solve(first[: self._levels], push[axes], ChainTarget(rows, terminal, lower, upper))
+
+    def _shared(self, axes: slice, least: Array, most: Array) -> tuple[Array, Array]:
+        """Bounds of the commands by the share; where the disturbance leaves none of it, the whole range."""
+        lower, upper = np.maximum(least, self._share[0][axes]), np.minimum(most, self._share[1][axes])
+        fits = upper - lower > _NARROWEST
+        return np.where(fits, lower, least), np.where(fits, upper, most)
 
     def _steady_reference(self, reference: Trajectory) -> tuple[Array, Array]:
         """The vertical and yaw: their frame is the inertial one."""

@@ -151,6 +151,27 @@ def test_input_range_is_kept_and_changes_without_rebuilding() -> None:
         controller.set_input_range(0.0)
 
 
+@pytest.mark.parametrize("gust_m_s2", [-0.6, 0.0, 0.6])
+def test_a_leader_accelerates_no_faster_with_a_gust_behind_it(gust_m_s2: float) -> None:
+    """Its followers have the share to accelerate with, and no gust or one of their own."""
+    controller = make(horizon=40, input_range=0.8)
+    estimate = Estimate(state().motion, HOVER, np.array([gust_m_s2, 0.0, 0.0, 0.0]))
+    result = first_step(controller, estimate, np.array([1.0, 0.0, 1.0, 0.0]))
+    gain = COAXIAL.b[0]
+    commanded = gain * result.inputs[:, 0] + gust_m_s2
+    hardest = min(0.8 * gain, gain + gust_m_s2)
+    assert commanded.max() == pytest.approx(hardest, abs=1e-3)
+    assert commanded.min() >= -0.8 * gain - 1e-3
+    assert np.abs(result.inputs[:, 0]).max() <= 1.0
+
+
+def test_a_disturbance_beyond_the_share_leaves_the_whole_range() -> None:
+    controller = make(horizon=40, input_range=0.5)
+    storm = Estimate(state().motion, HOVER, np.array([4.0, 0.0, 0.0, 0.0]))
+    result = first_step(controller, storm, np.array([0.0, 0.0, 1.0, 0.0]))
+    assert result.inputs[0, 0] == pytest.approx(-1.0, abs=1e-3)
+
+
 def test_speed_bounds_are_kept_softly() -> None:
     """A long way is planned at the speed bound, hardly above it; no problem is infeasible."""
     result = first_step(
