@@ -26,6 +26,8 @@ from bus.session import RequestFailedError, Session
 
 STATUS_PERIOD_S = 0.2
 IDLE_S = 0.1
+ORIENTATION_S = 0.5
+"""Longest time after the start in which requests wait for the state of the transmitter."""
 LEADER_SHARE = 0.8
 """Share of its input range a leader plans with, once for every level of followers below it."""
 
@@ -76,13 +78,16 @@ class Agent:
         self._control_by_s: float | None = None
         self._status_at_s = self._clock() + STATUS_PERIOD_S
         self._previous = self._recall()
+        # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
+        self._answer_from_s = self._clock() + ORIENTATION_S
         session.serve(vehicle, VERBS)
         session.announce(vehicle, "agent")
 
     def step(self) -> None:
         """Everything that is due now."""
-        for incoming in self._session.pending():
-            self._desk.handle(incoming)
+        if self._pilot.informed or self._clock() >= self._answer_from_s:
+            for incoming in self._session.pending():
+                self._desk.handle(incoming)
         self._desk.settle_waiting()
         self._observe()
         if self._control_by_s is not None and (

@@ -22,7 +22,7 @@ from agents.trajectory import hold
 from bus import channels
 from bus.codec import encode
 from bus.messages import AgentStatus, Applied, Command, Following, Plan, Pose, SetPoint
-from bus.requests import RecallReply, TakeOff
+from bus.requests import GoTo, RecallReply, TakeOff
 from bus.session import BusAddress, RequestFailedError, Session
 from vehicles.types import COAXIAL
 
@@ -315,6 +315,24 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
     bench.step_until(lambda: answers, "no answer")
     asker.join()
     assert answers == ["take-off needs an armed vehicle on the floor, the phase is ground"]
+
+
+def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench: Bench) -> None:
+    answers: list[bool] = []
+    goal = GoTo(set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=0.5))
+
+    def ask() -> None:
+        answers.append(bench.others.request("h9", goal, timeout_s=10, patience_s=10).accepted)
+
+    asker = threading.Thread(target=ask)
+    asker.start()
+    wait_for(lambda: not bench.agent._session._incoming.empty(), "the request does not arrive")
+    bench.agent.step()
+    assert answers == []
+    bench.start()
+    bench.step_until(lambda: answers, "no answer")
+    asker.join()
+    assert answers == [True]
 
 
 @contextmanager
