@@ -51,7 +51,7 @@ def controller_of(pilot: Pilot) -> NotedController:
     return pilot.controller
 
 
-def real(controller: str, estimator: str, model: Model = COAXIAL, horizon: int = 25) -> Pilot:
+def real(controller: str, estimator: str, model: Model = COAXIAL, horizon: int = 15) -> Pilot:
     return Pilot(
         model,
         build_controller(controller, model, 0.02, {"horizon": horizon}),
@@ -364,7 +364,7 @@ steps = st.lists(st.one_of(frames, applied, plans, requests, st.just("coast")), 
 
 
 @pytest.mark.parametrize("controller", ["paper", "cascade", "lqr", "pid"])
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(story=steps)
 def test_commands_are_finite_and_within_the_limits_whatever_happens(
     controller: str, story: list[tuple | str]

@@ -85,7 +85,7 @@ def floats_in(value: object) -> list[float]:
     return [number for item in items for number in floats_in(item)]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data(), message_types)
 def test_every_message_survives_encoding_and_decoding(
     data: st.DataObject, message_type: type[Message]
@@ -103,7 +103,7 @@ def test_fields_unknown_to_this_version_are_ignored(data: st.DataObject, message
     assert decode(msgpack.packb(future), message_type) == known
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data(), message_types, st.data())
 def test_truncated_messages_are_refused(
     data: st.DataObject, message_type: type[Message], cut: st.DataObject
@@ -118,13 +118,13 @@ def has_required_fields(message_type: type[Message]) -> bool:
     return any(field.required for field in msgspec.structs.fields(message_type))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.binary(max_size=300), message_types.filter(has_required_fields))
 def test_garbage_is_refused_and_nothing_else_is_raised(payload: bytes, message_type: type[Message]) -> None:
     assert refusal(payload, message_type).kind in ("malformed", "type", "value")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data(), message_types)
 def test_a_flipped_byte_is_refused_or_gives_a_finite_message(
     data: st.DataObject, message_type: type[Message]
@@ -141,7 +141,7 @@ def test_a_flipped_byte_is_refused_or_gives_a_finite_message(
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(data=st.data(), message_type=message_types)
 def test_numbers_that_are_not_finite_are_refused(
     number: float, data: st.DataObject, message_type: type[Message]
