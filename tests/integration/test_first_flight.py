@@ -37,6 +37,24 @@ def fly_to(flying: Flying, position_m: tuple[float, float, float], tolerance_m: 
     flying.fleet.wait_until(there, 10, f"h1 is not at {position_m}")
 
 
+def wait_for_ticks(flying: Flying, count: int) -> None:
+    """Wait until every vehicle has commanded so many times more."""
+    inboxes = {name: flying.fleet.session.subscribe(channels.COMMAND, name) for name in NAMES}
+    first: dict[str, int] = {}
+
+    def passed() -> bool:
+        for name, inbox in inboxes.items():
+            received = inbox.latest()
+            if received is None:
+                return False
+            sequence = received.message.sequence
+            if sequence - first.setdefault(name, sequence) < count:
+                return False
+        return True
+
+    flying.fleet.wait_until(passed, 20, f"fewer than {count} commands")
+
+
 def in_formation(truth: Truth, flying: Flying, tolerance_m: float) -> bool:
     leader = truth("h1")
     for name in ("h2", "h3"):
@@ -59,11 +77,12 @@ def test_trio_takes_off_flies_in_formation_and_lands(launch: Launch) -> None:
     recorder.start()
     fly_to(flying, (0.3, 0.1, 1.0))
     flying.fleet.wait_until(lambda: in_formation(truth, flying, 0.1), 10, "no formation")
+    wait_for_ticks(flying, 100)
     truth.assert_nobody_touched_down()
     figures = FlightFigures(recorder.stop(), NAMES)
     for name in NAMES:
         table = figures.vehicle(name)
-        assert table["ticks"] > 20
+        assert table["ticks"] >= 100
         assert table["tracking_error_mm"]["rms"] < 500
     assert len(figures.pose_to_command_ms()) > 50
     assert len(figures.frame_to_radio_ms()) > 50
