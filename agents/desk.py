@@ -1,6 +1,6 @@
 """Answers requests to one agent: checks what is asked, hands it to the pilot, says why not."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,14 +8,30 @@ import numpy as np
 from agents.formation import FormationOffset
 from agents.guidance import Link
 from agents.leaders import Leaders
+from agents.neighbours import Neighbours, formation_of
 from agents.phases import Phase
 from agents.pilot import Pilot
+from agents.placement import Room, offset_problem, place_problem
+from agents.regrouping import Regrouping
 from agents.settings import AgentSettings
+from agents.topology import in_words
 from bus.messages import AgentStatus, Following
-from bus.requests import Follow, GoTo, Land, Lead, Reply, TakeOff
+from bus.requests import (
+    CommitLeaders,
+    Follow,
+    GoTo,
+    Land,
+    Lead,
+    PrepareLeaders,
+    Reply,
+    TakeOff,
+    WithdrawLeaders,
+)
 from bus.session import Incoming
 
-VERBS = ["take_off", "land", "go_to", "follow", "lead"]
+VERBS = [
+    "take_off", "land", "go_to", "follow", "lead", "prepare_leaders", "commit_leaders", "withdraw_leaders",
+]  # fmt: skip
 FIRST_PLAN_LIMIT_S = 0.3
 
 
@@ -31,7 +47,15 @@ def link_of(following: Following) -> Link:
 
 def following_of(link: Link, time_s: float) -> Following:
     """Message of a link with the offset of this moment."""
-    offset = link.offset_at(time_s)
+    return _following(link, link.offset_at(time_s))
+
+
+def following_at_rest(link: Link) -> Following:
+    """Message of a link with the offset to be reached."""
+    return _following(link, link.target)
+
+
+def _following(link: Link, offset: FormationOffset) -> Following:
     x, y, z = offset.position_m.tolist()
     return Following(
         leader=link.leader,
@@ -45,7 +69,7 @@ def following_of(link: Link, time_s: float) -> Following:
 @dataclass(frozen=True)
 class _Waiting:
     incoming: Incoming
-    request: Follow
+    request: Follow | PrepareLeaders
     deadline_s: float
 
 
@@ -54,32 +78,51 @@ class Desk:
 
     Parameters
     ----------
-    settings, pilot, leaders
+    settings, pilot, leaders, neighbours
         The agent's own.
     clock
         Monotonic clock [s].
     """
 
     def __init__(
-        self, settings: AgentSettings, pilot: Pilot, leaders: Leaders, clock: Callable[[], float]
+        self,
+        settings: AgentSettings,
+        pilot: Pilot,
+        leaders: Leaders,
+        neighbours: Neighbours,
+        clock: Callable[[], float],
     ) -> None:
         self._settings = settings
         self._pilot = pilot
         self._leaders = leaders
+        self._neighbours = neighbours
         self._clock = clock
+        self._room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
+        self.regrouping = Regrouping(clock)
         self._waiting: list[_Waiting] = []
+        self.cycles_from_frame = 0
+        """Frame from which on a plan that names this vehicle as an ancestor means a cycle."""
 
     def handle(self, incoming: Incoming) -> None:
         """Answer a request, now or as soon as the plan it depends on has been seen."""
         request = incoming.request
-        if isinstance(request, Follow):
-            refusal = self._follow_problem(request)
+        accepted = ""
+        if isinstance(request, Follow | PrepareLeaders):
+            refusal = self._leaders_problem(request)
             if refusal is None:
                 deadline_s = self._clock() + FIRST_PLAN_LIMIT_S
                 self._waiting.append(_Waiting(incoming, request, deadline_s))
                 self._keep_leaders()
                 self.settle_waiting()
                 return
+        elif isinstance(request, CommitLeaders):
+            refusal = self.regrouping.commit(
+                request.operation, request.epoch, request.frame, self._pilot.clock
+            )
+        elif isinstance(request, WithdrawLeaders):
+            refusal = None
+            self.regrouping.withdraw(request.operation)
+            self._keep_leaders()
         elif not self._pilot.ready and not isinstance(request, Lead):
             refusal = "the motion capture has not seen the vehicle"
         elif isinstance(request, TakeOff):
@@ -90,42 +133,65 @@ class Desk:
             refusal = self._go_to(request)
         elif isinstance(request, Lead):
             refusal = self._lead()
+            accepted = f"{self._settings.vehicle} follows nobody"
         else:
             refusal = f"an agent does not serve {incoming.verb}"
-        incoming.answer(Reply(accepted=refusal is None, reason=refusal or ""))
+        incoming.answer(_reply(refusal, accepted))
 
     def settle_waiting(self) -> None:
-        """Decide on follow requests whose leaders' plans have arrived, or have not in time."""
+        """Decide on requests whose leaders' plans have arrived, or have not in time."""
         if not self._waiting:
             return
         undecided, self._waiting = self._waiting, []
         for waiting in undecided:
             names = [link.leader for link in waiting.request.following]
-            missing = [name for name in names if self._leaders.newest(name) is None]
+            missing = [name for name in names if self._leaders.fresh(name, self._clock()) is None]
             if missing and self._clock() < waiting.deadline_s:
                 self._waiting.append(waiting)
                 continue
-            refusal = f"no plan from {', '.join(missing)}" if missing else self._follow(waiting.request)
-            waiting.incoming.answer(Reply(accepted=refusal is None, reason=refusal or ""))
+            refusal, accepted = "; ".join(map(self._absence, missing)) or None, ""
+            if refusal is None:
+                refusal, accepted = self._decide(waiting.request)
+            waiting.incoming.answer(_reply(refusal, accepted))
+        self._keep_leaders()
+
+    def begin_due(self) -> None:
+        """Take the prepared leaders if their frame has come."""
+        pilot = self._pilot
+        change = self.regrouping.due(pilot.clock)
+        if change is None:
+            return
+        if change.links:
+            # For a moment the plans of the new leaders still tell of the lines that are given up now.
+            self.cycles_from_frame = pilot.clock.current_frame + len(self._settings.vehicles) + 1
+            plans = self._leaders.plans(pilot.clock, self.cycles_from_frame)
+            pilot.guidance.follow(change.links, plans, pilot.estimate, pilot.clock.time_s, None)
+        else:
+            pilot.guidance.take_lead(change.position_m, change.yaw_rad)
         self._keep_leaders()
 
     def _keep_leaders(self) -> None:
-        """Hear the leaders of now and those that requests wait for."""
-        followed = {link.leader for link in self._pilot.guidance.links}
+        """Hear the leaders of now, those that return perhaps, and those that requests wait for."""
+        guidance = self._pilot.guidance
+        followed = {link.leader for link in (*guidance.links, *guidance.assigned)}
         self._leaders.keep(
             followed.union(
-                *({link.leader for link in waiting.request.following} for waiting in self._waiting)
+                self.regrouping.leaders,
+                *({link.leader for link in waiting.request.following} for waiting in self._waiting),
             )
         )
 
     def resume(self, status: AgentStatus) -> None:
         """Take over the task of an earlier process of this agent."""
-        self._pilot.guidance.links = tuple(link_of(following) for following in status.following)
-        self._leaders.keep(following.leader for following in status.following)
+        guidance = self._pilot.guidance
+        guidance.assigned = tuple(link_of(following) for following in status.assigned or status.following)
+        # An offset on its way to its target begins its way anew, from where the vehicle is then.
+        guidance.follow_instead(guidance.assigned)
+        self._keep_leaders()
         if status.phase == Phase.LANDING:
-            self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
-        elif not status.following:
-            self._pilot.guidance.go_to(np.array(status.set_point.position_m), status.set_point.yaw_rad)
+            guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
+        elif not guidance.assigned:
+            guidance.go_to(np.array(status.set_point.position_m), status.set_point.yaw_rad)
 
     def _take_off(self, request: TakeOff) -> str | None:
         floor_m = float(self._pilot.estimate.motion[2])
@@ -148,25 +214,94 @@ class Desk:
         self._keep_leaders()
         return None
 
-    def _follow_problem(self, request: Follow) -> str | None:
+    def _leaders_problem(self, request: Follow | PrepareLeaders) -> str | None:
+        """What is wrong with a request for other leaders, whatever they do."""
         names = [link.leader for link in request.following]
         for name in names:
             if name == self._settings.vehicle:
-                return "a vehicle cannot follow itself"
+                return f"{name} cannot follow itself"
             if name not in self._settings.vehicles:
                 return f"unknown vehicle {name!r}, known are {', '.join(self._settings.vehicles)}"
         if len(set(names)) != len(names):
             return "a leader is named twice"
+        if isinstance(request, Follow):
+            return None
+        if self._pilot.guidance.phase is not Phase.FLYING:
+            return f"leaders change together only in flight, the phase is {self._pilot.guidance.phase}"
+        if bool(names) == (request.set_point is not None):
+            return "set_point: needed exactly where following is empty"
+        if request.set_point is not None:
+            problem = self._room.outside(np.array(request.set_point.position_m))
+            if problem is not None:
+                return problem
+        return self.regrouping.busy(request.operation)
+
+    def _absence(self, name: str) -> str:
+        status = self._neighbours.statuses().get(name)
+        if status is None:
+            return f"no plan from {name}: nothing is heard from its agent"
+        return f"no plan from {name}: its phase is {status.phase}"
+
+    def _decide(self, request: Follow | PrepareLeaders) -> tuple[str | None, str]:
+        """Refusal, or None and what happens, of a request whose leaders are all heard."""
+        following = request.following
+        refusal = self._grounded(following) if self._pilot.guidance.rotor_on else None
+        if refusal is not None:
+            return refusal, ""
+        if isinstance(request, PrepareLeaders):
+            links = [link_of(item) for item in following]
+            self.regrouping.prepare(request.operation, links, request.set_point)
+            return None, f"{self._settings.vehicle} is ready"
+        refusal = self._follow_problem(following)
+        if refusal is not None:
+            return refusal, ""
+        self._follow(request)
+        return None, self._line(following)
+
+    def _grounded(self, following: Sequence[Following]) -> str | None:
+        """Which of the leaders does not fly freely."""
+        for link in following:
+            plan = self._leaders.newest(link.leader)
+            if plan is None or (plan.airborne and plan.followable):
+                continue
+            status = self._neighbours.statuses().get(link.leader)
+            phase = "on the floor" if not plan.airborne else "not in free flight"
+            return f"{link.leader} is {phase}" + (f", its phase is {status.phase}" if status else "")
         return None
 
-    def _follow(self, request: Follow) -> str | None:
-        for link in request.following:
-            cycle = self._leaders.cycle_through(link.leader)
-            if cycle is not None:
-                line = " follows ".join((*cycle,))
-                return f"a cycle: {line}"
+    def _follow_problem(self, following: tuple[Following, ...]) -> str | None:
+        for link in following:
+            line = self._leaders.cycle_through(link.leader)
+            if line is not None:
+                return f"a cycle: {in_words((self._settings.vehicle, *line))}"
+        problem = offset_problem(self._settings.vehicle, following, self._room)
+        if problem is not None or not self._pilot.guidance.rotor_on:
+            return problem
+        links, heads = formation_of(self._neighbours.statuses(), flying=(self._settings.vehicle,))
+        for link in following:
+            plan = self._leaders.newest(link.leader)
+            if link.leader not in links and plan is not None:
+                # Its plan is here, its status not yet: where the plan ends.
+                heads[link.leader] = plan.trajectory.to_numpy()[-1, :4].copy()
+                links = {**links, link.leader: ()}
+        return place_problem(self._settings.vehicle, following, links, heads, self._room)
+
+    def _follow(self, request: Follow) -> None:
         pilot = self._pilot
         links = [link_of(following) for following in request.following]
-        plans = self._leaders.plans(pilot.clock)
+        plans = self._leaders.plans(pilot.clock, self.cycles_from_frame)
         pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, request.transition_s)
-        return None
+
+    def _line(self, following: Sequence[Following]) -> str:
+        """Whom the vehicle follows, and whom they follow."""
+        names = [link.leader for link in following]
+        line = self._leaders.ancestors(names)
+        if len(names) == 1:
+            return in_words((self._settings.vehicle, *line))
+        further = [name for name in line if name not in names]
+        end = f", who follow {', '.join(further)}" if further else ""
+        return f"{self._settings.vehicle} follows {', '.join(names)}{end}"
+
+
+def _reply(refusal: str | None, accepted: str) -> Reply:
+    return Reply(accepted=refusal is None, reason=(accepted if refusal is None else refusal)[:400])

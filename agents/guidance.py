@@ -20,6 +20,8 @@ TAKE_OFF_SPEED_M_S = 0.6
 LANDING_SPEED_M_S = 0.35
 LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
+SHORTEST_TRANSITION_S = 0.5
+"""Of an offset, unless a request says otherwise: also a small error is not taken back at once."""
 FLOOR_TOLERANCE_M = 0.03
 STUCK_DEPTH_M = 0.2
 """A landing vehicle that stays so far above its reference stands on something."""
@@ -38,13 +40,13 @@ class LeaderPlan:
     ahead_s
         Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
         compensation makes it negative for a plan of the same frame.
-    airborne
-        Whether the leader is in the air.
+    followable
+        Whether the leader is in free flight.
     """
 
     trajectory: Trajectory
     ahead_s: float
-    airborne: bool = True
+    followable: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,17 +89,26 @@ class Guidance:
     def __init__(self, links: Sequence[Link] = (), plan_limit_s: float = 0.5) -> None:
         self.phase = Phase.GROUND
         self.links = tuple(links)
+        """Leaders followed now."""
+        self.assigned = self.links
+        """Leaders by fleet file or request; others may take their place while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
         self._plan_limit_s = plan_limit_s
         self._floor_m = 0.0
         self._on_floor_since_s: float | None = None
-        self._joined = False
+        self._joined: frozenset[str] = frozenset()
+        """Leaders whose offsets have begun from the vehicle's own place."""
 
     @property
     def rotor_on(self) -> bool:
         """Whether the vehicle is to be flown by the controller."""
         return self.phase in AIRBORNE
+
+    @property
+    def followable(self) -> bool:
+        """Whether followers may fly by this vehicle's plan: not while it takes off or lands."""
+        return self.phase is Phase.FLYING
 
     @property
     def follows(self) -> bool:
@@ -117,7 +128,7 @@ class Guidance:
         if estimate is not None and event in (Event.RESUME, Event.ARM) and self.phase is Phase.FLYING:
             self.hold_here(estimate)
         if self.phase is Phase.FLYING:
-            self._joined = False
+            self._joined = frozenset()
         return True
 
     def hold_here(self, estimate: Estimate) -> None:
@@ -160,7 +171,7 @@ class Guidance:
 
     def lead(self, estimate: Estimate) -> None:
         """Follow nobody; a flying vehicle holds its place."""
-        self.links = ()
+        self.links = self.assigned = ()
         if self.phase is Phase.FLYING:
             self.hold_here(estimate)
 
@@ -173,9 +184,23 @@ class Guidance:
         transition_s: float | None,
     ) -> None:
         """Follow leaders from now on; offsets move from the present place to where they shall be."""
-        self.links = tuple(links)
+        self.links = self.assigned = tuple(links)
         if self.phase is Phase.FLYING:
             self._begin_transitions(plans, estimate, time_s, transition_s)
+
+    def take_lead(self, position_m: Array, yaw_rad: float) -> None:
+        """Follow nobody from now on; the vehicle's place is given."""
+        self.links = self.assigned = ()
+        self.source = SetPointReference(position_m, yaw_rad)
+
+    def follow_instead(self, links: Sequence[Link]) -> None:
+        """Follow others, or nobody and keep the place, while the assigned leaders are lost."""
+        self.links = tuple(links)
+        self._joined = frozenset()
+
+    def rejoin(self) -> None:
+        """Follow the assigned leaders again, smoothly from the present place."""
+        self.follow_instead(self.assigned)
 
     def _begin_transitions(
         self,
@@ -193,12 +218,11 @@ class Guidance:
             now = plan.trajectory.resampled(plan.ahead_s, plan.trajectory.period_s, 1)
             start = _offset_between(now, estimate, link.target)
             distance_m = float(np.linalg.norm(start.position_m - link.target.position_m))
-            duration_s = (
-                PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S if transition_s is None else transition_s
-            )
+            duration_s = max(SHORTEST_TRANSITION_S, PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S)
+            duration_s = duration_s if transition_s is None else transition_s
             begun.append(replace(link, start=start, start_s=time_s, duration_s=duration_s))
         self.links = tuple(begun)
-        self._joined = True
+        self._joined = frozenset(link.leader for link in begun if link.leader in plans)
 
     def reference(
         self,
@@ -251,14 +275,14 @@ class Guidance:
         usable = {
             name: plan
             for name, plan in plans.items()
-            if plan.airborne and plan.ahead_s + delay_s <= self._plan_limit_s
+            if plan.followable and plan.ahead_s + delay_s <= self._plan_limit_s
         }
         links = [link for link in self.links if link.leader in usable]
         if not links:
             self.events["no_leader_plan"] += 1
-            self._joined = False
+            self._joined = frozenset()
             return None
-        if not self._joined:
+        if self._joined != {link.leader for link in links}:
             self._begin_transitions(usable, estimate, time_s, None)
             links = [link for link in self.links if link.leader in usable]
         references = [

@@ -43,16 +43,24 @@ class Leaders:
         received = None if inbox is None else inbox.latest()
         return None if received is None else received.message
 
-    def complete(self, clock: FleetClock) -> bool:
-        """Whether every leader's plan of the present frame is here."""
-        plans = [self.newest(name) for name in self._inboxes]
+    def fresh(self, name: str, now_s: float) -> Plan | None:
+        """Newest plan of a leader, None before the first and of one that is silent."""
+        inbox = self._inboxes.get(name)
+        return self.newest(name) if inbox is not None and inbox.alive(now_s) else None
+
+    def complete(self, clock: FleetClock, names: Iterable[str]) -> bool:
+        """Whether the plans of these leaders of the present frame are here."""
+        plans = [self.newest(name) for name in names]
         return all(
             plan is not None and (plan.epoch, plan.frame) >= (clock.epoch, clock.current_frame)
             for plan in plans
         )
 
-    def plans(self, clock: FleetClock) -> Mapping[str, LeaderPlan]:
-        """Plans on this vehicle's clock; those of another epoch or from a cycle are left out."""
+    def plans(self, clock: FleetClock, cycles_from_frame: int = 0) -> Mapping[str, LeaderPlan]:
+        """Plans on this vehicle's clock; those of another epoch or from a cycle are left out.
+
+        Plans of frames before `cycles_from_frame` may still tell of a line of leaders that has been given up.
+        """
         found = {}
         for name in self._inboxes:
             plan = self.newest(name)
@@ -61,19 +69,19 @@ class Leaders:
             if plan.epoch != clock.epoch:
                 self.rejected["plan.epoch"] += 1
                 continue
-            if self._vehicle in plan.ancestors:
+            if self._vehicle in plan.ancestors and plan.frame >= cycles_from_frame:
                 # Two vehicles that began to follow each other at the same moment; none of them moves on.
                 self.rejected["plan.cycle"] += 1
                 continue
             ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
             trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
-            found[name] = LeaderPlan(trajectory, ahead_s, plan.airborne)
+            found[name] = LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
         return found
 
-    def ancestors(self) -> tuple[str, ...]:
-        """Leaders and their ancestors, nearest first, each once."""
-        line: dict[str, None] = dict.fromkeys(self._inboxes)
-        for name in self._inboxes:
+    def ancestors(self, names: Iterable[str]) -> tuple[str, ...]:
+        """These leaders and their ancestors, nearest first, each once."""
+        line: dict[str, None] = dict.fromkeys(names)
+        for name in tuple(line):
             plan = self.newest(name)
             if plan is not None:
                 line |= dict.fromkeys(plan.ancestors)
@@ -95,8 +103,9 @@ class Leaders:
             total.update({f"plan.{kind}": count for kind, count in inbox.rejected.items()})
         return dict(total)
 
-    def plan_age_s(self, now_s: float) -> float | None:
-        """Age of the oldest of the newest plans, None where one is missing or nobody is followed."""
-        ages = [inbox.age_s(now_s) for inbox in self._inboxes.values()]
+    def plan_age_s(self, now_s: float, names: Iterable[str]) -> float | None:
+        """Age of the oldest of these leaders' newest plans, None where one is missing or nobody is named."""
+        inboxes = [self._inboxes.get(name) for name in names]
+        ages = [None if inbox is None else inbox.age_s(now_s) for inbox in inboxes]
         known = [age_s for age_s in ages if age_s is not None]
         return max(known) if known and len(known) == len(ages) else None

@@ -13,6 +13,7 @@ from agents.estimators.registry import build_estimator
 from agents.guidance import Guidance
 from agents.interfaces import Measurement, SharesAuthority
 from agents.leaders import Leaders
+from agents.neighbours import Neighbours
 from agents.pacing import Pacing, SolveTimer
 from agents.phases import AIRBORNE
 from agents.pilot import Frame, Pilot
@@ -70,7 +71,10 @@ class Agent:
         self._applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
         self._leaders = Leaders(vehicle, lambda name: session.subscribe(channels.PLAN, name))
         self._leaders.keep(link.leader for link in settings.following)
-        self._desk = Desk(settings, pilot, self._leaders, self._clock)
+        # Statuses are looked up when they are needed; they wake nobody.
+        statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
+        self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
+        self._desk = Desk(settings, pilot, self._leaders, self._neighbours, self._clock)
         self._pacing = Pacing(settings.period_s)
         self._solve = SolveTimer()
         # Sequences continue over restarts because they start from the wall clock.
@@ -91,7 +95,7 @@ class Agent:
         self._desk.settle_waiting()
         self._observe()
         if self._control_by_s is not None and (
-            self._clock() >= self._control_by_s or self._leaders.complete(self._pilot.clock)
+            self._clock() >= self._control_by_s or self._leaders.complete(self._pilot.clock, self._followed())
         ):
             self._control()
         if self._clock() >= self._status_at_s:
@@ -122,7 +126,11 @@ class Agent:
             if self._pilot.coast():
                 self._begin_control(coast_at_s)
 
+    def _followed(self) -> list[str]:
+        return [link.leader for link in self._pilot.guidance.links]
+
     def _begin_control(self, now_s: float) -> None:
+        self._desk.begin_due()
         clock = self._pilot.clock
         flying = self._pilot.guidance.rotor_on
         if self._pilot.informed and self._pacing.control_due(clock.current_frame, clock.period_s, flying):
@@ -132,7 +140,7 @@ class Agent:
 
     def _control(self) -> None:
         self._control_by_s = None
-        plans = self._leaders.plans(self._pilot.clock)
+        plans = self._leaders.plans(self._pilot.clock, self._desk.cycles_from_frame)
         started_s = self._clock()
         flight = self._pilot.control(plans)
         self._solve.add(self._clock() - started_s)
@@ -163,7 +171,8 @@ class Agent:
         rejected |= self._leaders.counts()
         status = status_message(
             self._settings, self._pilot, self._pacing, self._solve,
-            self._poses.age_s(now_s), self._leaders.plan_age_s(now_s), rejected, self._realtime,
+            self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
+            self._realtime, "follow",
         )  # fmt: skip
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
 

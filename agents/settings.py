@@ -26,6 +26,8 @@ class AgentSettings:
         Levels of followers below this vehicle at start; leaders leave their followers authority.
     leader_wait_s
         How long after its own pose a follower waits for the leader's plan of the same frame.
+    minimum_distance_m
+        Offsets that bring vehicles closer together are refused; None for no limit.
     """
 
     bus: BusAddress
@@ -44,3 +46,4 @@ class AgentSettings:
     generations_below: int = 0
     realtime_priority: int = 0
     leader_wait_s: float = 0.0025
+    minimum_distance_m: float | None = 0.3

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 
-from agents.desk import following_of
+from agents.desk import following_at_rest, following_of
 from agents.leaders import Leaders
 from agents.pacing import Pacing, SolveTimer
 from agents.pilot import Flight, Pilot
@@ -36,13 +36,14 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: Flight, leaders:
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
         source=settings.vehicle,
-        ancestors=leaders.ancestors(),
+        ancestors=leaders.ancestors(link.leader for link in pilot.guidance.links),
         period_s=flight.plan.period_s,
         start_s=flight.start_s,
         airborne=pilot.guidance.rotor_on,
         trajectory=FloatArray.of(flight.plan.samples),
         reference=reference,
         following=_following(pilot) if pilot.guidance.follows else (),
+        followable=pilot.guidance.followable,
     )
 
 
@@ -59,6 +60,7 @@ def status_message(
     plan_age_s: float | None,
     rejected: Mapping[str, int],
     realtime: bool,
+    stance: str,
 ) -> AgentStatus:
     """What the agent says of itself."""
     times = solve.times()
@@ -90,6 +92,8 @@ def status_message(
         rejected=dict(rejected),
         realtime=realtime,
         process=os.getpid(),
+        assigned=tuple(following_at_rest(link) for link in pilot.guidance.assigned),
+        stance=stance,
     )
 
 

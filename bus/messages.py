@@ -169,6 +169,8 @@ class Plan(Message, frozen=True, kw_only=True):
     """Reference of the first stage: x, y, z [m], yaw [rad]; absent on the floor."""
     following: tuple[Following, ...] = ()
     """Leaders with the offsets of this moment, also while an offset moves to a new value."""
+    followable: bool = True
+    """False unless the source flies freely: while it takes off or lands its followers keep their place."""
 
     def check(self) -> None:
         """See `Message.check`."""
@@ -232,6 +234,11 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     """The process runs in a real-time scheduling class."""
     process: Count = 0
     """Process id."""
+    assigned: tuple[Following, ...] = ()
+    """Leaders by fleet file or request, with the offsets to be reached. `following` is what happens now."""
+    stance: Name = "follow"
+    """What is done about the assigned leaders: `follow`, and while they are lost `ride_out`, `hold`, `lead`,
+    `follow_successor` or `land`."""
 
 
 class TransmitterStatus(Message, frozen=True, kw_only=True):

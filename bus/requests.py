@@ -83,6 +83,32 @@ class Lead(Request, frozen=True, kw_only=True):
     """Follow nobody: hold the place where the vehicle is."""
 
 
+class PrepareLeaders(Request, frozen=True, kw_only=True):
+    """Get ready for other leaders, or none, that several vehicles take at one frame."""
+
+    operation: Name
+    """Names the change; the same for all who take part."""
+    following: Annotated[tuple[Following, ...], Meta(max_length=8)] = ()
+    """Leaders to come; empty for a vehicle that shall lead."""
+    set_point: SetPoint | None = None
+    """Where a vehicle that shall lead has its place; absent for one that shall follow."""
+
+
+class CommitLeaders(Request, frozen=True, kw_only=True):
+    """Take the leaders that were prepared at a frame to come."""
+
+    operation: Name
+    epoch: Annotated[int, Meta(ge=0)]
+    frame: Annotated[int, Meta(ge=0)]
+    """First frame under the new leaders, on the clock of the poses."""
+
+
+class WithdrawLeaders(Request, frozen=True, kw_only=True):
+    """Forget the leaders that were prepared, if they have not been taken yet."""
+
+    operation: Name
+
+
 class Recall(Request, frozen=True, kw_only=True):
     """What did the agent of this vehicle last say of itself? Asked by an agent that restarts."""
 
@@ -117,6 +143,14 @@ VERBS: Final = {
         Verb("go_to", "agent", GoTo, "new set point"),
         Verb("follow", "agent", Follow, "follow another vehicle's plan"),
         Verb("lead", "agent", Lead, "follow nobody"),
+        Verb(
+            "prepare_leaders",
+            "agent",
+            PrepareLeaders,
+            "get ready for a change of leaders of several vehicles",
+        ),
+        Verb("commit_leaders", "agent", CommitLeaders, "take the prepared leaders at a frame"),
+        Verb("withdraw_leaders", "agent", WithdrawLeaders, "forget the prepared leaders"),
         Verb("recall", "launcher", Recall, "last status of the vehicle's previous agent", RecallReply),
     )
 }

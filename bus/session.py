@@ -158,10 +158,13 @@ class Session:
         full_key = channels.key(self.address.fleet, unit, channel.topic)
         return Subscription(self._zenoh, channel, full_key, self.clock, self._wake, depth)
 
-    def subscribe_all(self, channel: Channel[M], depth: int = 1) -> UnitSubscriptions[M]:
-        """Receive a channel of every unit."""
+    def subscribe_all(
+        self, channel: Channel[M], depth: int = 1, *, waking: bool = True
+    ) -> UnitSubscriptions[M]:
+        """Receive a channel of every unit; `waking` tells whether its messages wake the loop."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
-        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, self._wake, depth)
+        wake = self._wake if waking else lambda: None
+        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth)
 
     def tap(self, store: Callable[[str, str, bytes, float], None]) -> None:
         """Hear every message of the fleet undecoded, for recorders.

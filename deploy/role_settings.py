@@ -109,6 +109,7 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
             for link in vehicle.follow
         ),
         generations_below=leader_generations(fleet, name),
+        minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
         realtime_priority=(Priority.NORMAL if vehicle.follow else Priority.LEADER).of(fleet),
     )
 

@@ -251,8 +251,8 @@ class Rig:
             if leader in known:
                 frame, flight = known[leader]
                 ahead_s = (clock.current_frame - frame) * clock.period_s - flight.start_s
-                airborne = self.pilots[leader].guidance.rotor_on
-                plans[leader] = LeaderPlan(flight.plan, ahead_s, airborne)
+                followable = self.pilots[leader].guidance.followable
+                plans[leader] = LeaderPlan(flight.plan, ahead_s, followable)
         return plans
 
     def _station(self, pilot: Pilot) -> Array | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
 
+from agents.neighbours import Neighbours
 from bus import channels
 from bus.messages import AgentStatus, Following, Kill, Message, Plan, SetPoint, TransmitterStatus
 from bus.requests import (
@@ -28,6 +29,7 @@ from bus.subscription import Inbox
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
 from deploy.role_settings import bus_address
+from ground_station.regroup import RegroupError, head_of, regroup, swapped
 
 M = TypeVar("M", bound=Message)
 
@@ -148,8 +150,14 @@ class Vehicle:
         yaw_offset_rad: float = 0.0,
         frame: str = "inertial",
         transition_s: float | None = None,
-    ) -> None:
-        """Follow one leader at an offset, or several given as a sequence of `Following`."""
+    ) -> str:
+        """Follow one leader at an offset, or several given as a sequence of `Following`.
+
+        Returns
+        -------
+        str
+            The line of ancestors, for instance `h3 follows h2 follows h1`.
+        """
         if isinstance(leader, str):
             x, y, z = offset_m
             following: tuple[Following, ...] = (
@@ -162,7 +170,7 @@ class Vehicle:
             )
         else:
             following = tuple(leader)
-        self._ask(Follow(following=following, transition_s=transition_s))
+        return self._ask(Follow(following=following, transition_s=transition_s))
 
     def lead(self) -> None:
         """Follow nobody any more; hold the present place."""
@@ -176,10 +184,11 @@ class Vehicle:
         """Leave KILLED."""
         self._ask(ResetKill())
 
-    def _ask(self, request: Request) -> None:
+    def _ask(self, request: Request) -> str:
         reply = self._fleet.session.request(self.name, request)
         if not reply.accepted:
             raise RefusedError(f"{self.name}: {reply.reason}")
+        return reply.reason
 
 
 class Fleet(AbstractContextManager["Fleet"]):
@@ -244,6 +253,51 @@ class Fleet(AbstractContextManager["Fleet"]):
         transmitter, transmitter_age_s = _newest(self._transmitters.inboxes.get(name), now_s)
         _, pose_age_s = _newest(self._poses.inboxes.get(name), now_s)
         return VehicleState(name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s)
+
+    def statuses(self) -> dict[str, AgentStatus]:
+        """Newest statuses of the agents that are not silent."""
+        known = Neighbours("", self._agents.inboxes, self.session.clock).statuses()
+        return {name: known[name] for name in self.file.vehicles if name in known}
+
+    def frame_period_s(self, name: str) -> float:
+        """Time between the frames of the motion capture [s]."""
+        inbox = self._poses.inboxes.get(name)
+        received = None if inbox is None else inbox.latest()
+        return self.file.vehicles[name].control.period_s if received is None else received.message.period_s
+
+    def swap(self, first: str, second: str) -> list[str]:
+        """Let two flying vehicles change roles at one frame; everybody keeps its place in space.
+
+        Returns
+        -------
+        list of str
+            Whom each vehicle that got other leaders follows now, in words.
+
+        Raises
+        ------
+        RefusedError
+            It cannot be done; nothing has changed.
+        """
+        self._hear([self[first], self[second]])
+        statuses = self.statuses()
+        try:
+            change, where = swapped(statuses, first, second)
+            regroup(self, change, where, {name: statuses[name].assigned for name in change})
+        except RegroupError as error:
+            raise RefusedError(str(error)) from None
+        return [
+            f"{name} follows {', '.join(link.leader for link in links)}" if links else f"{name} leads"
+            for name, links in change.items()
+        ]
+
+    def promote(self, name: str) -> list[str]:
+        """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
+        self._hear([self[name]])
+        try:
+            head = head_of(self.statuses(), name)
+        except RegroupError as error:
+            raise RefusedError(str(error)) from None
+        return self.swap(head, name)
 
     def wait_until(
         self, condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str] = ()

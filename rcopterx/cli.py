@@ -18,8 +18,8 @@ app = typer.Typer(
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.demo, launch.fly),
     "Steer a running fleet": (
-        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.land, steer.disarm, steer.kill,
-        steer.reset,
+        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
+        steer.land, steer.disarm, steer.kill, steer.reset,
     ),
     "Experiment": (experiment.experiment,),
     "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),

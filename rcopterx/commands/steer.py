@@ -74,8 +74,7 @@ def follow(
         raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
     with running_fleet(fleet) as running:
         _known(running.file.vehicles, [vehicle, leader])
-        running[vehicle].follow(leader, _three(offset), math.radians(yaw), frame)
-        typer.echo(f"{vehicle}: follows {leader}")
+        typer.echo(running[vehicle].follow(leader, _three(offset), math.radians(yaw), frame))
 
 
 def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -84,6 +83,24 @@ def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
         _known(running.file.vehicles, [vehicle])
         running[vehicle].lead()
         typer.echo(f"{vehicle}: leads")
+
+
+def swap(
+    first: Annotated[str, typer.Argument(metavar="VEHICLE")],
+    second: Annotated[str, typer.Argument(metavar="VEHICLE")],
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Let two vehicles change roles, for instance leader and follower; all keep their places in space."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, [first, second])
+        typer.echo("\n".join(running.swap(first, second)))
+
+
+def promote(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Make a vehicle the leader of its whole formation; all keep their places in space."""
+    with running_fleet(fleet) as running:
+        _known(running.file.vehicles, [vehicle])
+        typer.echo("\n".join(running.promote(vehicle)))
 
 
 def land(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:

@@ -48,9 +48,12 @@ def offset(x: float, y: float = 0.0, z: float = 0.0, yaw_rad: float = 0.0) -> Fo
 
 
 def standing_leader(
-    position_m: tuple[float, float, float], yaw_rad: float = 0.0, ahead_s: float = 0.0, airborne: bool = True
+    position_m: tuple[float, float, float],
+    yaw_rad: float = 0.0,
+    ahead_s: float = 0.0,
+    followable: bool = True,
 ) -> LeaderPlan:
-    return LeaderPlan(hold(np.array(position_m), yaw_rad, PERIOD_S, STAGES), ahead_s, airborne)
+    return LeaderPlan(hold(np.array(position_m), yaw_rad, PERIOD_S, STAGES), ahead_s, followable)
 
 
 def moving_leader(speed_m_s: float, ahead_s: float = 0.0) -> LeaderPlan:
@@ -285,7 +288,7 @@ def test_whole_turns_between_leader_and_follower_mean_nothing() -> None:
         {},
         {"h3": standing_leader((5.0, 5.0, 1.0))},
         {"h1": standing_leader((5.0, 5.0, 1.0), ahead_s=0.7)},
-        {"h1": standing_leader((5.0, 5.0, 0.0), airborne=False)},
+        {"h1": standing_leader((5.0, 5.0, 0.0), followable=False)},
     ],
 )
 def test_a_follower_without_a_usable_plan_holds_its_place_and_counts_it(plans: dict[str, LeaderPlan]) -> None:
@@ -314,7 +317,10 @@ def test_a_follower_of_several_takes_the_weighted_mean_and_goes_on_with_those_it
     reference(guidance, plans, 0.0)
     path = reference(guidance, plans, 60.0)
     assert path.position_m[-1] == pytest.approx([0.75 * -1.0 + 0.25 * 3.0, 0.0, 1.0])
-    alone = reference(guidance, {"h1": plans["h1"]}, 60.02)
+    here = still((-0.1, 0.0, 1.0))
+    first = reference(guidance, {"h1": plans["h1"]}, 60.02, here)
+    assert first.position_m[0] == pytest.approx(here.motion[:3], abs=1e-6)
+    alone = reference(guidance, {"h1": plans["h1"]}, 70.0)
     assert alone.position_m[-1] == pytest.approx([-1.0, 0.0, 1.0])
 
 

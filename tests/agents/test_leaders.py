@@ -49,7 +49,7 @@ def test_plans_are_aligned_by_the_difference_of_frames_and_their_own_delay(
     assert plan.ahead_s == pytest.approx(ahead_s)
     assert plan.trajectory.position_m[0] == pytest.approx([1.0, 2.0, 3.0])
     assert plan.trajectory.period_s == 0.02
-    assert plan.airborne
+    assert plan.followable
 
 
 def test_frames_that_were_coasted_count(leaders: Leaders, plan_bus: PlanBus) -> None:
@@ -69,24 +69,24 @@ def test_plans_of_another_epoch_are_left_out_and_counted(leaders: Leaders, plan_
 def test_a_leader_on_the_floor_says_so(leaders: Leaders, plan_bus: PlanBus) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", airborne=False))
-    assert not leaders.plans(clock_at(10))["h1"].airborne
+    assert not leaders.plans(clock_at(10))["h1"].followable
 
 
 def test_plans_are_complete_when_every_leaders_plan_of_this_frame_is_here(
     leaders: Leaders, plan_bus: PlanBus
 ) -> None:
     clock = clock_at(10)
-    assert leaders.complete(clock)
+    assert leaders.complete(clock, plan_bus.open_names())
     leaders.keep(["h1", "h2"])
-    assert not leaders.complete(clock)
+    assert not leaders.complete(clock, plan_bus.open_names())
     plan_bus.deliver(plan_of("h1", 10))
-    assert not leaders.complete(clock)
+    assert not leaders.complete(clock, plan_bus.open_names())
     plan_bus.deliver(plan_of("h2", 9))
-    assert not leaders.complete(clock)
+    assert not leaders.complete(clock, plan_bus.open_names())
     plan_bus.deliver(plan_of("h2", 10))
-    assert leaders.complete(clock)
-    assert not leaders.complete(clock_at(11))
-    assert not leaders.complete(clock_at(1, epoch=2))
+    assert leaders.complete(clock, plan_bus.open_names())
+    assert not leaders.complete(clock_at(11), ["h1", "h2"])
+    assert not leaders.complete(clock_at(1, epoch=2), ["h1", "h2"])
 
 
 def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
@@ -94,11 +94,12 @@ def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
 ) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", ancestors=("h2", "h3")))
-    assert leaders.ancestors() == ("h1", "h2", "h3")
+    assert leaders.ancestors(["h1"]) == ("h1", "h2", "h3")
     leaders.keep(["h1", "h4"])
     plan_bus.deliver(plan_of("h4", ancestors=("h3", "h5")))
-    assert set(leaders.ancestors()) == {"h1", "h2", "h3", "h4", "h5"}
-    assert len(leaders.ancestors()) == 5
+    assert set(leaders.ancestors(["h1", "h4"])) == {"h1", "h2", "h3", "h4", "h5"}
+    assert len(leaders.ancestors(["h1", "h4"])) == 5
+    assert leaders.ancestors(["h4"]) == ("h4", "h3", "h5")
 
 
 def test_a_line_that_leads_back_is_found(leaders: Leaders, plan_bus: PlanBus) -> None:
@@ -134,10 +135,34 @@ def test_refused_plans_stay_counted_after_the_leader_has_changed(leaders: Leader
 def test_the_age_is_that_of_the_oldest_plan_and_unknown_while_one_is_missing(
     leaders: Leaders, plan_bus: PlanBus
 ) -> None:
-    assert leaders.plan_age_s(100.0) is None
+    assert leaders.plan_age_s(100.0, []) is None
     leaders.keep(["h1", "h2"])
     plan_bus.deliver(plan_of("h1"), 99.0)
-    assert leaders.plan_age_s(100.0) is None
+    assert leaders.plan_age_s(100.0, ["h1", "h2"]) is None
     plan_bus.deliver(plan_of("h2"), 99.5)
-    assert leaders.plan_age_s(100.0) == pytest.approx(1.0)
+    assert leaders.plan_age_s(100.0, ["h1", "h2"]) == pytest.approx(1.0)
     assert leaders.newest("h7") is None
+
+
+def test_a_leader_that_takes_off_or_lands_is_not_flown_by(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", followable=False))
+    assert not leaders.plans(clock_at(10))["h1"].followable
+
+
+def test_plans_of_frames_before_a_change_of_leaders_may_tell_of_the_old_line(
+    leaders: Leaders, plan_bus: PlanBus
+) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", 10, ancestors=("h9",)))
+    assert set(leaders.plans(clock_at(11), cycles_from_frame=11)) == {"h1"}
+    assert leaders.plans(clock_at(11), cycles_from_frame=10) == {}
+
+
+def test_a_silent_leader_has_no_fresh_plan(leaders: Leaders, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1"])
+    assert leaders.fresh("h1", 100.0) is None
+    plan_bus.deliver(plan_of("h1"), 100.0)
+    assert leaders.fresh("h1", 100.05) is not None
+    assert leaders.fresh("h1", 101.0) is None
+    assert leaders.newest("h1") is not None

@@ -260,7 +260,7 @@ def test_vehicles_take_off_fly_and_land_by_commands(up: str, vehicles: Vehicles)
     assert go_to.set_point.position_m == (-0.5, 0.0, 1.0)
     assert go_to.set_point.yaw_rad == pytest.approx(3 * math.pi)
     result = run("follow", "h2", "h1", "--offset=-0.4,0.5,0", "--yaw", "90", "--frame", "heading", "-f", up)
-    assert result.output.strip() == "h2: follows h1"
+    assert result.output.strip() == "h2 follows h1"
     follow = vehicles["h2"].requests[-1]
     assert isinstance(follow, Follow)
     (link,) = follow.following

@@ -52,6 +52,7 @@ def plan_of(
     start_s: float = 0.02,
     position_m: tuple[float, float, float] = (0.0, 0.0, 1.0),
     airborne: bool = True,
+    followable: bool = True,
 ) -> Plan:
     """Plan of a vehicle that hovers."""
     samples = np.zeros((20, COLUMNS))
@@ -64,5 +65,6 @@ def plan_of(
         period_s=0.02,
         start_s=start_s,
         airborne=airborne,
+        followable=followable,
         trajectory=FloatArray.of(samples),
     )

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from bus import channels
 from bus.messages import AgentStatus, Pose, SetPoint, TrackerStatus, TransmitterStatus
-from bus.requests import Reply
+from bus.requests import Follow, Reply
 from bus.session import BusAddress, Incoming, Session
 
 PERIOD_S = 0.01
@@ -50,7 +50,10 @@ class ScriptedVehicle:
         if refusal is None and incoming.verb not in self.stuck:
             self.phase = NEXT_PHASE.get(incoming.verb, self.phase)
             self.state = NEXT_STATE.get(incoming.verb, self.state)
-        incoming.answer(Reply(accepted=refusal is None, reason=refusal or ""))
+        incoming.answer(Reply(accepted=refusal is None, reason=refusal or self._news(incoming.request)))
+
+    def _news(self, request: object) -> str:
+        return f"{self.name} follows {request.following[0].leader}" if isinstance(request, Follow) else ""
 
     @property
     def verbs(self) -> list[str]:

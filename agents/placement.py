@@ -1,0 +1,100 @@
+"""Refuses places in a formation that lead out of the flight volume or too close to somebody."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.topology import Links, followers, places
+from bus.messages import Following
+from vehicles.state import Array
+
+Three = tuple[float, float, float]
+TOLERANCE_M = 1e-6
+
+
+@dataclass(frozen=True)
+class Room:
+    """What a formation has to stay within.
+
+    Attributes
+    ----------
+    min_m, max_m
+        Flight volume, inertial frame.
+    minimum_distance_m
+        Smallest distance between two vehicles; None for no limit.
+    """
+
+    min_m: Three
+    max_m: Three
+    minimum_distance_m: float | None
+
+    def outside(self, place: Array) -> str | None:
+        """Where a place, x y z first, leaves the volume, in words."""
+        for axis, value, low, high in zip("xyz", place[:3].tolist(), self.min_m, self.max_m, strict=True):
+            if not low - TOLERANCE_M <= value <= high + TOLERANCE_M:
+                return f"{axis}: {value:.4g} m is outside the flight volume {low:g} .. {high:g} m"
+        return None
+
+    def too_close(self, place: Array, other: Array) -> str | None:
+        """Why two places, x y z first, are too close, in words."""
+        if self.minimum_distance_m is None:
+            return None
+        distance_m = float(np.linalg.norm(place[:3] - other[:3]))
+        if distance_m >= self.minimum_distance_m - TOLERANCE_M:
+            return None
+        return f"{distance_m:.3g} m apart, the minimum distance is {self.minimum_distance_m:g} m"
+
+
+def offset_problem(name: str, following: Iterable[Following], room: Room) -> str | None:
+    """Why offsets alone are too small, None if they are not; a single leader only.
+
+    Several leaders share a place between them, which only their own places tell.
+    """
+    links = tuple(following)
+    if len(links) != 1:
+        return None
+    problem = room.too_close(np.array(links[0].offset_m), np.zeros(3))
+    return None if problem is None else f"{name} and {links[0].leader} would be {problem}"
+
+
+def place_problem(
+    name: str, following: tuple[Following, ...], links: Links, heads: Mapping[str, Array], room: Room
+) -> str | None:
+    """Why a vehicle must not follow its new leaders, None if it may.
+
+    Its own followers come along, so their places count as well.
+
+    Parameters
+    ----------
+    name
+        The vehicle.
+    following
+        Its new leaders, with the offsets to be reached.
+    links, heads
+        The others, as of `agents.neighbours.formation_of`.
+    room
+        Limits.
+
+    Returns
+    -------
+    str or None
+        Who would be where, and what is allowed.
+    """
+    after = {**links, name: following}
+    where = places(after, heads)
+    if name not in where:
+        return None
+    along = followers(after, name)
+    for moved in (name, *along):
+        problem = room.outside(where[moved]) if moved in where else None
+        if problem is not None:
+            return f"{moved} would leave: {problem}"
+    for moved in (name, *along):
+        for other, place in where.items():
+            if other == moved or moved not in where or (other in along and moved != name):
+                continue
+            problem = room.too_close(where[moved], place)
+            if problem is not None:
+                return f"{moved} and {other} would be {problem}"
+    return None

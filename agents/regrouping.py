@@ -1,0 +1,112 @@
+"""A change of leaders that several vehicles make at one frame: prepared, committed, taken when it comes.
+
+Nothing is decided here for the others: whoever asks has to prepare all before the first one is committed.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from agents.fleet_clock import FleetClock
+from agents.guidance import Link
+from bus.messages import SetPoint
+from vehicles.state import Array
+
+PREPARED_S = 3.0
+"""How long a prepared change waits for its frame."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """New leaders of one vehicle.
+
+    Attributes
+    ----------
+    operation
+        Name of the change, common to all who take part.
+    links
+        New leaders; none for a vehicle that shall lead.
+    position_m, yaw_rad
+        Its place if it shall lead.
+    expires_s
+        When it is forgotten [monotonic s].
+    epoch, frame
+        When it begins, once that is known.
+    """
+
+    operation: str
+    links: tuple[Link, ...]
+    position_m: Array
+    yaw_rad: float
+    expires_s: float
+    epoch: int | None = None
+    frame: int = 0
+
+
+class Regrouping:
+    """The change that one vehicle has prepared, at most one at a time.
+
+    Parameters
+    ----------
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.events: Counter[str] = Counter()
+        self._clock = clock
+        self._change: Change | None = None
+
+    @property
+    def leaders(self) -> set[str]:
+        """Leaders that are going to be followed."""
+        change = self._present()
+        return set() if change is None else {link.leader for link in change.links}
+
+    def _present(self) -> Change | None:
+        if self._change is not None and self._clock() > self._change.expires_s:
+            self.events["regrouping_expired"] += 1
+            self._change = None
+        return self._change
+
+    def busy(self, operation: str) -> str | None:
+        """Why nothing can be prepared, None if it can."""
+        change = self._present()
+        if change is None or change.operation == operation:
+            return None
+        return f"another change of leaders is under way ({change.operation})"
+
+    def prepare(self, operation: str, links: Sequence[Link], set_point: SetPoint | None) -> None:
+        """Remember a change; one of the same name is replaced."""
+        place, yaw_rad = (
+            ((0.0, 0.0, 0.0), 0.0) if set_point is None else (set_point.position_m, set_point.yaw_rad)
+        )
+        expires_s = self._clock() + PREPARED_S
+        self._change = Change(operation, tuple(links), np.array(place), yaw_rad, expires_s)
+
+    def commit(self, operation: str, epoch: int, frame: int, clock: FleetClock) -> str | None:
+        """Fix the frame; a refusal is returned as its reason."""
+        change = self._present()
+        if change is None or change.operation != operation:
+            return f"nothing is prepared under {operation!r}"
+        if epoch != clock.epoch:
+            return f"the stream of frames is another one now: epoch {clock.epoch}, not {epoch}"
+        if frame <= clock.current_frame:
+            return f"frame {frame} has passed, the present one is {clock.current_frame}"
+        self._change = replace(change, epoch=epoch, frame=frame)
+        return None
+
+    def withdraw(self, operation: str) -> None:
+        """Forget a change."""
+        if self._change is not None and self._change.operation == operation:
+            self._change = None
+
+    def due(self, clock: FleetClock) -> Change | None:
+        """The change whose frame has come; handed out once."""
+        change = self._present()
+        if change is None or change.epoch != clock.epoch or clock.current_frame < change.frame:
+            return None
+        self._change = None
+        return change

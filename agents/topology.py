@@ -1,0 +1,194 @@
+"""Who follows whom as a graph: lines of ancestors, cycles, places in space, and roles that change hands.
+
+Pure functions on the links that vehicles tell of themselves; the same ones refuse a request in an agent,
+check a fleet file and work out a change of leaders on the ground.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from bus.messages import Following
+from vehicles.state import YAW, Array, heading_matrix
+
+Links = Mapping[str, tuple[Following, ...]]
+"""Leaders of each vehicle; empty for one that follows nobody."""
+
+SAME_M = 1e-9
+
+
+class TopologyError(ValueError):
+    """A change of leaders that makes no sense; says why."""
+
+
+def leaders_of(links: Links, name: str) -> tuple[str, ...]:
+    """Names of the direct leaders, in order."""
+    return tuple(link.leader for link in links.get(name, ()))
+
+
+def ancestors(links: Links, name: str) -> tuple[str, ...]:
+    """Leaders and theirs, nearest first, each once; the vehicle itself only if there is a cycle."""
+    found: dict[str, None] = {}
+    level = list(leaders_of(links, name))
+    while level:
+        new = [leader for leader in dict.fromkeys(level) if leader not in found]
+        found |= dict.fromkeys(new)
+        level = [further for leader in new for further in leaders_of(links, leader)]
+    return tuple(found)
+
+
+def followers(links: Links, name: str) -> tuple[str, ...]:
+    """Vehicles that move when a vehicle moves: its followers and theirs."""
+    return tuple(other for other in links if name in ancestors(links, other))
+
+
+def roots(links: Links, name: str) -> tuple[str, ...]:
+    """Vehicles at the head of the formation a vehicle flies in: itself if it follows nobody."""
+    line = ancestors(links, name) or (name,)
+    return tuple(leader for leader in line if not links.get(leader))
+
+
+def line_between(links: Links, name: str, leader: str) -> tuple[str, ...]:
+    """Shortest line from a vehicle to one of its ancestors, both included; empty if there is none.
+
+    A line from a vehicle to itself is a cycle.
+    """
+    lines: list[tuple[str, ...]] = [(name,)]
+    seen: set[str] = set()
+    while lines:
+        longer = []
+        for line in lines:
+            for further in leaders_of(links, line[-1]):
+                if further == leader:
+                    return (*line, leader)
+                if further not in seen:
+                    seen.add(further)
+                    longer.append((*line, further))
+        lines = longer
+    return ()
+
+
+def cycle(links: Links) -> tuple[str, ...]:
+    """A line of leaders that comes back to where it began; empty if there is none."""
+    for name in links:
+        line = line_between(links, name, name)
+        if line:
+            return line
+    return ()
+
+
+def in_words(line: Iterable[str]) -> str:
+    """`h3 follows h2 follows h1`."""
+    return " follows ".join(line)
+
+
+def places(links: Links, heads: Mapping[str, Array]) -> dict[str, Array]:
+    """Where everybody is once the formation has settled.
+
+    Parameters
+    ----------
+    links
+        An acyclic graph.
+    heads
+        Places of the vehicles that follow nobody: x, y, z [m], yaw [rad], shape (4,).
+
+    Returns
+    -------
+    dict
+        Places of all vehicles whose leaders' places are known, shape (4,) each. Offsets to several leaders
+        that do not agree meet in their weighted mean, as in flight.
+    """
+    found: dict[str, Array] = {}
+
+    def visit(name: str) -> Array | None:
+        if name in found:
+            return found[name]
+        own = links.get(name, ())
+        if not own:
+            place = heads.get(name)
+        else:
+            leading = [visit(link.leader) for link in own]
+            known = [leader for leader in leading if leader is not None]
+            place = station(own, known) if len(known) == len(own) else None
+        if place is not None:
+            found[name] = place
+        return place
+
+    if not cycle(links):
+        for name in links:
+            visit(name)
+    return found
+
+
+def station(following: Iterable[Following], leading: Iterable[Array]) -> Array:
+    """Place of a follower, shape (4,), from its links and the places of its leaders in the same order."""
+    total, place = 0.0, np.zeros(4)
+    for link, leader in zip(following, leading, strict=True):
+        arm = np.array([*link.offset_m, link.yaw_offset_rad])
+        if link.frame == "heading":
+            arm[:2] = heading_matrix(leader[YAW]) @ arm[:2]
+        place += link.weight * (leader + arm)
+        total += link.weight
+    return place / total
+
+
+def link_between(follower: Array, leader: Array, like: Following, name: str) -> Following:
+    """Link to a leader that keeps a follower at its place; frame and weight as in another link."""
+    arm = follower - leader
+    if like.frame == "heading":
+        arm[:2] = heading_matrix(leader[YAW]).T @ arm[:2]
+    x, y, z, yaw = arm.tolist()
+    return Following(
+        leader=name, offset_m=(x, y, z), yaw_offset_rad=yaw, frame=like.frame, weight=like.weight
+    )
+
+
+def exchanged(
+    links: Links, where: Mapping[str, Array], first: str, second: str
+) -> dict[str, tuple[Following, ...]]:
+    """Leaders after two vehicles have changed roles while everybody keeps its place in space.
+
+    Each of the two follows whom the other one followed and leads whom the other one led. Exchanging two names
+    cannot make a cycle where there was none.
+
+    Parameters
+    ----------
+    links
+        An acyclic graph.
+    where
+        Places, as of `places`.
+    first, second
+        Who changes roles.
+
+    Returns
+    -------
+    dict
+        New leaders of the vehicles that get other ones, leaders before their followers: the first few of them
+        alone make no cycle either.
+
+    Raises
+    ------
+    TopologyError
+        Somebody is missing, or the place of somebody involved is not known.
+    """
+    for name in (first, second):
+        if name not in links:
+            raise TopologyError(f"{name} does not fly in this formation")
+    if first == second:
+        raise TopologyError(f"{first} cannot change roles with itself")
+    roles = {first: second, second: first}
+    changed = {}
+    for name in links:
+        old = links[roles.get(name, name)]
+        if name not in roles and not any(link.leader in roles for link in old):
+            continue
+        new = []
+        for link in old:
+            leader = roles.get(link.leader, link.leader)
+            for who in (name, leader):
+                if who not in where:
+                    raise TopologyError(f"the place of {who} is not known")
+            new.append(link_between(where[name], where[leader], link, leader))
+        changed[name] = tuple(new)
+    after = {**links, **changed}
+    return {name: changed[name] for name in sorted(changed, key=lambda name: len(ancestors(after, name)))}

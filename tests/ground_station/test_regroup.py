@@ -1,0 +1,227 @@
+"""Promises of changing leaders together: all or none, whoever refuses, falls silent or dies on the way."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.plans import plan_of
+
+from agents.topology import cycle
+from bus.messages import AgentStatus, Following, Plan, SetPoint
+from bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
+from bus.session import RequestFailedError
+from ground_station.regroup import RegroupError, head_of, regroup, swapped
+
+Links = dict[str, tuple[Following, ...]]
+
+
+def link(leader: str, x: float) -> Following:
+    return Following(leader=leader, offset_m=(x, 0.0, 0.0))
+
+
+TREE: Links = {"h1": (), "h2": (link("h1", -0.5),), "h3": (link("h1", 0.5),), "h4": (link("h3", 0.5),)}
+
+
+def status(following: tuple[Following, ...], place: float = 0.0, phase: str = "flying") -> AgentStatus:
+    return AgentStatus(
+        phase=phase,
+        controller="paper",
+        estimator="kalman",
+        horizon=50,
+        epoch=1,
+        frame=1,
+        set_point=SetPoint(position_m=(place, 0.0, 1.0), yaw_rad=0.0),
+        position_m=(place, 0.0, 1.0),
+        yaw_rad=0.0,
+        following=following,
+        assigned=following,
+    )
+
+
+STATUSES = {name: status(links) for name, links in TREE.items()}
+
+
+@dataclass
+class Member:
+    """A vehicle as far as a change of leaders goes."""
+
+    following: tuple[Following, ...]
+    prepared: PrepareLeaders | None = None
+    frame: int | None = None
+    alive: bool = True
+
+
+@dataclass
+class Formation:
+    """A fleet whose frames pass while somebody waits; trouble comes at the number of a request."""
+
+    members: dict[str, Member]
+    trouble: dict[int, str] = field(default_factory=dict)
+    frame: int = 100
+    asked: int = 0
+    graphs: list[Links] = field(default_factory=list)
+
+    @property
+    def session(self) -> "Formation":
+        return self
+
+    def request(self, name: str, request: Request, **_: float) -> Reply:
+        trouble = self.trouble.get(self.asked, "")
+        self.asked += 1
+        member = self.members[name]
+        if trouble == "dies":
+            member.alive = False
+        if not member.alive:
+            raise RequestFailedError(f"nobody serves it for {name}")
+        if trouble == "refuses" and not isinstance(request, WithdrawLeaders):
+            return Reply(accepted=False, reason="no")
+        if isinstance(request, PrepareLeaders):
+            member.prepared = request
+        elif isinstance(request, CommitLeaders):
+            member.frame = request.frame
+        else:
+            member.prepared = member.frame = None
+        if trouble == "answer lost":
+            raise RequestFailedError(f"{name} did not answer")
+        return Reply(accepted=True)
+
+    def __getitem__(self, name: str) -> "View":
+        return View(plan_of(name, self.frame), self.members[name].following)
+
+    def frame_period_s(self, name: str) -> float:
+        return 0.02
+
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
+        for _ in range(round(timeout_s / 0.02)):
+            self.frame += 1
+            for member in self.members.values():
+                if (
+                    member.alive
+                    and member.prepared
+                    and member.frame is not None
+                    and self.frame >= member.frame
+                ):
+                    member.following = member.prepared.following
+                    member.prepared = member.frame = None
+            self.graphs.append(self.links)
+            if condition():
+                return
+        raise TimeoutError(what)
+
+    @property
+    def links(self) -> Links:
+        return {name: member.following for name, member in self.members.items()}
+
+
+@dataclass
+class View:
+    newest: Plan
+    following: tuple[Following, ...]
+
+    @property
+    def plan(self) -> "View":
+        return self
+
+    @property
+    def epoch(self) -> int:
+        return self.newest.epoch
+
+    @property
+    def frame(self) -> int:
+        return self.newest.frame
+
+    @property
+    def source(self) -> str:
+        return self.newest.source
+
+
+def formation(trouble: dict[int, str] | None = None) -> Formation:
+    return Formation({name: Member(links) for name, links in TREE.items()}, trouble or {})
+
+
+def change_in(fleet: Formation, first: str, second: str) -> None:
+    change, where = swapped(STATUSES, first, second)
+    regroup(fleet, change, where, {name: TREE[name] for name in change})  # type: ignore[arg-type]  # no bus
+
+
+def test_everybody_takes_the_new_leaders_at_one_frame() -> None:
+    fleet = formation()
+    change_in(fleet, "h1", "h3")
+    assert {name: tuple(item.leader for item in links) for name, links in fleet.links.items()} == {
+        "h1": ("h3",),
+        "h2": ("h3",),
+        "h3": (),
+        "h4": ("h1",),
+    }
+    assert sum(after != before for before, after in pairwise([TREE, *fleet.graphs])) == 1
+
+
+@given(
+    st.dictionaries(st.integers(0, 7), st.sampled_from(["refuses", "answer lost"]), min_size=1, max_size=3),
+    st.sampled_from([("h1", "h2"), ("h1", "h3"), ("h3", "h4"), ("h2", "h4")]),
+)
+def test_who_refuses_or_is_not_heard_keeps_everybody_where_they_are(
+    trouble: dict[int, str], pair: tuple[str, str]
+) -> None:
+    fleet = formation(trouble)
+    try:
+        change_in(fleet, *pair)
+    except RegroupError as error:
+        told = str(error)
+    else:
+        assert fleet.links != TREE
+        return
+    assert fleet.links == TREE
+    if "could not be told to stay" not in told:
+        assert "nothing has changed" in told
+        with pytest.raises(TimeoutError):
+            fleet.wait_until(lambda: fleet.links != TREE, 2.0, "nothing changes")
+    assert all(cycle(graph) == () for graph in fleet.graphs)
+
+
+@given(st.integers(0, 7), st.sampled_from([("h1", "h2"), ("h1", "h3"), ("h3", "h4")]))
+def test_who_dies_on_the_way_leaves_no_mixture_behind(number: int, pair: tuple[str, str]) -> None:
+    fleet = formation({number: "dies"})
+    try:
+        change_in(fleet, *pair)
+    except RegroupError:
+        assert fleet.links == TREE
+    assert all(cycle(graph) == () for graph in fleet.graphs)
+
+
+def test_who_dies_before_the_frame_has_everybody_go_back() -> None:
+    fleet = formation()
+    change, where = swapped(STATUSES, "h1", "h3")
+    before = {name: TREE[name] for name in change}
+    plain = fleet.request
+
+    def dying(name: str, request: Request, **options: float) -> Reply:
+        reply = plain(name, request, **options)
+        if isinstance(request, CommitLeaders) and fleet.asked == 2 * len(change):
+            fleet.members["h4"].alive = False
+        return reply
+
+    fleet.request = dying  # type: ignore[method-assign]  # the vehicle dies after it has agreed
+    with pytest.raises(RegroupError, match="h4 did not take the new leaders; everybody is as before"):
+        regroup(fleet, change, where, before)  # type: ignore[arg-type]  # no bus
+    assert fleet.links == TREE
+
+
+def test_vehicles_that_do_not_fly_or_are_absent_change_no_roles() -> None:
+    grounded = STATUSES | {"h2": status(TREE["h2"], phase="armed")}
+    with pytest.raises(RegroupError, match="h2 does not fly, its phase is armed"):
+        swapped(grounded, "h1", "h2")
+    with pytest.raises(RegroupError, match="h9 is absent: nothing is heard from its agent"):
+        swapped(STATUSES, "h1", "h9")
+
+
+def test_the_head_of_a_formation_is_found_and_ambiguity_told() -> None:
+    assert head_of(STATUSES, "h4") == "h1"
+    with pytest.raises(RegroupError, match="h1 leads already"):
+        head_of(STATUSES, "h1")
+    two = {"h1": status(()), "h2": status(()), "h3": status((link("h1", 1.0), link("h2", 1.0)))}
+    with pytest.raises(RegroupError, match="several leaders at the head: h3 follows h1; h3 follows h2"):
+        head_of(two, "h3")
