@@ -1,17 +1,15 @@
 """The scripting interface: one object per fleet, one per vehicle; every call is a request on the bus."""
 
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
 
 from agents.neighbours import Neighbours
 from bus import channels
-from bus.messages import AgentStatus, Following, Kill, Message, Plan, SetPoint, TransmitterStatus
+from bus.messages import AgentStatus, Following, Kill, Message, Plan, SetPoint
 from bus.requests import (
     Arm,
     Disarm,
@@ -30,77 +28,20 @@ from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
 from deploy.role_settings import bus_address
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
+from ground_station.state import AIRBORNE, VehicleState, tracker_problems
+from ground_station.waiting import Bell, NotReachedError
 
 M = TypeVar("M", bound=Message)
 
 SOURCE = "operator"
-AIRBORNE = frozenset({"takeoff", "flying", "landing", "emergency"})
 KILL_REPEAT_S = 0.1
+ARM_RETRY_S = 0.1
 FIRST_WORDS_S = 1.5
 """Longest wait for a first status, which comes five times a second."""
 
 
 class RefusedError(RuntimeError):
     """A vehicle refused a request; the text is its reason."""
-
-
-class NotReachedError(TimeoutError):
-    """What was waited for did not happen in time; says what was missing."""
-
-
-@dataclass(frozen=True)
-class VehicleState:
-    """What is known of a vehicle at this moment; ages are on the local monotonic clock.
-
-    Attributes
-    ----------
-    agent, transmitter
-        Newest status of each, None before the first.
-    agent_age_s, transmitter_age_s, pose_age_s
-        Their ages.
-    """
-
-    name: str
-    agent: AgentStatus | None
-    transmitter: TransmitterStatus | None
-    agent_age_s: float | None
-    transmitter_age_s: float | None
-    pose_age_s: float | None
-
-    @property
-    def phase(self) -> str:
-        """Flight phase, `unknown` without a status."""
-        return "unknown" if self.agent is None else self.agent.phase
-
-    @property
-    def airborne(self) -> bool:
-        """Whether the vehicle is in the air as far as its agent tells."""
-        return self.phase in AIRBORNE
-
-    def summary(self) -> str:
-        """Phase and transmitter state in words."""
-        if self.transmitter is None:
-            return f"{self.name}: {self.phase}"
-        return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.transmitter.reason}"
-
-    def problems(self, stale_s: float = 1.0) -> list[str]:
-        """What speaks against taking off, in words; empty when nothing does."""
-        found = []
-        if self.agent is None or self.agent_age_s is None or self.agent_age_s > stale_s:
-            found.append(f"{self.name}: no word from its agent{_since(self.agent_age_s)}")
-        elif self.agent.pose_age_s is None or self.agent.pose_age_s > stale_s:
-            found.append(f"{self.name}: no pose{_since(self.agent.pose_age_s)}")
-        if self.transmitter is None or self.transmitter_age_s is None or self.transmitter_age_s > stale_s:
-            found.append(f"{self.name}: no word from its transmitter gateway{_since(self.transmitter_age_s)}")
-        elif not self.transmitter.ready:
-            found.append(f"{self.name}: transmitter not ready: {self.transmitter.module}")
-        elif self.transmitter.state == "killed":
-            found.append(f"{self.name}: killed ({self.transmitter.reason}); reset it first")
-        return found
-
-
-def _since(age_s: float | None) -> str:
-    return "" if age_s is None else f" for {age_s:.1f} s"
 
 
 class Vehicle:
@@ -118,9 +59,7 @@ class Vehicle:
     @property
     def plan(self) -> Plan | None:
         """Newest plan, None before the first."""
-        inbox = self._fleet.plans.inboxes.get(self.name)
-        received = None if inbox is None else inbox.latest()
-        return None if received is None else received.message
+        return self.state.plan
 
     def arm(self) -> None:
         """Let the vehicle's agent command its transmitter."""
@@ -209,9 +148,9 @@ class Fleet(AbstractContextManager["Fleet"]):
 
     def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
         self.file = file
-        self._wake = threading.Event()
+        self._bell = Bell()
         address = bus_address(file, host or next(iter(file.hosts)))
-        self.session = Session(address, wake=self._wake.set, timeout_s=timeout_s)
+        self.session = Session(address, wake=self._bell.ring, timeout_s=timeout_s)
         self._agents = self.session.subscribe_all(channels.AGENT_STATUS)
         self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)
         self._poses = self.session.subscribe_all(channels.POSE)
@@ -251,8 +190,27 @@ class Fleet(AbstractContextManager["Fleet"]):
         now_s = self.session.clock()
         agent, agent_age_s = _newest(self._agents.inboxes.get(name), now_s)
         transmitter, transmitter_age_s = _newest(self._transmitters.inboxes.get(name), now_s)
-        _, pose_age_s = _newest(self._poses.inboxes.get(name), now_s)
-        return VehicleState(name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s)
+        pose, pose_age_s = _newest(self._poses.inboxes.get(name), now_s)
+        plan, _ = _newest(self.plans.inboxes.get(name), now_s)
+        seen_age_s = self._unseen_s(name, now_s) if pose is None or pose.occluded else pose_age_s
+        return VehicleState(
+            name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan
+        )
+
+    def _unseen_s(self, name: str, now_s: float) -> float | None:
+        """How long the motion capture has not seen a vehicle, as far as the Vicon gateway tells."""
+        status, age_s = _newest(self.tracker, now_s)
+        for subject in () if status is None else status.subjects:
+            if subject.vehicle == name and subject.occluded_s is not None and age_s is not None:
+                return subject.occluded_s + age_s
+        return None
+
+    def problems(self, names: Iterable[str] | None = None) -> list[str]:
+        """What speaks against taking off, in words; empty when nothing does."""
+        vehicles = list(self._vehicles if names is None else names)
+        tracker, age_s = _newest(self.tracker, self.session.clock())
+        found = tracker_problems(tracker, age_s, vehicles)
+        return found + [line for name in vehicles for line in self.state_of(name).problems()]
 
     def statuses(self) -> dict[str, AgentStatus]:
         """Newest statuses of the agents that are not silent."""
@@ -278,7 +236,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         RefusedError
             It cannot be done; nothing has changed.
         """
-        self._hear([self[first], self[second]])
+        self.hear([first, second])
         statuses = self.statuses()
         try:
             change, where = swapped(statuses, first, second)
@@ -292,7 +250,7 @@ class Fleet(AbstractContextManager["Fleet"]):
 
     def promote(self, name: str) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
-        self._hear([self[name]])
+        self.hear([name])
         try:
             head = head_of(self.statuses(), name)
         except RegroupError as error:
@@ -309,26 +267,16 @@ class Fleet(AbstractContextManager["Fleet"]):
         NotReachedError
             It did not within `timeout_s`; the text names `what` and the state of the vehicles `names`.
         """
-        deadline_s = time.monotonic() + timeout_s
-        while not condition():
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0:
-                states = "; ".join(self.state_of(name).summary() for name in names)
-                raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
-            self._wake.wait(min(left_s, 0.1))
-            self._wake.clear()
+        if not self._bell.wait_until(condition, timeout_s):
+            states = "; ".join(self.state_of(name).summary() for name in names)
+            raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
 
     def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Wait until nothing speaks against taking off."""
         vehicles = list(self._vehicles if names is None else names)
-
-        def problems() -> list[str]:
-            return [line for name in vehicles for line in self.state_of(name).problems()]
-
-        try:
-            self.wait_until(lambda: not problems(), timeout_s, "not ready")
-        except NotReachedError:
-            raise NotReachedError(f"not ready after {timeout_s:g} s: {'; '.join(problems())}") from None
+        if not self._bell.wait_until(lambda: not self.problems(vehicles), timeout_s):
+            found = "; ".join(self.problems(vehicles))
+            raise NotReachedError(f"not ready after {timeout_s:g} s: {found}")
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""
@@ -353,8 +301,7 @@ class Fleet(AbstractContextManager["Fleet"]):
             except (RefusedError, RequestFailedError):
                 if time.monotonic() > deadline_s:
                     raise
-                self._wake.wait(0.1)
-                self._wake.clear()
+                self._bell.wait_until(lambda: False, ARM_RETRY_S)
 
     def take_off(
         self, names: Iterable[str] | None = None, height_m: float = 1.0, timeout_s: float = 15.0
@@ -384,7 +331,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         vehicles = list(self) if names is None else [self[name] for name in names]
         problems: list[RefusedError | RequestFailedError] = []
         told = []
-        self._hear(vehicles)
+        self.hear(vehicle.name for vehicle in vehicles)
         for vehicle in vehicles:
             if vehicle.state.airborne or vehicle.state.agent is None:
                 try:
@@ -405,15 +352,20 @@ class Fleet(AbstractContextManager["Fleet"]):
         if problems:
             raise problems[0]
 
-    def _hear(self, vehicles: Sequence[Vehicle]) -> None:
-        """Wait for the first words of vehicles after joining; who stays silent is asked all the same."""
+    def hear(self, names: Iterable[str] | None = None, timeout_s: float = FIRST_WORDS_S) -> bool:
+        """Wait for the first words after joining; False if somebody stayed silent.
+
+        Without names all vehicles and the Vicon gateway are waited for.
+        """
+        vehicles = list(self._vehicles if names is None else names)
+        everybody = names is None
 
         def heard() -> bool:
-            states = [vehicle.state for vehicle in vehicles]
-            return not any(state.agent is None or state.transmitter is None for state in states)
+            states = [self.state_of(name) for name in vehicles]
+            spoken = all(state.agent is not None and state.transmitter is not None for state in states)
+            return spoken and (not everybody or self.tracker.latest() is not None)
 
-        with suppress(NotReachedError):
-            self.wait_until(heard, FIRST_WORDS_S, "silent vehicles")
+        return self._bell.wait_until(heard, timeout_s)
 
     def kill(self, names: Iterable[str] = (), reason: str = "operator", seconds: float = 1.0) -> None:
         """Cut the motors of some or all vehicles now; repeated for a while, as delivery is not assured."""

@@ -3,26 +3,35 @@
 from collections import Counter
 from collections.abc import Iterable
 
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from ground_station.fleet import Fleet, VehicleState
+from ground_station.fleet import Fleet
+from ground_station.state import VehicleState
 
 STALE_S = 0.5
+COLUMNS = (
+    "vehicle", "phase", "transmitter", "link", "controller", "follows", "x y z [m]", "error [mm]",
+    "pose age [ms]", "command age [ms]", "solve p50 / p99 [ms]", "missed", "fallbacks, rejections",
+)  # fmt: skip
 
 
 def fleet_table(fleet: Fleet) -> Table:
     """All vehicles of a running fleet: phases, ages, solver times, and everything that went wrong."""
     # Texts from the bus are shown as they are, whatever brackets they contain.
     table = Table(title=Text(_tracker_line(fleet)), title_justify="left", expand=False)
-    for heading in (
-        "vehicle", "phase", "transmitter", "follows", "x y z [m]", "pose age [ms]", "command age [ms]",
-        "solve p50 / p99 [ms]", "missed", "fallbacks, rejections",
-    ):  # fmt: skip
-        table.add_column(heading, no_wrap=True)
+    for heading in COLUMNS:
+        table.add_column(heading, no_wrap=heading not in ("link", "fallbacks, rejections"))
     for vehicle in fleet:
         table.add_row(*_row(vehicle.state))
     return table
+
+
+def fleet_view(fleet: Fleet) -> Group:
+    """The table, and below it what speaks against taking off."""
+    problems = [Text(line, style="red") for line in fleet.problems()]
+    return Group(fleet_table(fleet), *problems)
 
 
 def _tracker_line(fleet: Fleet) -> str:
@@ -43,12 +52,15 @@ def _row(state: VehicleState) -> Iterable[Text | str]:
     yield state.name
     yield Text(state.phase if not stale else f"{state.phase} (silent)", style=style)
     yield "-" if transmitter is None else transmitter.state
+    yield Text("-" if transmitter is None else transmitter.link)
     if agent is None:
-        yield from ("-",) * 6
+        yield from ("-",) * (len(COLUMNS) - 4)
         return
-    yield ", ".join(link.leader for link in agent.following) or "-"
+    yield agent.controller
+    yield ", ".join(state.leaders) or "-"
     yield "-" if agent.position_m is None else " ".join(f"{value:6.2f}" for value in agent.position_m)
-    yield _milliseconds(agent.pose_age_s)
+    yield "-" if state.error_m is None else f"{1000 * state.error_m:.0f}"
+    yield _milliseconds(agent.pose_age_s if state.seen_age_s is None else state.seen_age_s)
     yield _milliseconds(None if transmitter is None else transmitter.command_age_s)
     yield f"{agent.solve_ms_p50:.2f} / {agent.solve_ms_p99:.2f}"
     yield str(agent.missed_ticks)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rcopterx.commands import bench, experiment, launch, roles, steer
+from rcopterx.commands import bench, experiment, launch, roles, steer, watch
 
 app = typer.Typer(
     name="rcopterx",
@@ -17,6 +17,7 @@ app = typer.Typer(
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.demo, launch.fly),
+    "Watch a running fleet": (watch.status, watch.check, watch.top),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
         steer.land, steer.disarm, steer.kill, steer.reset,

@@ -11,7 +11,8 @@ import typer
 from bus.session import BusUnreachableError, RequestFailedError
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import FleetError, load_fleet
-from ground_station.fleet import Fleet, NotReachedError, RefusedError
+from ground_station.fleet import Fleet, RefusedError
+from ground_station.waiting import NotReachedError
 
 DEFAULT_FLEET = "trio"
 EXIT_FAILED = 1

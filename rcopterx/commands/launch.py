@@ -16,8 +16,9 @@ from rich.live import Live
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
 from deploy.launcher import Launcher
-from ground_station.fleet import Fleet, NotReachedError
+from ground_station.fleet import Fleet
 from ground_station.table import fleet_table
+from ground_station.waiting import NotReachedError
 from rcopterx.fleet_option import (
     DEFAULT_FLEET,
     EXIT_FAILED,

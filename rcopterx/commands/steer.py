@@ -15,7 +15,7 @@ Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
 def arm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Let the agents command the transmitters. Rotors stay still until take-off."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, vehicles)
+        known_vehicles(running.file.vehicles, vehicles)
         running.wait_ready(vehicles or None, timeout_s=3.0)
         running.arm(vehicles or None)
         typer.echo("armed")
@@ -24,7 +24,7 @@ def arm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
 def disarm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Keep the throttle low until armed again."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, vehicles)
+        known_vehicles(running.file.vehicles, vehicles)
         for name in vehicles or running.file.vehicles:
             running[name].disarm()
         typer.echo("disarmed")
@@ -39,7 +39,7 @@ def takeoff(
 ) -> None:
     """Arm and take off, and wait until the vehicles fly."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, vehicles)
+        known_vehicles(running.file.vehicles, vehicles)
         running.take_off(vehicles or None, height)
         typer.echo("flying")
 
@@ -54,7 +54,7 @@ def goto(
 ) -> None:
     """Give a leader a new set point. Put -- before negative numbers: goto h1 -- -0.5 0 1."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, [vehicle])
+        known_vehicles(running.file.vehicles, [vehicle])
         running[vehicle].go_to((x, y, z), math.radians(yaw))
         typer.echo(f"{vehicle}: on the way to {x:g} {y:g} {z:g} m, {yaw:g} deg")
 
@@ -73,14 +73,14 @@ def follow(
     if frame not in ("inertial", "heading"):
         raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, [vehicle, leader])
+        known_vehicles(running.file.vehicles, [vehicle, leader])
         typer.echo(running[vehicle].follow(leader, _three(offset), math.radians(yaw), frame))
 
 
 def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Let a vehicle follow nobody; it holds its place."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, [vehicle])
+        known_vehicles(running.file.vehicles, [vehicle])
         running[vehicle].lead()
         typer.echo(f"{vehicle}: leads")
 
@@ -92,21 +92,21 @@ def swap(
 ) -> None:
     """Let two vehicles change roles, for instance leader and follower; all keep their places in space."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, [first, second])
+        known_vehicles(running.file.vehicles, [first, second])
         typer.echo("\n".join(running.swap(first, second)))
 
 
 def promote(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Make a vehicle the leader of its whole formation; all keep their places in space."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, [vehicle])
+        known_vehicles(running.file.vehicles, [vehicle])
         typer.echo("\n".join(running.promote(vehicle)))
 
 
 def land(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Land, wait for the floor, and disarm."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, vehicles)
+        known_vehicles(running.file.vehicles, vehicles)
         running.land(vehicles or None)
         typer.echo("landed")
 
@@ -114,7 +114,7 @@ def land(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
 def kill(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Cut the motors at once, latching. Vehicles in the air fall. `rcopterx reset` ends it."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, vehicles)
+        known_vehicles(running.file.vehicles, vehicles)
         running.kill(vehicles or ())
         typer.echo("killed")
 
@@ -122,13 +122,20 @@ def kill(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
 def reset(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Leave the killed state; the vehicles are disarmed then."""
     with running_fleet(fleet) as running:
-        _known(running.file.vehicles, vehicles)
+        known_vehicles(running.file.vehicles, vehicles)
         for name in vehicles or running.file.vehicles:
             running[name].reset()
         typer.echo("reset")
 
 
-def _known(known: Mapping[str, object], names: Iterable[str] | None) -> None:
+def known_vehicles(known: Mapping[str, object], names: Iterable[str] | None) -> None:
+    """Refuse names that are no vehicles of the fleet.
+
+    Raises
+    ------
+    typer.BadParameter
+        Names the first one and what is allowed.
+    """
     for name in names or ():
         if name not in known:
             raise typer.BadParameter(f"no vehicle {name!r}, known are {', '.join(known)}")

@@ -29,6 +29,6 @@ def fleet(
     """The scripting interface of the scripted fleet, once it has heard of every vehicle."""
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     running = Fleet(parse_fleet(fleet_file_text(bus_address)))
-    wait_for(lambda: all(not vehicle.state.problems() for vehicle in running), "no status arrives")
+    wait_for(lambda: not running.problems(), "no status arrives")
     yield running
     running.close()

@@ -5,7 +5,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from bus import channels
-from bus.messages import AgentStatus, Pose, SetPoint, TrackerStatus, TransmitterStatus
+from bus.messages import (
+    AgentStatus,
+    Following,
+    Plan,
+    Pose,
+    SetPoint,
+    SubjectState,
+    TrackerStatus,
+    TransmitterStatus,
+)
 from bus.requests import Follow, Reply
 from bus.session import BusAddress, Incoming, Session
 
@@ -41,6 +50,10 @@ class ScriptedVehicle:
         self.stuck: set[str] = set()
         self.requests: list[object] = []
         self.counts: dict[str, int] = {}
+        self.following: tuple[Following, ...] = ()
+        self.position_m = (0.1, 0.2, 0.3)
+        self.occluded_s: float | None = None
+        self.plan: Plan | None = None
 
     def answer(self, incoming: Incoming) -> None:
         self.requests.append(incoming.request)
@@ -69,9 +82,23 @@ class ScriptedVehicle:
             epoch=1,
             frame=1,
             set_point=SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0),
-            position_m=(0.1, 0.2, 0.3),
+            position_m=self.position_m,
+            following=self.following,
             pose_age_s=self.pose_age_s,
             fallbacks=self.counts,
+        )
+
+    def pose(self) -> Pose:
+        seen = self.occluded_s is None
+        return Pose(
+            epoch=1,
+            frame=1,
+            period_s=0.02,
+            latency_s=0.0,
+            received_s=0.0,
+            occluded=not seen,
+            position_m=self.position_m if seen else None,
+            quaternion_xyzw=(0.0, 0.0, 0.0, 1.0) if seen else None,
         )
 
     def transmitter_status(self) -> TransmitterStatus:
@@ -96,11 +123,22 @@ def scripted(session: Session, *names: str, tracker: str = "up") -> Iterator[dic
                 if vehicle.speaks:
                     session.publish(channels.AGENT_STATUS, name, vehicle.agent_status())
                     session.publish(channels.TRANSMITTER_STATUS, name, vehicle.transmitter_status())
-                session.publish(channels.POSE, name, SEEN)
+                if vehicle.plan is not None:
+                    session.publish(channels.PLAN, name, vehicle.plan)
+                session.publish(channels.POSE, name, vehicle.pose())
             session.publish(
                 channels.TRACKER_STATUS,
                 channels.TRACKER_UNIT,
-                TrackerStatus(state=tracker, trying="is silent [/dev/null]", address="x:801", period_s=0.02),
+                TrackerStatus(
+                    state=tracker,
+                    trying="is silent [/dev/null]",
+                    address="x:801",
+                    period_s=0.02,
+                    subjects=tuple(
+                        SubjectState(subject=name, vehicle=name, occluded_s=vehicle.occluded_s)
+                        for name, vehicle in vehicles.items()
+                    ),
+                ),
             )
 
     thread = threading.Thread(target=live)
@@ -110,15 +148,3 @@ def scripted(session: Session, *names: str, tracker: str = "up") -> Iterator[dic
     finally:
         stop.set()
         thread.join()
-
-
-SEEN = Pose(
-    epoch=1,
-    frame=1,
-    period_s=0.02,
-    latency_s=0.0,
-    received_s=0.0,
-    occluded=False,
-    position_m=(0.1, 0.2, 0.3),
-    quaternion_xyzw=(0.0, 0.0, 0.0, 1.0),
-)

@@ -1,0 +1,120 @@
+"""What is known of a vehicle and of the motion capture at one moment, and what speaks against taking off."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bus.messages import AgentStatus, Plan, TrackerStatus, TransmitterStatus
+
+AIRBORNE = frozenset({"takeoff", "flying", "landing", "emergency"})
+STALE_S = 1.0
+"""Age from which a status counts as silence; it comes five times a second."""
+
+
+@dataclass(frozen=True)
+class VehicleState:
+    """What is known of a vehicle at this moment; ages are on the local monotonic clock.
+
+    Attributes
+    ----------
+    agent, transmitter
+        Newest status of each, None before the first.
+    agent_age_s, transmitter_age_s
+        Their ages.
+    pose_age_s
+        Age of the newest message of the motion capture about the vehicle, whether it was seen or not.
+    seen_age_s
+        Time since the motion capture last saw the vehicle; None if it never did since this program joined.
+    plan
+        Newest plan, None before the first.
+    """
+
+    name: str
+    agent: AgentStatus | None
+    transmitter: TransmitterStatus | None
+    agent_age_s: float | None
+    transmitter_age_s: float | None
+    pose_age_s: float | None
+    seen_age_s: float | None = None
+    plan: Plan | None = None
+
+    @property
+    def phase(self) -> str:
+        """Flight phase, `unknown` without a status."""
+        return "unknown" if self.agent is None else self.agent.phase
+
+    @property
+    def airborne(self) -> bool:
+        """Whether the vehicle is in the air as far as its agent tells."""
+        return self.phase in AIRBORNE
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """Vehicles it follows."""
+        return () if self.agent is None else tuple(link.leader for link in self.agent.following)
+
+    @property
+    def error_m(self) -> float | None:
+        """Distance from the reference of the newest plan, as the agent sees it; None on the floor."""
+        if self.plan is None or self.plan.reference is None or not self.plan.airborne:
+            return None
+        place = self.plan.trajectory.to_numpy()[0, :3]
+        return float(np.linalg.norm(place - np.array(self.plan.reference[:3])))
+
+    def summary(self) -> str:
+        """Phase and transmitter state in words."""
+        if self.transmitter is None:
+            return f"{self.name}: {self.phase}"
+        return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.transmitter.reason}"
+
+    def problems(self, stale_s: float = STALE_S) -> list[str]:
+        """What speaks against taking off, in words; empty when nothing does."""
+        found = []
+        if self.agent is None or self.agent_age_s is None or self.agent_age_s > stale_s:
+            found.append(f"{self.name}: no word from its agent{_since(self.agent_age_s)}")
+        elif self.agent.pose_age_s is None or self.agent.pose_age_s > stale_s:
+            found.append(f"{self.name}: no pose{_since(self.agent.pose_age_s)}")
+        elif self.seen_age_s is None or self.seen_age_s > stale_s:
+            found.append(f"{self.name}: the motion capture does not see it{_since(self.seen_age_s)}")
+        if self.transmitter is None or self.transmitter_age_s is None or self.transmitter_age_s > stale_s:
+            found.append(f"{self.name}: no word from its transmitter gateway{_since(self.transmitter_age_s)}")
+        elif not self.transmitter.ready:
+            found.append(f"{self.name}: transmitter not ready: {self.transmitter.module}")
+        elif self.transmitter.state == "killed":
+            found.append(f"{self.name}: killed ({self.transmitter.reason}); reset it first")
+        return found
+
+
+def tracker_problems(
+    status: TrackerStatus | None, age_s: float | None, names: Sequence[str], stale_s: float = STALE_S
+) -> list[str]:
+    """What the Vicon gateway says against taking off.
+
+    Parameters
+    ----------
+    status, age_s
+        Its newest status, if any, and the age of it.
+    names
+        Vehicles in question.
+    stale_s
+        Age from which it counts as silent.
+
+    Returns
+    -------
+    list of str
+        In words; empty when nothing does.
+    """
+    if status is None or age_s is None or age_s > stale_s:
+        return [f"no word from the Vicon gateway{_since(age_s)}"]
+    if status.state != "up":
+        return [f"Tracker: {status.trying}"]
+    return [
+        f"{subject.vehicle}: the Tracker does not know the subject {subject.subject!r}"
+        for subject in status.subjects
+        if subject.vehicle in names and not subject.listed
+    ]
+
+
+def _since(age_s: float | None) -> str:
+    return "" if age_s is None else f" for {age_s:.1f} s"

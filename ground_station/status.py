@@ -1,0 +1,147 @@
+"""The state of a fleet as a table for programs: what `rcopterx status --json` and `check --json` print."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ground_station.fleet import Fleet
+from ground_station.state import VehicleState
+
+
+def fleet_status(fleet: Fleet) -> dict[str, Any]:
+    """Everything that is known of a running fleet at this moment.
+
+    Parameters
+    ----------
+    fleet
+        A running fleet, best after `Fleet.hear`.
+
+    Returns
+    -------
+    dict
+        JSON document: `fleet`, `ready`, `problems`, `tracker` and `vehicles` by name; what is not known is
+        null. Names carry the units.
+    """
+    problems = fleet.problems()
+    return {
+        "fleet": fleet.file.name,
+        "ready": not problems,
+        "problems": problems,
+        "tracker": _tracker(fleet),
+        "vehicles": {vehicle.name: vehicle_status(vehicle.state) for vehicle in fleet},
+    }
+
+
+def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
+    """What speaks against taking off: `fleet`, `ready` and `problems`."""
+    problems = fleet.problems(names)
+    return {"fleet": fleet.file.name, "ready": not problems, "problems": problems}
+
+
+def _tracker(fleet: Fleet) -> dict[str, Any] | None:
+    received = fleet.tracker.latest()
+    if received is None:
+        return None
+    status = received.message
+    return {
+        "state": status.state,
+        "doing": status.trying,
+        "address": status.address,
+        "frame": status.frame,
+        "rate_hz": round(1 / status.period_s, 3) if status.period_s else None,
+        "latency_s": status.latency_s,
+        "age_s": _rounded(fleet.session.clock() - received.arrived_s),
+        "subjects": [
+            {"subject": subject.subject, "vehicle": subject.vehicle, "listed": subject.listed}
+            for subject in status.subjects
+        ],
+        "counters": dict(status.counters),
+    }
+
+
+def vehicle_status(state: VehicleState) -> dict[str, Any]:
+    """Table of one vehicle; `agent` and `transmitter` are null before their first words."""
+    return {
+        "phase": state.phase,
+        "airborne": state.airborne,
+        "problems": state.problems(),
+        "pose_age_s": _rounded(state.pose_age_s),
+        "seen_age_s": _rounded(state.seen_age_s),
+        "error_mm": None if state.error_m is None else round(1000 * state.error_m, 1),
+        "agent": _agent(state),
+        "transmitter": _transmitter(state),
+    }
+
+
+def _agent(state: VehicleState) -> dict[str, Any] | None:
+    agent = state.agent
+    if agent is None:
+        return None
+    return {
+        "age_s": _rounded(state.agent_age_s),
+        "controller": agent.controller,
+        "estimator": agent.estimator,
+        "horizon": agent.horizon,
+        "following": [
+            {
+                "leader": link.leader,
+                "offset_m": list(link.offset_m),
+                "yaw_offset_rad": link.yaw_offset_rad,
+                "frame": link.frame,
+                "weight": link.weight,
+            }
+            for link in agent.following
+        ],
+        "set_point": {"position_m": list(agent.set_point.position_m), "yaw_rad": agent.set_point.yaw_rad},
+        "position_m": None if agent.position_m is None else list(agent.position_m),
+        "velocity_m_s": None if agent.velocity_m_s is None else list(agent.velocity_m_s),
+        "yaw_rad": agent.yaw_rad,
+        "plan_age_s": _rounded(agent.plan_age_s),
+        "ticks": agent.ticks,
+        "missed_ticks": agent.missed_ticks,
+        "solve_ms": {"p50": agent.solve_ms_p50, "p99": agent.solve_ms_p99, "max": agent.solve_ms_max},
+        "fallbacks": dict(agent.fallbacks),
+        "estimator_events": dict(agent.estimator_events),
+        "rejected": dict(agent.rejected),
+        "realtime": agent.realtime,
+        "process": agent.process,
+    }
+
+
+def _transmitter(state: VehicleState) -> dict[str, Any] | None:
+    transmitter = state.transmitter
+    if transmitter is None:
+        return None
+    return {
+        "age_s": _rounded(state.transmitter_age_s),
+        "state": transmitter.state,
+        "reason": transmitter.reason,
+        "link": transmitter.link,
+        "module": transmitter.module,
+        "ready": transmitter.ready,
+        "lease": transmitter.lease,
+        "command_age_s": _rounded(transmitter.command_age_s),
+        "bridging": transmitter.bridging,
+        "counters": dict(transmitter.counters),
+        "rejected": dict(transmitter.rejected),
+        "realtime": transmitter.realtime,
+    }
+
+
+def readable(status: Mapping[str, Any]) -> str:
+    """A line about the fleet, one about each vehicle, and one about each problem."""
+    lines = [f"{status['fleet']}: {'ready' if status['ready'] else 'not ready'}"]
+    for name, table in status.get("vehicles", {}).items():
+        agent, transmitter = table["agent"], table["transmitter"]
+        words = [table["phase"], f"transmitter {transmitter['state']}" if transmitter else "no transmitter"]
+        if agent is not None:
+            leaders = ", ".join(link["leader"] for link in agent["following"])
+            words += [agent["controller"], f"follows {leaders}" if leaders else "leads"]
+            words.append(f"missed {agent['missed_ticks']}")
+        if table["error_mm"] is not None:
+            words.append(f"error {table['error_mm']:.0f} mm")
+        lines.append(f"  {name}: {', '.join(words)}")
+    return "\n".join([*lines, *(f"  - {problem}" for problem in status["problems"])])
+
+
+def _rounded(value_s: float | None) -> float | None:
+    return None if value_s is None else round(value_s, 4)

@@ -1,0 +1,80 @@
+"""Waiting for something to come true, from any number of threads, until a deadline or a stop."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+LONGEST_NAP_S = 0.1
+"""Conditions that depend on the passing of time are looked at so often."""
+
+
+class NotReachedError(TimeoutError):
+    """What was waited for did not happen in time; says what was missing."""
+
+
+class StoppedError(NotReachedError):
+    """Somebody asked to stop while something was waited for."""
+
+
+_STOP: ContextVar[threading.Event | None] = ContextVar("stop", default=None)
+
+
+@contextmanager
+def stopped_by(event: threading.Event) -> Iterator[None]:
+    """While the block runs, waits of this thread or task end with `StoppedError` once the event is set."""
+    token = _STOP.set(event)
+    try:
+        yield
+    finally:
+        _STOP.reset(token)
+
+
+class Bell:
+    """Wakes every waiting thread when something arrived."""
+
+    def __init__(self) -> None:
+        self._condition = threading.Condition()
+        self._rings = 0
+
+    def ring(self) -> None:
+        """Wake whoever waits."""
+        with self._condition:
+            self._rings += 1
+            self._condition.notify_all()
+
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until a condition holds, looking whenever the bell rings.
+
+        Parameters
+        ----------
+        condition
+            What is waited for.
+        timeout_s
+            How long at most.
+
+        Returns
+        -------
+        bool
+            Whether it came true in time.
+
+        Raises
+        ------
+        StoppedError
+            See `stopped_by`.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        stop = _STOP.get()
+        while True:
+            heard = self._rings
+            if condition():
+                return True
+            if stop is not None and stop.is_set():
+                raise StoppedError("stopped while waiting")
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0:
+                return False
+            with self._condition:
+                if self._rings == heard:
+                    self._condition.wait(min(left_s, LONGEST_NAP_S))

@@ -1,0 +1,102 @@
+"""Watching a running fleet: `status`, `check` and `top`."""
+
+import json
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.live import Live
+
+from ground_station.status import fleet_check, fleet_status, readable
+from ground_station.table import fleet_view
+from ground_station.waiting import NotReachedError
+from rcopterx.commands.steer import Vehicles, known_vehicles
+from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, running_fleet
+
+QUIT_KEYS = b"qQ\x04"
+"""q and Ctrl-D; Ctrl-C comes as a signal."""
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
+
+
+def status(as_json: JsonOption = False, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Tell once what every vehicle does. Exit code 1 if the fleet is not up."""
+    with running_fleet(fleet) as running:
+        running.hear()
+        table = fleet_status(running)
+    typer.echo(json.dumps(table, indent=2) if as_json else readable(table))
+
+
+def check(
+    vehicles: Vehicles = None,
+    wait: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0, help="Wait so long for everything to be ready.")
+    ] = 1.5,
+    as_json: JsonOption = False,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Tell what speaks against taking off. Exit code 0 if nothing does, 1 if something does."""
+    with running_fleet(fleet) as running:
+        known_vehicles(running.file.vehicles, vehicles)
+        with suppress(NotReachedError):
+            running.wait_ready(vehicles or None, timeout_s=wait)
+        table = fleet_check(running, vehicles or None)
+    typer.echo(json.dumps(table, indent=2) if as_json else readable(table))
+    if not table["ready"]:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def top(
+    period: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0.05, help="Time between two pictures in seconds.")
+    ] = 0.2,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Show the fleet until q or Ctrl-C; without a terminal, show it once."""
+    console = Console()
+    with running_fleet(fleet) as running:
+        running.hear()
+        if not console.is_terminal:
+            console.print(fleet_view(running))
+            return
+        picture = Live(fleet_view(running), console=console, auto_refresh=False, screen=True)
+        with suppress(KeyboardInterrupt), picture, keys() as quit_within:
+            while not quit_within(period):
+                picture.update(fleet_view(running), refresh=True)
+
+
+@contextmanager
+def keys() -> Iterator[Callable[[float], bool]]:
+    """Wait for single keys of the terminal, without Enter; its settings come back at the end.
+
+    Yields
+    ------
+    Callable
+        Waits a time [s]; True as soon as the user wants to quit, or hung up.
+    """
+    descriptor = sys.stdin.fileno()
+    if not os.isatty(descriptor):
+        yield threading.Event().wait
+        return
+    before = termios.tcgetattr(descriptor)
+    tty.setcbreak(descriptor)
+    try:
+        yield lambda seconds: _quit_within(descriptor, seconds)
+    finally:
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+
+
+def _quit_within(descriptor: int, seconds: float) -> bool:
+    ready, _, _ = select.select([descriptor], [], [], seconds)
+    if not ready:
+        return False
+    typed = os.read(descriptor, 64)
+    return not typed or any(key in QUIT_KEYS for key in typed)

@@ -1,0 +1,130 @@
+"""Promises of status and checks: everything that is known, in JSON, and what is missing by name."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from support.plans import plan_of
+from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import wait_for
+
+from bus.messages import Following, SubjectState, TrackerStatus
+from bus.session import BusAddress, Session
+from deploy.fleet import parse_fleet
+from ground_station.fleet import Fleet
+from ground_station.state import VehicleState, tracker_problems
+from ground_station.status import fleet_check, fleet_status, readable
+
+Vehicles = dict[str, ScriptedVehicle]
+
+
+def tracker(state: str = "up", *subjects: SubjectState) -> TrackerStatus:
+    return TrackerStatus(state=state, trying="is silent", address="x:801", period_s=0.02, subjects=subjects)
+
+
+def test_the_status_of_a_ready_fleet_names_everything_and_is_json(fleet: Fleet) -> None:
+    status = json.loads(json.dumps(fleet_status(fleet)))
+    assert (status["ready"], status["problems"]) == (True, [])
+    assert status["tracker"]["rate_hz"] == 50
+    assert set(status["vehicles"]) == {"h1", "h2"}
+    vehicle = status["vehicles"]["h1"]
+    assert (vehicle["phase"], vehicle["airborne"], vehicle["error_mm"]) == ("ground", False, None)
+    assert vehicle["agent"]["controller"] == "paper"
+    assert vehicle["agent"]["position_m"] == [0.1, 0.2, 0.3]
+    assert vehicle["transmitter"]["state"] == "disarmed"
+    assert vehicle["pose_age_s"] < 1
+    text = readable(status)
+    assert text.startswith("lab: ready\n  h1: ground, transmitter disarmed, paper, leads, missed 0")
+
+
+def test_a_fleet_nobody_heard_of_has_a_status_with_what_is_missing(
+    bus_address: BusAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    with Fleet(parse_fleet(fleet_file_text(bus_address, ("h7",)))) as fleet:
+        assert not fleet.hear(timeout_s=0.05)
+        status = json.loads(json.dumps(fleet_status(fleet)))
+    assert status["tracker"] is None
+    assert status["vehicles"]["h7"]["agent"] is status["vehicles"]["h7"]["transmitter"] is None
+    assert status["problems"] == [
+        "no word from the Vicon gateway",
+        "h7: no word from its agent",
+        "h7: no word from its transmitter gateway",
+    ]
+    assert "  h7: unknown, no transmitter\n  - no word from the Vicon gateway" in readable(status)
+
+
+def test_a_check_names_what_is_missing_of_the_vehicles_it_is_asked_for(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h2"].ready = False
+    wait_for(lambda: fleet.problems(), "no problem is seen")
+    assert fleet_check(fleet, ["h1"])["ready"]
+    found = fleet_check(fleet)
+    assert not found["ready"]
+    assert found["problems"] == ["h2: transmitter not ready: module speaks"]
+    assert readable(found) == "lab: not ready\n  - h2: transmitter not ready: module speaks"
+
+
+def test_a_vehicle_that_is_covered_is_told_with_the_time_since_it_was_seen(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h1"].occluded_s = 3.2
+    wait_for(lambda: (fleet.state_of("h1").seen_age_s or 0) > 3, "not seen as covered")
+    (problem,) = fleet.problems(["h1"])
+    assert problem.startswith("h1: the motion capture does not see it for 3.")
+    assert fleet.problems(["h2"]) == []
+
+
+@pytest.mark.parametrize(
+    ("status", "age_s", "problems"),
+    [
+        (None, None, ["no word from the Vicon gateway"]),
+        (tracker(), 2.0, ["no word from the Vicon gateway for 2.0 s"]),
+        (tracker("connecting"), 0.1, ["Tracker: is silent"]),
+        (tracker(), 0.1, []),
+        (tracker("up", SubjectState(subject="box", listed=False)), 0.1, []),
+        (tracker("up", SubjectState(subject="x", vehicle="h9", listed=False)), 0.1, []),
+        (
+            tracker("up", SubjectState(subject="heli1", vehicle="h1", listed=False)),
+            0.1,
+            ["h1: the Tracker does not know the subject 'heli1'"],
+        ),
+    ],
+)
+def test_what_the_vicon_gateway_says_against_a_take_off_is_told(
+    status: TrackerStatus | None, age_s: float | None, problems: list[str]
+) -> None:
+    assert tracker_problems(status, age_s, ["h1", "h2"]) == problems
+
+
+def test_the_error_of_a_flying_vehicle_is_the_distance_to_its_reference() -> None:
+    plan = plan_of("h1", position_m=(0.3, 0.4, 1.0))
+    state = VehicleState("h1", None, None, None, None, None, plan=plan)
+    assert state.error_m is None
+    with_reference = type(plan)(
+        **{name: getattr(plan, name) for name in plan.__struct_fields__} | {"reference": (0.0, 0.0, 1.0, 0.0)}
+    )
+    state = VehicleState("h1", None, None, None, None, None, plan=with_reference)
+    assert state.error_m == pytest.approx(0.5)
+
+
+def test_the_status_tells_whom_a_vehicle_follows(
+    fleet: Fleet, vehicles: Vehicles, join: Callable[..., Session]
+) -> None:
+    vehicles["h2"].following = (Following(leader="h1", offset_m=(1.0, 0.0, 0.0)),)
+    wait_for(lambda: fleet.state_of("h2").leaders == ("h1",), "the leader is not known")
+    status = fleet_status(fleet)
+    (link,) = status["vehicles"]["h2"]["agent"]["following"]
+    assert (link["leader"], link["offset_m"], link["frame"]) == ("h1", [1.0, 0.0, 0.0], "inertial")
+    assert "h2: ground, transmitter disarmed, paper, follows h1" in readable(status)
+
+
+def test_a_tracker_that_gives_no_frames_is_named_first(
+    bus_address: BusAddress, join: Callable[..., Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    with Fleet(parse_fleet(fleet_file_text(bus_address))) as fleet, scripted(join(), tracker="connecting"):
+        wait_for(lambda: fleet.tracker.latest() is not None, "the Vicon gateway does not speak")
+        assert fleet.problems()[0] == "Tracker: is silent [/dev/null]"

@@ -1,0 +1,59 @@
+"""Promises of waiting: nobody misses a ring, deadlines hold, and a stop ends every wait of the block."""
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from ground_station.waiting import Bell, StoppedError, stopped_by
+
+
+def test_what_holds_already_is_not_waited_for() -> None:
+    assert Bell().wait_until(lambda: True, 0.0)
+
+
+def test_what_never_holds_ends_at_the_deadline() -> None:
+    assert not Bell().wait_until(lambda: False, 0.02)
+
+
+def test_one_ring_wakes_every_thread_that_waits() -> None:
+    bell, there = Bell(), threading.Event()
+    looked = threading.Barrier(4)
+
+    def wait() -> bool:
+        first = True
+
+        def look() -> bool:
+            nonlocal first
+            if first:
+                first = False
+                looked.wait(10)
+                return False
+            return there.is_set()
+
+        return bell.wait_until(look, 10)
+
+    with ThreadPoolExecutor(3) as pool:
+        waiting = [pool.submit(wait) for _ in range(3)]
+        looked.wait(10)
+        there.set()
+        bell.ring()
+        assert all(future.result(10) for future in waiting)
+
+
+def test_a_stop_ends_the_waits_of_the_block_and_only_those() -> None:
+    bell, stop = Bell(), threading.Event()
+    with stopped_by(stop):
+        assert not bell.wait_until(lambda: False, 0.01)
+        stop.set()
+        with pytest.raises(StoppedError):
+            bell.wait_until(lambda: False, 10)
+        assert bell.wait_until(lambda: True, 10), "what holds is told all the same"
+    assert not bell.wait_until(lambda: False, 0.01)
+
+
+def test_a_stop_does_not_reach_other_threads() -> None:
+    bell, stop = Bell(), threading.Event()
+    stop.set()
+    with stopped_by(stop), ThreadPoolExecutor(1) as pool:
+        assert pool.submit(bell.wait_until, lambda: False, 0.01).result(10) is False

@@ -1,0 +1,127 @@
+"""Promises of the watching commands: exit codes and JSON for scripts, a picture for people."""
+
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from support.bus import own_address
+from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import wait_for
+from typer.testing import CliRunner
+
+from bus import channels
+from bus.session import BusAddress, Session
+from ground_station.fleet import Fleet
+from rcopterx.cli import app
+
+Vehicles = dict[str, ScriptedVehicle]
+
+
+def run(*arguments: str) -> Result:
+    result = CliRunner().invoke(app, list(arguments), env={"COLUMNS": "250", "TERM": "dumb"})
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+@pytest.fixture(autouse=True)
+def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
+
+
+@pytest.fixture
+def vehicles(join: Callable[..., Session]) -> Iterator[Vehicles]:
+    with scripted(join(), "h1", "h2") as running:
+        yield running
+
+
+@pytest.fixture
+def up(bus_address: BusAddress, vehicles: Vehicles, tmp_path: Path, join: Callable[..., Session]) -> str:
+    """Fleet file of a fleet that speaks."""
+    path = tmp_path / "up.toml"
+    path.write_text(fleet_file_text(bus_address))
+    statuses = join().subscribe_all(channels.AGENT_STATUS)
+    wait_for(lambda: {"h1", "h2"} <= set(statuses.inboxes), "the scripted vehicles do not speak")
+    return str(path)
+
+
+@pytest.mark.parametrize("command", ["status", "check", "top"])
+def test_without_a_fleet_the_error_says_how_to_start_one(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.fleet_option.Fleet", lambda file, host: Fleet(file, host, timeout_s=0.05))
+    path = tmp_path / "down.toml"
+    path.write_text(fleet_file_text(own_address()))
+    result = run(command, "-f", str(path))
+    assert result.exit_code == 1
+    assert result.stderr.startswith("error: no router at")
+    assert f"is the fleet up? (rcopterx up {path})" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_status_tells_every_vehicle_in_words_and_in_json(up: str) -> None:
+    assert "h2: ground, transmitter disarmed" in run("status", "-f", up).output
+    status = json.loads(run("status", "--json", "-f", up).output)
+    assert status["ready"]
+    assert set(status["vehicles"]) == {"h1", "h2"}
+
+
+def test_check_is_for_scripts_0_when_ready_and_1_with_what_is_missing(up: str, vehicles: Vehicles) -> None:
+    result = run("check", "-f", up)
+    assert (result.exit_code, result.output.strip()) == (0, "lab: ready")
+    vehicles["h2"].pose_age_s = 3.2
+    assert run("check", "h1", "-f", up).exit_code == 0
+    result = run("check", "--wait", "0.2", "-f", up)
+    assert result.exit_code == 1
+    assert "h2: no pose for 3.2 s" in result.output
+    result = run("check", "--json", "--wait", "0", "-f", up)
+    assert result.exit_code == 1
+    assert json.loads(result.output)["ready"] is False
+    assert run("check", "h9", "-f", up).exit_code == 2
+
+
+def test_without_a_terminal_top_shows_the_fleet_once(up: str, vehicles: Vehicles) -> None:
+    vehicles["h2"].ready = False
+    result = run("top", "-f", up)
+    assert result.exit_code == 0
+    assert "h1" in result.output
+    assert "h2: transmitter not ready: module speaks" in result.output
+
+
+@pytest.mark.parametrize("way", ["q", "Ctrl-C"])
+def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -> None:
+    outside, inside = pty.openpty()
+    before = subprocess.run(["stty", "-g"], stdin=inside, capture_output=True, check=True).stdout
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rcopterx", "top", "-f", up, "--period", "0.05"],
+        stdin=inside, stdout=inside, stderr=inside, env=os.environ | {"COLUMNS": "200", "TERM": "xterm"},
+    )  # fmt: skip
+    try:
+        shown = b""
+        pictures = 0
+        deadline_s = time.monotonic() + 30
+        while pictures < 3 and time.monotonic() < deadline_s:
+            if select.select([outside], [], [], 0.1)[0]:
+                shown += os.read(outside, 65536)
+                pictures = shown.count(b"lab: Tracker")
+        assert pictures >= 3, shown
+        if way == "q":
+            os.write(outside, b"q")
+        else:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+        after = subprocess.run(["stty", "-g"], stdin=inside, capture_output=True, check=True).stdout
+        assert after == before, "the terminal is left as it was"
+    finally:
+        process.kill()
+        process.wait()
+        os.close(outside)
+        os.close(inside)
