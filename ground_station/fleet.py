@@ -1,15 +1,13 @@
 """The scripting interface: one object per fleet, one per vehicle; every call is a request on the bus."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
-from typing import TypeVar
 
-from agents.neighbours import Neighbours
 from bus import channels
-from bus.messages import AgentStatus, Following, Kill, Message, Plan, SetPoint
+from bus.messages import Following, Kill, Plan, SetPoint
 from bus.requests import (
     Arm,
     Disarm,
@@ -22,22 +20,18 @@ from bus.requests import (
     ResetKill,
     TakeOff,
 )
-from bus.session import RequestFailedError, Session
-from bus.subscription import Inbox
+from bus.session import RequestFailedError
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
-from deploy.role_settings import bus_address
+from deploy.launcher import Launcher
+from deploy.shipped import fleet_path
+from ground_station.observer import Observer
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
-from ground_station.state import AIRBORNE, VehicleState, tracker_problems
-from ground_station.waiting import Bell, NotReachedError
-
-M = TypeVar("M", bound=Message)
+from ground_station.state import AIRBORNE, VehicleState
 
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1
 ARM_RETRY_S = 0.1
-FIRST_WORDS_S = 1.5
-"""Longest wait for a first status, which comes five times a second."""
 
 
 class RefusedError(RuntimeError):
@@ -115,6 +109,18 @@ class Vehicle:
         """Follow nobody any more; hold the present place."""
         self._ask(Lead())
 
+    def wait_for_phase(self, phase: str, timeout_s: float = 15.0) -> None:
+        """Wait for a flight phase; see `Fleet.wait_for_phase`."""
+        self._fleet.wait_for_phase(phase, [self.name], timeout_s)
+
+    def wait_for_formation(self, tolerance_m: float = 0.1, timeout_s: float = 20.0) -> None:
+        """Wait until it is at its place beside its leaders; see `Fleet.wait_for_formation`."""
+        self._fleet.wait_for_formation([self.name], tolerance_m, timeout_s)
+
+    def wait_for_arrival(self, tolerance_m: float = 0.1, timeout_s: float = 15.0) -> None:
+        """Wait until it is at its set point; see `Fleet.wait_for_arrival`."""
+        self._fleet.wait_for_arrival([self.name], tolerance_m, timeout_s)
+
     def kill(self, reason: str = "operator") -> None:
         """Cut the motors now, latching."""
         self._ask(KillVehicle(cause=reason))
@@ -130,7 +136,7 @@ class Vehicle:
         return reply.reason
 
 
-class Fleet(AbstractContextManager["Fleet"]):
+class Fleet(Observer, AbstractContextManager["Fleet"]):
     """A running fleet. As a context manager it lands every vehicle when an exception leaves the block.
 
     Parameters
@@ -139,6 +145,13 @@ class Fleet(AbstractContextManager["Fleet"]):
         The fleet file, loaded.
     host
         Host whose router is used; by default the first one of the file.
+    timeout_s
+        How long to look for the router.
+
+    Attributes
+    ----------
+    launcher
+        Launcher of this host's processes, if this program started them (`launched`).
 
     Raises
     ------
@@ -147,21 +160,14 @@ class Fleet(AbstractContextManager["Fleet"]):
     """
 
     def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
-        self.file = file
-        self._bell = Bell()
-        address = bus_address(file, host or next(iter(file.hosts)))
-        self.session = Session(address, wake=self._bell.ring, timeout_s=timeout_s)
-        self._agents = self.session.subscribe_all(channels.AGENT_STATUS)
-        self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)
-        self._poses = self.session.subscribe_all(channels.POSE)
-        self.plans = self.session.subscribe_all(channels.PLAN)
-        self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
+        super().__init__(file, host, timeout_s)
+        self.launcher: Launcher | None = None
         self._vehicles = {name: Vehicle(self, name) for name in file.vehicles}
 
     @classmethod
     def connect(cls, path: str | Path, host: str | None = None, timeout_s: float = 3.0) -> "Fleet":
-        """Join the running fleet of a fleet file."""
-        return cls(load_fleet(Path(path)), host, timeout_s)
+        """Join the running fleet of a fleet file, or of the shipped fleet of this name."""
+        return cls(load_fleet(fleet_path(str(path))), host, timeout_s)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -172,56 +178,16 @@ class Fleet(AbstractContextManager["Fleet"]):
         finally:
             self.close()
 
-    def close(self) -> None:
-        """Leave the bus; the fleet goes on flying."""
-        self.session.close()
-
     def __getitem__(self, name: str) -> Vehicle:
+        """Vehicle of this name."""
         try:
             return self._vehicles[name]
         except KeyError:
             raise KeyError(f"no vehicle {name!r}, known are {', '.join(self._vehicles)}") from None
 
     def __iter__(self) -> Iterator[Vehicle]:
+        """All vehicles, in the order of the fleet file."""
         return iter(self._vehicles.values())
-
-    def state_of(self, name: str) -> VehicleState:
-        """Present state of a vehicle."""
-        now_s = self.session.clock()
-        agent, agent_age_s = _newest(self._agents.inboxes.get(name), now_s)
-        transmitter, transmitter_age_s = _newest(self._transmitters.inboxes.get(name), now_s)
-        pose, pose_age_s = _newest(self._poses.inboxes.get(name), now_s)
-        plan, _ = _newest(self.plans.inboxes.get(name), now_s)
-        seen_age_s = self._unseen_s(name, now_s) if pose is None or pose.occluded else pose_age_s
-        return VehicleState(
-            name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan
-        )
-
-    def _unseen_s(self, name: str, now_s: float) -> float | None:
-        """How long the motion capture has not seen a vehicle, as far as the Vicon gateway tells."""
-        status, age_s = _newest(self.tracker, now_s)
-        for subject in () if status is None else status.subjects:
-            if subject.vehicle == name and subject.occluded_s is not None and age_s is not None:
-                return subject.occluded_s + age_s
-        return None
-
-    def problems(self, names: Iterable[str] | None = None) -> list[str]:
-        """What speaks against taking off, in words; empty when nothing does."""
-        vehicles = list(self._vehicles if names is None else names)
-        tracker, age_s = _newest(self.tracker, self.session.clock())
-        found = tracker_problems(tracker, age_s, vehicles)
-        return found + [line for name in vehicles for line in self.state_of(name).problems()]
-
-    def statuses(self) -> dict[str, AgentStatus]:
-        """Newest statuses of the agents that are not silent."""
-        known = Neighbours("", self._agents.inboxes, self.session.clock).statuses()
-        return {name: known[name] for name in self.file.vehicles if name in known}
-
-    def frame_period_s(self, name: str) -> float:
-        """Time between the frames of the motion capture [s]."""
-        inbox = self._poses.inboxes.get(name)
-        received = None if inbox is None else inbox.latest()
-        return self.file.vehicles[name].control.period_s if received is None else received.message.period_s
 
     def swap(self, first: str, second: str) -> list[str]:
         """Let two flying vehicles change roles at one frame; everybody keeps its place in space.
@@ -256,27 +222,6 @@ class Fleet(AbstractContextManager["Fleet"]):
         except RegroupError as error:
             raise RefusedError(str(error)) from None
         return self.swap(head, name)
-
-    def wait_until(
-        self, condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str] = ()
-    ) -> None:
-        """Wait until a condition on the fleet's state holds.
-
-        Raises
-        ------
-        NotReachedError
-            It did not within `timeout_s`; the text names `what` and the state of the vehicles `names`.
-        """
-        if not self._bell.wait_until(condition, timeout_s):
-            states = "; ".join(self.state_of(name).summary() for name in names)
-            raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
-
-    def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
-        """Wait until nothing speaks against taking off."""
-        vehicles = list(self._vehicles if names is None else names)
-        if not self._bell.wait_until(lambda: not self.problems(vehicles), timeout_s):
-            found = "; ".join(self.problems(vehicles))
-            raise NotReachedError(f"not ready after {timeout_s:g} s: {found}")
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""
@@ -352,21 +297,6 @@ class Fleet(AbstractContextManager["Fleet"]):
         if problems:
             raise problems[0]
 
-    def hear(self, names: Iterable[str] | None = None, timeout_s: float = FIRST_WORDS_S) -> bool:
-        """Wait for the first words after joining; False if somebody stayed silent.
-
-        Without names all vehicles and the Vicon gateway are waited for.
-        """
-        vehicles = list(self._vehicles if names is None else names)
-        everybody = names is None
-
-        def heard() -> bool:
-            states = [self.state_of(name) for name in vehicles]
-            spoken = all(state.agent is not None and state.transmitter is not None for state in states)
-            return spoken and (not everybody or self.tracker.latest() is not None)
-
-        return self._bell.wait_until(heard, timeout_s)
-
     def kill(self, names: Iterable[str] = (), reason: str = "operator", seconds: float = 1.0) -> None:
         """Cut the motors of some or all vehicles now; repeated for a while, as delivery is not assured."""
         message = Kill(source=SOURCE, reason=reason, vehicles=tuple(names))
@@ -376,10 +306,3 @@ class Fleet(AbstractContextManager["Fleet"]):
             if time.monotonic() >= deadline_s:
                 return
             time.sleep(KILL_REPEAT_S)
-
-
-def _newest(inbox: Inbox[M] | None, now_s: float) -> tuple[M | None, float | None]:
-    if inbox is None:
-        return None, None
-    received = inbox.latest()
-    return (None, None) if received is None else (received.message, max(0.0, now_s - received.arrived_s))

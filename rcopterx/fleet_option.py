@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.resources import as_file, files
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,6 +9,7 @@ import typer
 from bus.session import BusUnreachableError, RequestFailedError
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import FleetError, load_fleet
+from deploy.shipped import fleet_path
 from ground_station.fleet import Fleet, RefusedError
 from ground_station.waiting import NotReachedError
 
@@ -25,30 +24,6 @@ FleetOption = Annotated[
     str, typer.Option("--fleet", "-f", metavar="FLEET", help="Fleet file (TOML), or name of a shipped one.")
 ]
 HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
-
-
-def shipped_fleets() -> dict[str, Path]:
-    """Fleet files that come with the package, by name."""
-    with as_file(files("deploy") / "fleets") as directory:
-        return {path.stem: path for path in sorted(directory.glob("*.toml"))}
-
-
-def fleet_path(name: str) -> Path:
-    """Path of a fleet file or of a shipped fleet.
-
-    Raises
-    ------
-    FleetError
-        Neither a file nor a shipped fleet.
-    """
-    path = Path(name)
-    if path.exists():
-        return path
-    shipped = shipped_fleets()
-    # A path of the source tree also names the shipped file, so that documentation holds in any directory.
-    if name in shipped or (path.suffix == ".toml" and path.parent.name == "fleets" and path.stem in shipped):
-        return shipped[path.stem]
-    raise FleetError(f"{name}: no such file; shipped fleets are {', '.join(shipped)}")
 
 
 def chosen_host(fleet: FleetFile, host: str | None) -> str:

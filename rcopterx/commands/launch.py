@@ -16,6 +16,7 @@ from rich.live import Live
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
 from deploy.launcher import Launcher
+from deploy.shipped import fleet_path
 from ground_station.fleet import Fleet
 from ground_station.table import fleet_table
 from ground_station.waiting import NotReachedError
@@ -26,7 +27,6 @@ from rcopterx.fleet_option import (
     FleetOption,
     HostOption,
     chosen_host,
-    fleet_path,
     running_fleet,
     user_errors,
 )

@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, fleet_path, user_errors
+from deploy.shipped import fleet_path
+from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
 
 Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
 

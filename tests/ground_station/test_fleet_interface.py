@@ -309,3 +309,10 @@ def test_the_table_says_what_the_vicon_gateway_tries(
         assert "unknown (silent)" in rendered(fleet)
         with scripted(join(), tracker="connecting"):
             wait_for(lambda: "Tracker is silent [/dev/null]" in rendered(fleet), "not shown")
+
+
+def test_ctrl_c_in_a_script_lands_the_fleet(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    with pytest.raises(KeyboardInterrupt), fleet:
+        raise KeyboardInterrupt
+    assert phases(vehicles) == ["ground", "ground"]

@@ -18,10 +18,11 @@ from bus import channels
 from bus.requests import Follow, GoTo, TakeOff
 from bus.session import BusAddress, Session
 from deploy.fleet import FleetError, load_fleet
+from deploy.shipped import fleet_path, shipped_fleets
 from experiments.manoeuvres import MANOEUVRES
 from ground_station.fleet import Fleet
 from rcopterx.cli import COMMANDS, app
-from rcopterx.fleet_option import chosen_host, fleet_path, shipped_fleets
+from rcopterx.fleet_option import chosen_host
 
 NAMES = [command.__name__ for commands in COMMANDS.values() for command in commands]
 UNITS = {

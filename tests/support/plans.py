@@ -5,7 +5,7 @@ import numpy as np
 from agents.trajectory import COLUMNS
 from bus import channels
 from bus.codec import encode
-from bus.messages import FloatArray, Plan
+from bus.messages import FloatArray, Following, Plan
 from bus.subscription import Inbox
 
 
@@ -53,10 +53,14 @@ def plan_of(
     position_m: tuple[float, float, float] = (0.0, 0.0, 1.0),
     airborne: bool = True,
     followable: bool = True,
+    yaw_rad: float = 0.0,
+    reference_m: tuple[float, float, float] | None = None,
+    following: tuple[Following, ...] = (),
 ) -> Plan:
     """Plan of a vehicle that hovers."""
     samples = np.zeros((20, COLUMNS))
     samples[:, :3] = position_m
+    samples[:, 3] = yaw_rad
     return Plan(
         epoch=epoch,
         frame=frame,
@@ -67,4 +71,6 @@ def plan_of(
         airborne=airborne,
         followable=followable,
         trajectory=FloatArray.of(samples),
+        reference=None if reference_m is None else (*reference_m, yaw_rad),
+        following=following,
     )

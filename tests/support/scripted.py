@@ -15,8 +15,9 @@ from bus.messages import (
     TrackerStatus,
     TransmitterStatus,
 )
-from bus.requests import Follow, Reply
+from bus.requests import Follow, GoTo, Lead, Reply
 from bus.session import BusAddress, Incoming, Session
+from support.plans import plan_of
 
 PERIOD_S = 0.01
 VERBS = ["arm", "disarm", "kill", "reset", "take_off", "land", "go_to", "follow", "lead"]
@@ -51,6 +52,8 @@ class ScriptedVehicle:
         self.requests: list[object] = []
         self.counts: dict[str, int] = {}
         self.following: tuple[Following, ...] = ()
+        self.assigned: tuple[Following, ...] = ()
+        self.set_point = SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0)
         self.position_m = (0.1, 0.2, 0.3)
         self.occluded_s: float | None = None
         self.plan: Plan | None = None
@@ -63,7 +66,29 @@ class ScriptedVehicle:
         if refusal is None and incoming.verb not in self.stuck:
             self.phase = NEXT_PHASE.get(incoming.verb, self.phase)
             self.state = NEXT_STATE.get(incoming.verb, self.state)
+            self._obey(incoming.request)
         incoming.answer(Reply(accepted=refusal is None, reason=refusal or self._news(incoming.request)))
+
+    def _obey(self, request: object) -> None:
+        """Be at once where one was sent."""
+        if isinstance(request, GoTo):
+            self.set_point = request.set_point
+            self.plan_at(request.set_point.position_m, request.set_point.yaw_rad)
+        elif isinstance(request, Follow):
+            self.following = self.assigned = request.following
+            self.plan_at(self.position_m)
+        elif isinstance(request, Lead):
+            self.following = self.assigned = ()
+
+    def plan_at(
+        self, position_m: tuple[float, float, float], yaw_rad: float = 0.0, error_m: float = 0.0
+    ) -> None:
+        """Fly somewhere, so far from the reference."""
+        x, y, z = position_m
+        self.plan = plan_of(
+            self.name, position_m=position_m, yaw_rad=yaw_rad, reference_m=(x - error_m, y, z),
+            following=self.following,
+        )  # fmt: skip
 
     def _news(self, request: object) -> str:
         return f"{self.name} follows {request.following[0].leader}" if isinstance(request, Follow) else ""
@@ -81,9 +106,10 @@ class ScriptedVehicle:
             horizon=50,
             epoch=1,
             frame=1,
-            set_point=SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0),
+            set_point=self.set_point,
             position_m=self.position_m,
             following=self.following,
+            assigned=self.assigned,
             pose_age_s=self.pose_age_s,
             fallbacks=self.counts,
         )

@@ -1,0 +1,48 @@
+"""Starting a fleet from a script: processes up, fly, land, processes down."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from deploy.fleet import FleetError, load_fleet
+from deploy.launcher import Launcher
+from deploy.shipped import fleet_path
+from ground_station.fleet import Fleet
+
+FIRST_ROUTER_S = 15.0
+
+
+@contextmanager
+def launched(path: str | Path, host: str | None = None) -> Iterator[Fleet]:
+    """Start the processes of a fleet on this computer and join it; at the end everything lands and stops.
+
+    Parameters
+    ----------
+    path
+        Fleet file, or the name of a shipped fleet, for instance `trio`.
+    host
+        Which host of the fleet file this computer is; may be left out where there is only one.
+
+    Yields
+    ------
+    Fleet
+        Ready to take off. Whatever leaves the block lands it first.
+
+    Raises
+    ------
+    FleetError
+        Something in the file is wrong, an address is in use, a device is missing; nothing was started.
+    NotReachedError
+        Something kept missing; says what.
+    """
+    where = fleet_path(str(path))
+    file = load_fleet(where)
+    if host is None and len(file.hosts) > 1:
+        raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
+    this_host = host or next(iter(file.hosts))
+    with Launcher(file, where, this_host) as launcher, Fleet(file, this_host, FIRST_ROUTER_S) as fleet:
+        fleet.launcher = launcher
+        fleet.wait_ready()
+        yield fleet
+        if any(vehicle.state.airborne for vehicle in fleet):
+            fleet.land()

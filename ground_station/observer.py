@@ -1,0 +1,250 @@
+"""What is known of a running fleet, and waiting for it; whoever only watches needs nothing else."""
+
+import time
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+import numpy as np
+
+from agents.neighbours import Neighbours
+from agents.phases import Phase
+from bus import channels
+from bus.messages import AgentStatus, Message
+from bus.session import Session
+from bus.subscription import Inbox
+from deploy.fleet import Fleet as FleetFile
+from deploy.role_settings import bus_address
+from ground_station.state import VehicleState, tracker_problems
+from ground_station.waiting import Bell, NotReachedError
+
+M = TypeVar("M", bound=Message)
+
+FIRST_WORDS_S = 1.5
+"""Longest wait for a first status, which comes five times a second."""
+UNDER_WAY_S = 0.05
+"""A status that arrives so soon after a question may have been sent before it."""
+OFFSET_TOLERANCE_M = 0.001
+YAW_TOLERANCE_RAD = 0.2
+
+
+class Observer:
+    """Hears everything a fleet says of itself.
+
+    Parameters
+    ----------
+    file
+        The fleet file, loaded.
+    host
+        Host whose router is used; by default the first one of the file.
+    timeout_s
+        How long to look for the router.
+
+    Raises
+    ------
+    BusUnreachableError
+        No router answers: the fleet is not up.
+    """
+
+    def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
+        self.file = file
+        self._bell = Bell()
+        address = bus_address(file, host or next(iter(file.hosts)))
+        self.session = Session(address, wake=self._bell.ring, timeout_s=timeout_s)
+        self._agents = self.session.subscribe_all(channels.AGENT_STATUS)
+        self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)
+        self._poses = self.session.subscribe_all(channels.POSE)
+        self.plans = self.session.subscribe_all(channels.PLAN)
+        self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
+
+    def close(self) -> None:
+        """Leave the bus; the fleet goes on flying."""
+        self.session.close()
+
+    def state_of(self, name: str) -> VehicleState:
+        """Present state of a vehicle."""
+        now_s = self.session.clock()
+        agent, agent_age_s = _newest(self._agents.inboxes.get(name), now_s)
+        transmitter, transmitter_age_s = _newest(self._transmitters.inboxes.get(name), now_s)
+        pose, pose_age_s = _newest(self._poses.inboxes.get(name), now_s)
+        plan, _ = _newest(self.plans.inboxes.get(name), now_s)
+        seen_age_s = self._unseen_s(name, now_s) if pose is None or pose.occluded else pose_age_s
+        return VehicleState(
+            name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan
+        )
+
+    def _unseen_s(self, name: str, now_s: float) -> float | None:
+        """How long the motion capture has not seen a vehicle, as far as the Vicon gateway tells."""
+        status, age_s = _newest(self.tracker, now_s)
+        for subject in () if status is None else status.subjects:
+            if subject.vehicle == name and subject.occluded_s is not None and age_s is not None:
+                return subject.occluded_s + age_s
+        return None
+
+    def problems(self, names: Iterable[str] | None = None) -> list[str]:
+        """What speaks against taking off, in words; empty when nothing does."""
+        vehicles = list(self.file.vehicles if names is None else names)
+        tracker, age_s = _newest(self.tracker, self.session.clock())
+        found = tracker_problems(tracker, age_s, vehicles)
+        return found + [line for name in vehicles for line in self.state_of(name).problems()]
+
+    def statuses(self) -> dict[str, AgentStatus]:
+        """Newest statuses of the agents that are not silent."""
+        known = Neighbours("", self._agents.inboxes, self.session.clock).statuses()
+        return {name: known[name] for name in self.file.vehicles if name in known}
+
+    def frame_period_s(self, name: str) -> float:
+        """Time between the frames of the motion capture [s]."""
+        inbox = self._poses.inboxes.get(name)
+        received = None if inbox is None else inbox.latest()
+        return self.file.vehicles[name].control.period_s if received is None else received.message.period_s
+
+    def hear(self, names: Iterable[str] | None = None, timeout_s: float = FIRST_WORDS_S) -> bool:
+        """Wait for the first words after joining; False if somebody stayed silent.
+
+        Without names all vehicles and the Vicon gateway are waited for.
+        """
+        vehicles = list(self.file.vehicles if names is None else names)
+        everybody = names is None
+
+        def heard() -> bool:
+            states = [self.state_of(name) for name in vehicles]
+            spoken = all(state.agent is not None and state.transmitter is not None for state in states)
+            return spoken and (not everybody or self.tracker.latest() is not None)
+
+        return self._bell.wait_until(heard, timeout_s)
+
+    def wait_until(
+        self, condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str] = ()
+    ) -> None:
+        """Wait until a condition on the fleet's state holds.
+
+        Raises
+        ------
+        NotReachedError
+            It did not within `timeout_s`; the text names `what` and the state of the vehicles `names`.
+        """
+        if not self._bell.wait_until(condition, timeout_s):
+            states = "; ".join(self.state_of(name).summary() for name in names)
+            raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
+
+    def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
+        """Wait until nothing speaks against taking off."""
+        vehicles = list(self.file.vehicles if names is None else names)
+        if not self._bell.wait_until(lambda: not self.problems(vehicles), timeout_s):
+            found = "; ".join(self.problems(vehicles))
+            raise NotReachedError(f"not ready after {timeout_s:g} s: {found}")
+
+    def wait_for_phase(self, phase: str, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
+        """Wait until vehicles, by default all, are in a flight phase.
+
+        Raises
+        ------
+        NotReachedError
+            They were not within `timeout_s`; names those that are not and the state of each.
+        ValueError
+            There is no such phase.
+        """
+        wanted = Phase(phase)
+        vehicles = list(self.file.vehicles if names is None else names)
+
+        def others() -> list[str]:
+            return [name for name in vehicles if self.state_of(name).phase != wanted]
+
+        if not self._bell.wait_until(lambda: not others(), timeout_s):
+            states = "; ".join(self.state_of(name).summary() for name in others())
+            raise NotReachedError(f"after {timeout_s:g} s: not {phase}: {states}")
+
+    def wait_for_formation(
+        self, names: Iterable[str] | None = None, tolerance_m: float = 0.1, timeout_s: float = 20.0
+    ) -> None:
+        """Wait until followers, by default all, are at their places and their offsets at rest.
+
+        Raises
+        ------
+        NotReachedError
+            They were not within `timeout_s`; says what is missing of each.
+        """
+        wanted = list(self.file.vehicles) if names is None else list(names)
+        from_s = time.monotonic() + UNDER_WAY_S
+
+        def missing() -> list[str]:
+            states = [self._told_after(name, from_s) for name in wanted]
+            if names is None:
+                states = [state for state in states if isinstance(state, str) or state.assigned]
+            found = [
+                state if isinstance(state, str) else _out_of_place(state, tolerance_m) for state in states
+            ]
+            return [line for line in found if line]
+
+        if not self._bell.wait_until(lambda: not missing(), timeout_s):
+            raise NotReachedError(f"after {timeout_s:g} s: no formation: {'; '.join(missing())}")
+
+    def wait_for_arrival(
+        self, names: Iterable[str] | None = None, tolerance_m: float = 0.1, timeout_s: float = 15.0
+    ) -> None:
+        """Wait until vehicles, by default all that follow nobody, are at their set points.
+
+        Raises
+        ------
+        NotReachedError
+            They were not within `timeout_s`; says how far each one is away.
+        """
+        wanted = list(self.file.vehicles) if names is None else list(names)
+        from_s = time.monotonic() + UNDER_WAY_S
+
+        def missing() -> list[str]:
+            states = [self._told_after(name, from_s) for name in wanted]
+            if names is None:
+                states = [state for state in states if isinstance(state, str) or not state.assigned]
+            found = [state if isinstance(state, str) else _away(state, tolerance_m) for state in states]
+            return [line for line in found if line]
+
+        if not self._bell.wait_until(lambda: not missing(), timeout_s):
+            raise NotReachedError(f"after {timeout_s:g} s: not there: {'; '.join(missing())}")
+
+    def _told_after(self, name: str, from_s: float) -> VehicleState | str:
+        """State of a vehicle from what its agent said after a time, or what is missing."""
+        state = self.state_of(name)
+        if state.agent_age_s is None or time.monotonic() - state.agent_age_s < from_s:
+            return f"{name}: no word from its agent"
+        return state
+
+
+def _newest(inbox: Inbox[M] | None, now_s: float) -> tuple[M | None, float | None]:
+    if inbox is None:
+        return None, None
+    received = inbox.latest()
+    return (None, None) if received is None else (received.message, max(0.0, now_s - received.arrived_s))
+
+
+def _out_of_place(state: VehicleState, tolerance_m: float) -> str:
+    """What keeps a follower from being in formation; empty if nothing does."""
+    plan = state.plan
+    if not state.assigned:
+        return f"{state.name}: follows nobody"
+    if plan is None or state.error_m is None or not plan.following:
+        return f"{state.name}: {state.phase}, does not follow now"
+    present = {link.leader: link.offset_m for link in plan.following}
+    for link in state.assigned:
+        if link.leader not in present:
+            return f"{state.name}: does not follow {link.leader} now"
+        if np.linalg.norm(np.subtract(link.offset_m, present[link.leader])) > OFFSET_TOLERANCE_M:
+            return f"{state.name}: still on its way to its new offset"
+    if state.error_m > tolerance_m:
+        return f"{state.name}: {1000 * state.error_m:.0f} mm from its place"
+    return ""
+
+
+def _away(state: VehicleState, tolerance_m: float) -> str:
+    """How far a vehicle is from its set point; empty if it is there."""
+    agent, plan = state.agent, state.plan
+    if agent is None or plan is None or state.phase != "flying":
+        return f"{state.name}: {state.phase}"
+    present = plan.trajectory.to_numpy()[0]
+    distance_m = float(np.linalg.norm(present[:3] - np.array(agent.set_point.position_m)))
+    turn_rad = abs(float(present[3]) - agent.set_point.yaw_rad)
+    if distance_m > tolerance_m:
+        return f"{state.name}: {1000 * distance_m:.0f} mm from its set point"
+    if turn_rad > YAW_TOLERANCE_RAD:
+        return f"{state.name}: {np.degrees(turn_rad):.0f} deg from its heading"
+    return ""

@@ -1,0 +1,88 @@
+"""Promises of the waiting helpers: they end when it is so, and name who is missing when it is not in time."""
+
+import pytest
+from support.scripted import ScriptedVehicle
+
+from bus.messages import Following
+from ground_station.fleet import Fleet
+from ground_station.waiting import NotReachedError
+
+Vehicles = dict[str, ScriptedVehicle]
+LINK = Following(leader="h1", offset_m=(-0.4, 0.5, 0.0))
+
+
+def flying_formation(vehicles: Vehicles) -> None:
+    vehicles["h2"].following = vehicles["h2"].assigned = (LINK,)
+    for vehicle in vehicles.values():
+        vehicle.phase = "flying"
+        vehicle.plan_at(vehicle.set_point.position_m)
+
+
+def test_a_phase_is_waited_for_and_who_is_not_in_it_is_named(fleet: Fleet, vehicles: Vehicles) -> None:
+    fleet.wait_for_phase("ground")
+    vehicles["h1"].phase = "flying"
+    fleet["h1"].wait_for_phase("flying")
+    with pytest.raises(NotReachedError, match=r"after 0\.05 s: not flying: h2: ground, transmitter disarmed"):
+        fleet.wait_for_phase("flying", timeout_s=0.05)
+    with pytest.raises(ValueError, match="'hover'"):
+        fleet.wait_for_phase("hover")
+
+
+def test_a_formation_is_there_when_all_followers_are_at_their_places(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    flying_formation(vehicles)
+    fleet.wait_for_formation()
+    fleet["h2"].wait_for_formation()
+    vehicles["h2"].plan_at((0.0, 0.0, 1.0), error_m=0.25)
+    with pytest.raises(NotReachedError, match="no formation: h2: 250 mm from its place"):
+        fleet.wait_for_formation(timeout_s=0.3)
+    fleet.wait_for_formation(tolerance_m=0.3)
+
+
+def test_a_formation_waits_for_offsets_that_are_on_their_way(fleet: Fleet, vehicles: Vehicles) -> None:
+    flying_formation(vehicles)
+    vehicles["h2"].assigned = (Following(leader="h1", offset_m=(-0.8, 0.5, 0.0)),)
+    with pytest.raises(NotReachedError, match="h2: still on its way to its new offset"):
+        fleet.wait_for_formation(timeout_s=0.3)
+    vehicles["h2"].assigned = (Following(leader="h3"),)
+    with pytest.raises(NotReachedError, match="h2: does not follow h3 now"):
+        fleet.wait_for_formation(timeout_s=0.3)
+
+
+def test_a_vehicle_that_follows_nobody_is_never_in_formation(fleet: Fleet, vehicles: Vehicles) -> None:
+    flying_formation(vehicles)
+    with pytest.raises(NotReachedError, match="h1: follows nobody"):
+        fleet["h1"].wait_for_formation(timeout_s=0.3)
+    vehicles["h2"].plan = None
+    fleet["h1"].go_to((0.0, 0.0, 1.0))
+
+
+def test_a_follower_on_the_floor_is_told_by_its_phase(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].assigned = (LINK,)
+    with pytest.raises(NotReachedError, match="h2: ground, does not follow now"):
+        fleet.wait_for_formation(timeout_s=0.3)
+
+
+def test_words_from_before_the_question_do_not_count(fleet: Fleet, vehicles: Vehicles) -> None:
+    flying_formation(vehicles)
+    fleet.wait_for_formation()
+    vehicles["h2"].speaks = False
+    with pytest.raises(NotReachedError, match="h2: no word from its agent"):
+        fleet.wait_for_formation(timeout_s=0.3)
+
+
+def test_an_arrival_is_waited_for_and_the_way_that_is_left_is_told(fleet: Fleet, vehicles: Vehicles) -> None:
+    flying_formation(vehicles)
+    fleet["h1"].go_to((0.3, 0.0, 1.0), 1.0)
+    fleet["h1"].wait_for_arrival()
+    fleet.wait_for_arrival()
+    vehicles["h1"].plan_at((0.3, 0.4, 1.0), 1.0)
+    with pytest.raises(NotReachedError, match="not there: h1: 400 mm from its set point"):
+        fleet.wait_for_arrival(timeout_s=0.3)
+    vehicles["h1"].plan_at((0.3, 0.0, 1.0), 0.0)
+    with pytest.raises(NotReachedError, match="h1: 57 deg from its heading"):
+        fleet.wait_for_arrival(timeout_s=0.3)
+    vehicles["h1"].phase = "landing"
+    with pytest.raises(NotReachedError, match="h1: landing"):
+        fleet.wait_for_arrival(timeout_s=0.3)
