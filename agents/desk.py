@@ -112,7 +112,7 @@ class Desk:
             if refusal is None:
                 deadline_s = self._clock() + FIRST_PLAN_LIMIT_S
                 self._waiting.append(_Waiting(incoming, request, deadline_s))
-                self._keep_leaders()
+                self.keep_leaders()
                 self.settle_waiting()
                 return
         elif isinstance(request, CommitLeaders):
@@ -122,7 +122,7 @@ class Desk:
         elif isinstance(request, WithdrawLeaders):
             refusal = None
             self.regrouping.withdraw(request.operation)
-            self._keep_leaders()
+            self.keep_leaders()
         elif not self._pilot.ready and not isinstance(request, Lead):
             refusal = "the motion capture has not seen the vehicle"
         elif isinstance(request, TakeOff):
@@ -153,7 +153,7 @@ class Desk:
             if refusal is None:
                 refusal, accepted = self._decide(waiting.request)
             waiting.incoming.answer(_reply(refusal, accepted))
-        self._keep_leaders()
+        self.keep_leaders()
 
     def begin_due(self) -> None:
         """Take the prepared leaders if their frame has come."""
@@ -168,9 +168,9 @@ class Desk:
             pilot.guidance.follow(change.links, plans, pilot.estimate, pilot.clock.time_s, None)
         else:
             pilot.guidance.take_lead(change.position_m, change.yaw_rad)
-        self._keep_leaders()
+        self.keep_leaders()
 
-    def _keep_leaders(self) -> None:
+    def keep_leaders(self) -> None:
         """Hear the leaders of now, those that return perhaps, and those that requests wait for."""
         guidance = self._pilot.guidance
         followed = {link.leader for link in (*guidance.links, *guidance.assigned)}
@@ -187,7 +187,7 @@ class Desk:
         guidance.assigned = tuple(link_of(following) for following in status.assigned or status.following)
         # An offset on its way to its target begins its way anew, from where the vehicle is then.
         guidance.follow_instead(guidance.assigned)
-        self._keep_leaders()
+        self.keep_leaders()
         if status.phase == Phase.LANDING:
             guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
         elif not guidance.assigned:
@@ -211,7 +211,7 @@ class Desk:
 
     def _lead(self) -> str | None:
         self._pilot.guidance.lead(self._pilot.estimate)
-        self._keep_leaders()
+        self.keep_leaders()
         return None
 
     def _leaders_problem(self, request: Follow | PrepareLeaders) -> str | None:

@@ -94,7 +94,7 @@ class Guidance:
         """Leaders by fleet file or request; others may take their place while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
-        self._plan_limit_s = plan_limit_s
+        self.plan_limit_s = plan_limit_s
         self._floor_m = 0.0
         self._on_floor_since_s: float | None = None
         self._joined: frozenset[str] = frozenset()
@@ -275,7 +275,7 @@ class Guidance:
         usable = {
             name: plan
             for name, plan in plans.items()
-            if plan.followable and plan.ahead_s + delay_s <= self._plan_limit_s
+            if plan.followable and plan.ahead_s + delay_s <= self.plan_limit_s
         }
         links = [link for link in self.links if link.leader in usable]
         if not links:

@@ -69,9 +69,8 @@ def formation_of(
     links: dict[str, tuple[Following, ...]] = {}
     heads: dict[str, Array] = {}
     for name, status in statuses.items():
-        led = status.following if name in at_work and status.stance == "follow" else ()
-        if status.assigned and led:
-            led = status.assigned
+        led = status.assigned if status.stance == "follow" else status.following
+        led = led if name in at_work else ()
         links[name] = led if all(link.leader in at_work for link in led) else ()
         if links[name]:
             continue

@@ -13,6 +13,7 @@ from agents.estimators.registry import build_estimator
 from agents.guidance import Guidance
 from agents.interfaces import Measurement, SharesAuthority
 from agents.leaders import Leaders
+from agents.lost_leaders import LostLeaders
 from agents.neighbours import Neighbours
 from agents.pacing import Pacing, SolveTimer
 from agents.phases import AIRBORNE
@@ -75,6 +76,7 @@ class Agent:
         statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
         self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
         self._desk = Desk(settings, pilot, self._leaders, self._neighbours, self._clock)
+        self._lost = LostLeaders(settings, pilot, self._leaders, self._neighbours, self._clock)
         self._pacing = Pacing(settings.period_s)
         self._solve = SolveTimer()
         # Sequences continue over restarts because they start from the wall clock.
@@ -115,6 +117,7 @@ class Agent:
             self._pilot.note_applied(applied.message.state, sequence, np.array(applied.message.input))
             if before not in AIRBORNE and self._pilot.guidance.phase in AIRBORNE and self._previous:
                 self._desk.resume(self._previous)
+                self._lost.expect()
         for received in self._poses.drain():
             if self._pilot.observe(_frame(received.message)):
                 self._pacing.on_pose(received.arrived_s)
@@ -141,6 +144,8 @@ class Agent:
     def _control(self) -> None:
         self._control_by_s = None
         plans = self._leaders.plans(self._pilot.clock, self._desk.cycles_from_frame)
+        if self._lost.tend(plans):
+            self._desk.keep_leaders()
         started_s = self._clock()
         flight = self._pilot.control(plans)
         self._solve.add(self._clock() - started_s)
@@ -172,7 +177,7 @@ class Agent:
         status = status_message(
             self._settings, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
-            self._realtime, "follow",
+            self._realtime, self._lost.stance,
         )  # fmt: skip
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
 

@@ -11,6 +11,28 @@ Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
+class Succession:
+    """What a follower does about lost leaders.
+
+    Attributes
+    ----------
+    policy
+        `hold`, `promote` or `land`.
+    after_s
+        Time without a plan to fly by after which leaders are not waited for any more.
+    orders
+        Successors of each leader, the first one first; the same on every vehicle.
+    heirs
+        Vehicles whose policy is `promote`.
+    """
+
+    policy: str = "hold"
+    after_s: float = 2.0
+    orders: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    heirs: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
 class AgentSettings:
     """Settings of an agent.
 
@@ -28,6 +50,8 @@ class AgentSettings:
         How long after its own pose a follower waits for the leader's plan of the same frame.
     minimum_distance_m
         Offsets that bring vehicles closer together are refused; None for no limit.
+    succession
+        What to do about lost leaders.
     """
 
     bus: BusAddress
@@ -47,3 +71,4 @@ class AgentSettings:
     realtime_priority: int = 0
     leader_wait_s: float = 0.0025
     minimum_distance_m: float | None = 0.3
+    succession: Succession = field(default_factory=Succession)

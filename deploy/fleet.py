@@ -131,6 +131,15 @@ class Leader(Table, frozen=True, kw_only=True):
     weight: Positive = 1.0
 
 
+class LeaderLost(Table, frozen=True, kw_only=True):
+    """What a follower does when its leaders are lost, after it has ridden out their last plans."""
+
+    then: Literal["hold", "promote", "land"] = "hold"
+    """Keep the place; follow a successor or become it; or land."""
+    after_s: Annotated[float, Meta(ge=0.5, le=60)] = 2.0
+    """How long leaders are waited for; until then the place is kept."""
+
+
 class Vehicle(Table, frozen=True, kw_only=True):
     """One vehicle."""
 
@@ -141,6 +150,10 @@ class Vehicle(Table, frozen=True, kw_only=True):
     """Name of the vehicle's subject in the Tracker."""
     control: Control = field(default_factory=Control)
     follow: list[Leader] = []
+    leader_lost: LeaderLost = field(default_factory=LeaderLost)
+    successors: list[Name] = []
+    """Who leads the followers of this vehicle when it is lost, the first one first; then the others that may,
+    in the order of the file."""
     model: dict[str, Any] = {}
     """Parameters that differ from those of the type."""
 
@@ -357,8 +370,21 @@ def _check_leaders(fleet: Fleet) -> None:
                 raise FleetError(
                     f"{where}: unknown vehicle {link.leader!r}, known are {', '.join(fleet.vehicles)}"
                 )
+            if link.leader == name:
+                raise FleetError(f"{where}: {name} cannot follow itself, that is a cycle")
             if link.leader in leaders[:number]:
                 raise FleetError(f"{where}: {link.leader!r} is named twice")
+        for number, successor in enumerate(vehicle.successors):
+            where = f"vehicles.{name}.successors[{number}]"
+            if successor not in fleet.vehicles or successor == name:
+                others = ", ".join(other for other in fleet.vehicles if other != name)
+                raise FleetError(f"{where}: {successor!r} cannot succeed {name}, allowed are {others}")
+            if successor in vehicle.successors[:number]:
+                raise FleetError(f"{where}: {successor!r} is named twice")
+            if fleet.vehicles[successor].leader_lost.then != "promote":
+                raise FleetError(
+                    f'{where}: {successor} does not want to lead; give it leader_lost.then = "promote"'
+                )
     for name in fleet.vehicles:
         cycle = _cycle_from(fleet, name)
         if cycle:

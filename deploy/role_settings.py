@@ -5,10 +5,10 @@ from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from agents.settings import AgentSettings
-from bus.messages import Following
+from agents.settings import AgentSettings, Succession
 from bus.session import BusAddress
 from deploy.fleet import Fleet, FleetError, Vehicle, formation_place, leader_generations
+from deploy.formation_check import check_formation, links_of
 from deploy.run_directory import router_socket, run_directory, serial_path
 from deploy.tables import dataclass_from, replaced
 from simulator.conditions import Conditions, conditions_from
@@ -98,19 +98,26 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
         controller_settings=control.settings,
         estimator_settings=control.estimator_settings,
         leader_wait_s=control.leader_wait_s,
-        following=tuple(
-            Following(
-                leader=link.leader,
-                offset_m=link.offset_m,
-                yaw_offset_rad=link.yaw_offset_rad,
-                frame=link.frame,
-                weight=link.weight,
-            )
-            for link in vehicle.follow
-        ),
+        following=links_of(fleet)[name],
         generations_below=leader_generations(fleet, name),
+        succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
         realtime_priority=(Priority.NORMAL if vehicle.follow else Priority.LEADER).of(fleet),
+    )
+
+
+def succession_of(fleet: Fleet, name: str) -> Succession:
+    """What a vehicle does about lost leaders, and the order of successors all vehicles agree on."""
+    heirs = [other for other, vehicle in fleet.vehicles.items() if vehicle.leader_lost.then == "promote"]
+    lost = fleet.vehicles[name].leader_lost
+    return Succession(
+        policy=lost.then,
+        after_s=lost.after_s,
+        orders={
+            leader: tuple(dict.fromkeys((*vehicle.successors, *heirs)))
+            for leader, vehicle in fleet.vehicles.items()
+        },
+        heirs=frozenset(heirs),
     )
 
 
@@ -279,6 +286,8 @@ def check_fleet(fleet: Fleet, directory: Path) -> None:
     for name in fleet.vehicles:
         _check_period(fleet, name)
         pilot_of(fleet, name)
+    first = next(iter(fleet.vehicles))
+    check_formation(fleet, limits_of(fleet, first).surveillance.minimum_distance_m)
     for gateway in fleet.gateways:
         gateway_settings(fleet, gateway, directory)
     tracker_settings(fleet)

@@ -33,7 +33,7 @@ def refusal(text: str, directory: Path) -> str:
         ('leader = "h1", offset_m = [-0.4, 0.5', 'leader = "h7", offset_m = [-0.4, 0.5',
          "vehicles.h2.follow[0].leader", "known are"),
         ('leader = "h1", offset_m = [-0.4, 0.5', 'leader = "h2", offset_m = [-0.4, 0.5',
-         "vehicles.h2.follow", "h2 -> h2"),
+         "vehicles.h2.follow", "h2 cannot follow itself"),
         ("offset_m = [-0.4, 0.5, 0.0]", "offset_m = [-0.4, 0.5]", "follow", "length"),
         ('controller = "cascade"', 'controller = "magic"', "control", "allowed are"),
         ('estimator = "extended_kalman"', 'estimator = "magic"', "control", "allowed"),

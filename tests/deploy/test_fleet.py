@@ -158,7 +158,7 @@ def following(**leaders: str) -> str:
         ({"a": "b"}, r"vehicles\.a\.follow\[0\]\.leader: unknown vehicle 'b', known are a"),
         ({"a": "", "b": "a c"}, r"vehicles\.b\.follow\[1\]\.leader: unknown vehicle 'c'"),
         ({"a": "", "b": "a a"}, r"vehicles\.b\.follow\[1\]\.leader: 'a' is named twice"),
-        ({"a": "a"}, r"vehicles\.a\.follow: a cycle of leaders: a -> a"),
+        ({"a": "a"}, r"vehicles\.a\.follow\[0\]\.leader: a cannot follow itself"),
         ({"a": "b", "b": "a"}, r"vehicles\.a\.follow: a cycle of leaders: a -> b -> a"),
         ({"a": "", "b": "a d", "c": "b", "d": "c"}, r"vehicles\.b\.follow: a cycle.*: b -> d -> c -> b"),
     ],

@@ -1,0 +1,148 @@
+"""What a follower does about leaders it has lost: a table, and the same heir for everybody without asking.
+
+A lost leader is one whose plan does not come any more, or who does not fly freely any more. First its last
+plan is ridden out, then the place is held; after a while the vehicle does what the fleet file says.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from agents.topology import Links, link_between, places
+from bus.messages import Following
+
+
+class Finding(StrEnum):
+    """How a follower's leaders are."""
+
+    HERE = "here"
+    """At least one plan of the last few frames."""
+    LATE = "late"
+    """No such plan, but one that reaches into the present."""
+    GONE = "gone"
+    """No plan to fly by."""
+    LOST = "lost"
+    """No plan to fly by for so long that they are not waited for any more."""
+
+
+class Policy(StrEnum):
+    """What to do about lost leaders."""
+
+    HOLD = "hold"
+    PROMOTE = "promote"
+    LAND = "land"
+
+
+class Heir(StrEnum):
+    """Who leads instead."""
+
+    NONE = "none"
+    SELF = "self"
+    OTHER = "other"
+
+
+class Stance(StrEnum):
+    """What a follower does."""
+
+    FOLLOW = "follow"
+    RIDE_OUT = "ride_out"
+    """Fly by the last plan."""
+    HOLD = "hold"
+    """Keep the place."""
+    LEAD = "lead"
+    """Keep the place, and lead those who lost the same leader."""
+    FOLLOW_SUCCESSOR = "follow_successor"
+    LAND = "land"
+
+
+def _row(finding: Finding, policy: Policy, heir: Heir) -> Stance:
+    match finding, policy, heir:
+        case Finding.HERE, _, _:
+            return Stance.FOLLOW
+        case Finding.LATE, _, _:
+            return Stance.RIDE_OUT
+        case Finding.LOST, Policy.LAND, _:
+            return Stance.LAND
+        case Finding.LOST, Policy.PROMOTE, Heir.SELF:
+            return Stance.LEAD
+        case Finding.LOST, Policy.PROMOTE, Heir.OTHER:
+            return Stance.FOLLOW_SUCCESSOR
+        case _:
+            return Stance.HOLD
+
+
+STANCES: Final = MappingProxyType(
+    {
+        (finding, policy, heir): _row(finding, policy, heir)
+        for finding in Finding
+        for policy in Policy
+        for heir in Heir
+    }
+)
+"""Every combination; nothing else than the present decides, so a leader that returns is followed again."""
+
+
+def finding_of(age_s: float | None, late_after_s: float, gone_after_s: float, lost_after_s: float) -> Finding:
+    """How leaders are, by the time since there was last a plan of any of them to follow; None: never."""
+    if age_s is None or age_s > lost_after_s:
+        return Finding.GONE if age_s is None else Finding.LOST
+    if age_s > gone_after_s:
+        return Finding.GONE
+    return Finding.LATE if age_s > late_after_s else Finding.HERE
+
+
+def successor_of(lost: str, links: Links, ready: Collection[str], order: Iterable[str]) -> str | None:
+    """Who leads the followers of a lost leader.
+
+    Everybody who lost the leader comes to the same answer from what vehicles tell of themselves: the first
+    one in a fixed order that followed it, flies, and may lead.
+
+    Parameters
+    ----------
+    lost
+        The leader.
+    links
+        Assigned leaders of everybody.
+    ready
+        Vehicles that fly and may lead.
+    order
+        Successors of this leader, the first one first; from the fleet file, the same for everybody.
+
+    Returns
+    -------
+    str or None
+        Its name; None if nobody can.
+    """
+    for name in order:
+        if name in ready and any(link.leader == lost for link in links.get(name, ())):
+            return name
+    return None
+
+
+def link_to_successor(
+    vehicle: str, successor: str, lost: str, links: Mapping[str, tuple[Following, ...]], yaw_rad: float
+) -> Following | None:
+    """Link that keeps a vehicle where it was beside its fellow follower; None where that is not known.
+
+    Parameters
+    ----------
+    vehicle, successor, lost
+        Names.
+    links
+        Assigned leaders of both followers.
+    yaw_rad
+        Last heading of the lost leader, for offsets in its heading frame.
+    """
+    own, other = (
+        next((link for link in links.get(name, ()) if link.leader == lost), None)
+        for name in (vehicle, successor)
+    )
+    if own is None or other is None:
+        return None
+    where = places(
+        {lost: (), vehicle: (own,), successor: (other,)}, {lost: np.array([0.0, 0.0, 0.0, yaw_rad])}
+    )
+    return link_between(where[vehicle], where[successor], own, successor)

@@ -1,0 +1,102 @@
+"""Promises about lost leaders: the table, and one heir for everybody without asking anybody."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents.succession import (
+    STANCES,
+    Finding,
+    Heir,
+    Policy,
+    Stance,
+    finding_of,
+    link_to_successor,
+    successor_of,
+)
+from agents.topology import cycle, places
+from bus.messages import Following
+
+NAMES = ("h1", "h2", "h3", "h4", "h5")
+
+
+@given(st.sampled_from(Finding), st.sampled_from(Policy), st.sampled_from(Heir))
+def test_every_situation_has_its_stance(finding: Finding, policy: Policy, heir: Heir) -> None:
+    stance = STANCES[finding, policy, heir]
+    assert (stance is Stance.FOLLOW) == (finding is Finding.HERE), "a leader that returns is followed again"
+    assert (stance is Stance.RIDE_OUT) == (finding is Finding.LATE)
+    if finding is Finding.GONE:
+        assert stance is Stance.HOLD, "leaders are waited for"
+    if stance in (Stance.LEAD, Stance.FOLLOW_SUCCESSOR):
+        assert policy is Policy.PROMOTE
+        assert heir is not Heir.NONE
+    assert (stance is Stance.LAND) == (finding is Finding.LOST and policy is Policy.LAND)
+
+
+@pytest.mark.parametrize(
+    ("policy", "heir", "stance"),
+    [
+        (Policy.HOLD, Heir.NONE, Stance.HOLD),
+        (Policy.PROMOTE, Heir.SELF, Stance.LEAD),
+        (Policy.PROMOTE, Heir.OTHER, Stance.FOLLOW_SUCCESSOR),
+        (Policy.PROMOTE, Heir.NONE, Stance.HOLD),
+        (Policy.LAND, Heir.NONE, Stance.LAND),
+    ],
+)
+def test_a_lost_leader_is_answered_as_the_fleet_file_says(policy: Policy, heir: Heir, stance: Stance) -> None:
+    assert STANCES[Finding.LOST, policy, heir] is stance
+
+
+@given(st.floats(0, 10), st.floats(0, 10))
+def test_longer_silence_is_never_a_better_finding(first_s: float, second_s: float) -> None:
+    order = list(Finding)
+    findings = [finding_of(age_s, 0.1, 0.5, 2.0) for age_s in sorted((first_s, second_s))]
+    assert order.index(findings[0]) <= order.index(findings[1])
+
+
+def test_who_was_never_followed_is_not_lost() -> None:
+    assert finding_of(None, 0.1, 0.5, 2.0) is Finding.GONE
+
+
+@st.composite
+def orphans(draw: st.DrawFn) -> dict[str, tuple[Following, ...]]:
+    """Followers of h1, some of them by way of others as well, with offsets to it."""
+    number = st.floats(-2, 2)
+    return {
+        name: (
+            Following(
+                leader="h1",
+                offset_m=(draw(number), draw(number), draw(number)),
+                yaw_offset_rad=draw(number),
+                frame=draw(st.sampled_from(["inertial", "heading"])),
+            ),
+        )
+        for name in NAMES[1:]
+    }
+
+
+@given(orphans(), st.sets(st.sampled_from(NAMES[1:]), min_size=1), st.permutations(NAMES), st.floats(-4, 4))
+def test_all_orphans_agree_and_keep_their_places(
+    links: dict[str, tuple[Following, ...]], ready: set[str], order: list[str], yaw_rad: float
+) -> None:
+    heirs = {name: successor_of("h1", links, ready | {name}, order) for name in ready}
+    assert len(set(heirs.values())) == 1
+    (heir,) = set(heirs.values())
+    assert heir == next(name for name in order if name in ready)
+    before = places({"h1": (), **links}, {"h1": np.array([0.3, -0.2, 1.0, yaw_rad])})
+    after = {heir: ()}
+    for name in ready - {heir}:
+        link = link_to_successor(name, heir, "h1", links, yaw_rad)
+        assert link is not None
+        after[name] = (link,)
+    assert cycle(after) == ()
+    for name, place in places(after, {heir: before[heir]}).items():
+        assert place == pytest.approx(before[name], abs=1e-6)
+
+
+def test_only_who_followed_the_lost_leader_succeeds_it() -> None:
+    links = {"h2": (Following(leader="h5"),), "h3": (Following(leader="h1"),)}
+    assert successor_of("h1", links, {"h2", "h3"}, NAMES) == "h3"
+    assert successor_of("h1", links, {"h2"}, NAMES) is None
+    assert link_to_successor("h3", "h2", "h1", links, 0.0) is None

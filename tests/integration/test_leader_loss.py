@@ -1,0 +1,141 @@
+"""A leader is lost in flight: its followers hold, promote one of themselves or land, and take it back."""
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from integration_support import NAMES, Flying, Truth, fleet_text, free_port, transmitter_state
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+Launch = Callable[..., Flying]
+PLACE_M = 0.15
+
+
+def vehicles(then: dict[str, str]) -> str:
+    follow = {
+        "h1": "",
+        "h2": 'follow = [{ leader = "h1", offset_m = [-0.4, 0.5, 0.0] }]',
+        "h3": 'follow = [{ leader = "h1", offset_m = [-0.4, -0.5, 0.0] }]',
+    }
+    return "\n".join(
+        f"""
+[vehicles.{name}]
+subject = "heli{name[1]}"
+transmitter = {{ port = "radio-{name}", model_match = {name[1]} }}
+leader_lost = {{ then = "{then.get(name, "hold")}", after_s = 1.0 }}
+{follow[name]}
+"""
+        for name in NAMES
+    )
+
+
+def start(launch: Launch, then: dict[str, str]) -> tuple[Flying, Truth]:
+    hosts = {"main": ("127.0.0.1", free_port())}
+    control = 'controller = "cascade"\nhorizon = 30'
+    text = fleet_text(free_port(), hosts, vehicles=vehicles(then), control=control)
+    flying = launch(text)
+    truth = Truth(flying)
+    flying.fleet.take_off(height_m=0.8)
+    wait_for_stances(flying, {"h2": "follow", "h3": "follow"})
+    flying.fleet.wait_until(
+        lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",), 5, "no leader"
+    )
+    return flying, truth
+
+
+@contextmanager
+def cut_off(flying: Flying, name: str) -> Iterator[None]:
+    """The agent's host hangs; its vehicle is brought down by its transmitter gateway meanwhile."""
+    pid = flying.pid(f"agent-{name}")
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
+
+
+def followed(flying: Flying, name: str) -> tuple[str, ...]:
+    plan = flying.fleet[name].plan
+    return () if plan is None else tuple(link.leader for link in plan.following)
+
+
+def stance(flying: Flying, name: str) -> str:
+    status = flying.fleet.state_of(name).agent
+    return "unknown" if status is None else status.stance
+
+
+def wait_for_stances(flying: Flying, stances: dict[str, str], timeout_s: float = 10) -> None:
+    flying.fleet.wait_until(
+        lambda: all(stance(flying, name) == wanted for name, wanted in stances.items()),
+        timeout_s,
+        f"stances are not {stances}",
+        stances,
+    )
+
+
+def place(truth: Truth, name: str) -> np.ndarray:
+    vehicle = truth(name)
+    assert vehicle is not None
+    return np.array(vehicle.position_m)
+
+
+def wait_until_down(flying: Flying, name: str) -> None:
+    """Its transmitter gateway brings a vehicle without commands down and switches it off."""
+    flying.fleet.wait_until(
+        lambda: transmitter_state(flying, name) in ("cut", "disarmed"), 15, "not brought down", [name]
+    )
+
+
+def recover(flying: Flying, names: tuple[str, ...]) -> None:
+    """The lost leader stands on the floor by now; it takes off again."""
+    flying.fleet.wait_until(
+        lambda: all(flying.fleet.state_of(name).phase in ("ground", "armed") for name in names),
+        20,
+        "not down",
+        names,
+    )
+    flying.fleet.take_off(names, height_m=0.8)
+    flying.fleet.wait_until(
+        lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",),
+        10,
+        "the leader is not taken back",
+    )
+    wait_for_stances(flying, {"h2": "follow", "h3": "follow"})
+
+
+def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_back(launch: Launch) -> None:
+    flying, truth = start(launch, {"h2": "promote", "h3": "promote"})
+    before = {name: place(truth, name) for name in ("h2", "h3")}
+    with cut_off(flying, "h1"):
+        wait_for_stances(flying, {"h2": "lead", "h3": "follow_successor"})
+        flying.fleet.wait_until(lambda: followed(flying, "h3") == ("h2",), 5, "the successor is not followed")
+        for name, where in before.items():
+            assert np.linalg.norm(place(truth, name) - where) < PLACE_M
+        x, y, z = before["h2"]
+        flying.fleet["h2"].go_to((x + 0.2, y, z + 0.2))
+        flying.fleet.wait_until(
+            lambda: np.linalg.norm(place(truth, "h3") - before["h3"] - [0.2, 0.0, 0.2]) < PLACE_M,
+            10,
+            "the formation does not follow its successor",
+        )
+        wait_until_down(flying, "h1")
+    recover(flying, ("h1",))
+    assert min(truth.height_m(name) for name in ("h2", "h3")) > 0.4
+
+
+def test_one_follower_of_a_lost_leader_holds_and_another_one_lands_as_the_file_says(launch: Launch) -> None:
+    flying, truth = start(launch, {"h2": "hold", "h3": "land"})
+    before = place(truth, "h2")
+    with cut_off(flying, "h1"):
+        wait_for_stances(flying, {"h2": "hold"})
+        flying.fleet.wait_until(
+            lambda: flying.fleet.state_of("h3").phase in ("armed", "ground"), 15, "h3 does not land", ["h3"]
+        )
+        assert np.linalg.norm(place(truth, "h2") - before) < PLACE_M
+        assert flying.fleet.state_of("h2").phase == "flying"
+        wait_until_down(flying, "h1")
+    recover(flying, ("h1", "h3"))
