@@ -1,9 +1,11 @@
 """Solver of a chain's quadratic program: hard input bounds, soft state bounds.
 
 Inside its bounds the problem is solved by one factorisation, which is kept as long as the matrices stay.
-With bounds active, the first guess is that those of the previous solution, one stage on, are active again:
-semismooth Newton steps on the augmented Lagrangian settle in one to four factorisations. When they do not
-settle (a set point was moved), a primal-dual interior-point method solves from scratch.
+With bounds active, the first guess is that those of the previous solution are active again: one stage on,
+because time has passed, or at the same stages, because a vehicle that cruises along a bound sees the same
+problem at every step. Semismooth Newton steps on the augmented Lagrangian settle from one of the two guesses
+in one to four factorisations. When they do not (a set point was moved), a primal-dual interior-point method
+solves from scratch.
 """
 
 from dataclasses import dataclass
@@ -20,8 +22,38 @@ INPUT_PENALTY: Final = 1e6
 INPUT_TOLERANCE: Final = 1e-5
 """Largest violation of an input bound that counts as solved; what is left is cut off."""
 ACTIVE_SET_STEPS: Final = 5
+SECOND_GUESS_STEPS: Final = 3
 READABLE_GAPS: Final = (1e-2, 1e-4, 1e-6)
 """Mean complementarities at which the active bounds are read off an interior point; the last one is exact."""
+
+
+@dataclass(slots=True)
+class ActiveBounds:
+    """Guess of what binds.
+
+    Attributes
+    ----------
+    side
+        Bound each row presses on, shape (N, 3 m): -1 lower, 1 upper, 0 none; None if no row presses on any.
+    multipliers
+        Of the input bounds, shape (N, m).
+    """
+
+    side: Array | None
+    multipliers: Array
+
+    def copy(self) -> "ActiveBounds":
+        """An independent copy."""
+        return ActiveBounds(None if self.side is None else self.side.copy(), self.multipliers.copy())
+
+    def moved_on(self, bounded: Array) -> "ActiveBounds":
+        """The same bounds one stage earlier, where rows are `bounded`."""
+        moved = self.copy()
+        if moved.side is not None:
+            moved.multipliers[:-2] = self.multipliers[1:-1]
+            moved.side[:-1] = moved.side[1:].copy()
+            moved.side *= bounded
+        return moved
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +95,9 @@ class ChainQP:
         self._penalty: Array = chain.bounded * parameters.soft_weight
         self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
         self._can_press = chain.bounded > 0.0
-        self._side: Array | None = None
-        self._multipliers: Array = np.zeros((parameters.stages, parameters.axes))
+        self._unbound = ActiveBounds(None, np.zeros((parameters.stages, parameters.axes)))
+        self._active = self._unbound.copy()
+        self._cruising = False
         self._factor: Array | None = None
         self._factor_side: Array | None = None
         self._warm = False
@@ -100,12 +133,13 @@ class ChainQP:
             The minimiser, or the best point found.
         """
         chain = self._chain
-        self._shift()
+        if self._warm:
+            chain.flat[:-2] = chain.flat[1:-1]
         chain.set_start(first_state, disturbance)
         if not self._warm:
             levels = chain.parameters.levels
             chain.flat[levels:-1] = chain.flat[levels - 1]
-        solved, iterations = self._active_set(target)
+        solved, iterations = self._warm_start(target)
         if not solved:
             solved, further = self._interior_point(target)
             iterations += further
@@ -116,37 +150,44 @@ class ChainQP:
             chain.roll_out(inputs)
         return ChainSolution(chain.flat[:-1].copy(), inputs - chain.balance(disturbance), solved, iterations)
 
-    def _shift(self) -> None:
-        """Move the last solution on by one stage."""
+    def _warm_start(self, target: ChainTarget) -> tuple[bool, int]:
+        """Active-set steps from either guess, the one that was right last time first."""
         if not self._warm:
-            self._side = None
-            return
-        self._chain.flat[:-2] = self._chain.flat[1:-1]
-        if self._side is not None:
-            self._multipliers[:-2] = self._multipliers[1:-1]
-            self._side[:-1] = self._side[1:]
-            self._side *= self._chain.bounded
+            self._active = self._unbound.copy()
+            return self._active_set(target, ACTIVE_SET_STEPS)
+        moved, same = self._active.moved_on(self._chain.bounded), self._active
+        first, second = (same, moved) if self._cruising else (moved, same)
+        start = self._chain.flat.copy()
+        self._active = first.copy()
+        solved, iterations = self._active_set(target, ACTIVE_SET_STEPS)
+        if solved or same.side is None:
+            return solved, iterations
+        self._chain.flat[:] = start
+        self._active = second
+        solved, further = self._active_set(target, SECOND_GUESS_STEPS)
+        self._cruising = solved and not self._cruising
+        return solved, iterations + further
 
-    def _active_set(self, target: ChainTarget) -> tuple[bool, int]:
-        """Semismooth Newton steps between multiplier updates; False if they do not settle."""
-        chain = self._chain
+    def _active_set(self, target: ChainTarget, most: int) -> tuple[bool, int]:
+        """Semismooth Newton steps between multiplier updates; False if `most` of them do not settle."""
+        chain, active = self._chain, self._active
         values = chain.values()
-        for iteration in range(1, ACTIVE_SET_STEPS + 1):
+        for iteration in range(1, most + 1):
             step = self._newton_step(values, target)
             if step is None:
                 return False, iteration
             chain.move(step)
             values = chain.values()
             side = self._pressed_side(values, target)
-            settled = _same(side, self._side)
-            self._side = side
+            settled = _same(side, active.side)
+            active.side = side
             if settled and self._update_multipliers(values, target):
                 return True, iteration
-        return False, ACTIVE_SET_STEPS
+        return False, most
 
     def _newton_step(self, values: Array, target: ChainTarget) -> Array | None:
         """Step to the minimum with the present side's bounds active; None if there is none."""
-        chain, side = self._chain, self._side
+        chain, side = self._chain, self._active.side
         pull = chain.weights * (values - target.rows)
         if side is None:
             weights = chain.weights
@@ -154,7 +195,7 @@ class ChainQP:
             active = self._penalty * np.abs(side)
             weights = chain.weights + active
             pull += active * (values - np.where(side > 0.0, target.upper, target.lower))
-            pull[:, chain.inputs] += np.abs(side[:, chain.inputs]) * self._multipliers
+            pull[:, chain.inputs] += np.abs(side[:, chain.inputs]) * self._active.multipliers
         if self._factor is None or not _same(side, self._factor_side):
             self._factor, self._factor_side = chain.factorize(weights), side
             if self._factor is None:
@@ -164,9 +205,9 @@ class ChainQP:
     def _pressed_side(self, values: Array, target: ChainTarget) -> Array | None:
         """Which bound each row presses on: -1 lower, 1 upper, 0 none; None if no row presses on any."""
         pressed = values
-        if self._side is not None:
+        if self._active.side is not None:
             pressed = values.copy()
-            pressed[:, self._chain.inputs] += self._multipliers / INPUT_PENALTY
+            pressed[:, self._chain.inputs] += self._active.multipliers / INPUT_PENALTY
         above, below = pressed > target.upper, pressed < target.lower
         above &= self._can_press
         below &= self._can_press
@@ -176,14 +217,14 @@ class ChainQP:
 
     def _update_multipliers(self, values: Array, target: ChainTarget) -> bool:
         """One step of the method of multipliers; True if the input bounds hold."""
-        if self._side is None:
-            self._multipliers[:] = 0.0
+        if self._active.side is None:
+            self._active.multipliers[:] = 0.0
             return True
         columns = self._chain.inputs
         inputs, lower, upper = values[:-1, columns], target.lower[columns], target.upper[columns]
         violation = np.maximum(inputs - upper, lower - inputs).max()
-        pressed = inputs + self._multipliers[:-1] / INPUT_PENALTY
-        self._multipliers[:-1] = INPUT_PENALTY * (pressed - np.clip(pressed, lower, upper))
+        pressed = inputs + self._active.multipliers[:-1] / INPUT_PENALTY
+        self._active.multipliers[:-1] = INPUT_PENALTY * (pressed - np.clip(pressed, lower, upper))
         return bool(violation <= INPUT_TOLERANCE)
 
     def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
@@ -193,7 +234,7 @@ class ChainQP:
             closed = method.run(gap, self._max_iterations)
             inside = self._chain.flat.copy()
             self._take_over(method)
-            solved, _ = self._active_set(target)
+            solved, _ = self._active_set(target, ACTIVE_SET_STEPS)
             if solved:
                 return True, method.iterations
             self._chain.flat[:] = inside
@@ -204,9 +245,9 @@ class ChainQP:
     def _take_over(self, method: InteriorPoint) -> None:
         """Active bounds and multipliers of an interior point."""
         pressing = method.multipliers > method.slacks
-        self._side = pressing[0].astype(float) - pressing[1]
+        self._active.side = pressing[0].astype(float) - pressing[1]
         upper, lower = method.multipliers * pressing
-        self._multipliers[:] = (upper - lower)[:, self._chain.inputs]
+        self._active.multipliers[:] = (upper - lower)[:, self._chain.inputs]
         self._factor = None
 
 
