@@ -20,9 +20,10 @@ from vehicles.state import Array
 INPUT_PENALTY: Final = 1e6
 """Penalty parameter of the augmented Lagrangian, against input weights of about one."""
 INPUT_TOLERANCE: Final = 1e-5
-"""Largest violation of an input bound that counts as solved; what is left is cut off."""
+"""Largest distance to an active input bound that counts as solved; what is left is cut off."""
 ACTIVE_SET_STEPS: Final = 5
 SECOND_GUESS_STEPS: Final = 3
+MULTIPLIER_STEPS: Final = 12
 READABLE_GAPS: Final = (1e-2, 1e-4, 1e-6)
 """Mean complementarities at which the active bounds are read off an interior point; the last one is exact."""
 
@@ -169,10 +170,15 @@ class ChainQP:
         return solved, iterations + further
 
     def _active_set(self, target: ChainTarget, most: int) -> tuple[bool, int]:
-        """Semismooth Newton steps between multiplier updates; False if `most` of them do not settle."""
+        """Semismooth Newton steps between multiplier updates; False if `most` of them do not settle.
+
+        Steps that change no bound only bring the multipliers to where they belong. They need no new
+        factorisation and are not counted against `most`.
+        """
         chain, active = self._chain, self._active
         values = chain.values()
-        for iteration in range(1, most + 1):
+        changes = 0
+        for iteration in range(1, MULTIPLIER_STEPS + most + 1):
             step = self._newton_step(values, target)
             if step is None:
                 return False, iteration
@@ -183,7 +189,10 @@ class ChainQP:
             active.side = side
             if settled and self._update_multipliers(values, target):
                 return True, iteration
-        return False, most
+            changes += not settled
+            if changes == most:
+                return False, iteration
+        return False, MULTIPLIER_STEPS + most
 
     def _newton_step(self, values: Array, target: ChainTarget) -> Array | None:
         """Step to the minimum with the present side's bounds active; None if there is none."""
@@ -216,16 +225,19 @@ class ChainQP:
         return None
 
     def _update_multipliers(self, values: Array, target: ChainTarget) -> bool:
-        """One step of the method of multipliers; True if the input bounds hold."""
+        """One step of the method of multipliers; True if the inputs lie within and on their bounds."""
         if self._active.side is None:
             self._active.multipliers[:] = 0.0
             return True
         columns = self._chain.inputs
         inputs, lower, upper = values[:-1, columns], target.lower[columns], target.upper[columns]
-        violation = np.maximum(inputs - upper, lower - inputs).max()
-        pressed = inputs + self._active.multipliers[:-1] / INPUT_PENALTY
-        self._active.multipliers[:-1] = INPUT_PENALTY * (pressed - np.clip(pressed, lower, upper))
-        return bool(violation <= INPUT_TOLERANCE)
+        multipliers = self._active.multipliers[:-1]
+        pressed = inputs + multipliers / INPUT_PENALTY
+        updated = INPUT_PENALTY * (pressed - np.clip(pressed, lower, upper))
+        # The change is the distance to the bound, outside or inside: a row that presses must lie on it.
+        distance = np.abs(updated - multipliers).max() / INPUT_PENALTY
+        multipliers[:] = updated
+        return bool(distance <= INPUT_TOLERANCE)
 
     def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
         """Interior-point steps until the active bounds can be read off and give the exact solution."""
