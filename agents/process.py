@@ -17,7 +17,7 @@ from agents.lost_leaders import LostLeaders
 from agents.neighbours import Neighbours
 from agents.pacing import Pacing, SolveTimer
 from agents.phases import AIRBORNE
-from agents.pilot import Frame, Pilot
+from agents.pilot import Flight, Frame, Pilot
 from agents.settings import AgentSettings
 from agents.telemetry import command_message, plan_message, status_message
 from bus import channels
@@ -149,17 +149,21 @@ class Agent:
         started_s = self._clock()
         flight = self._pilot.control(plans)
         self._solve.add(self._clock() - started_s)
-        vehicle = self._settings.vehicle
+        # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
+        publish_first, publish_then = self._publish_command, self._publish_plan
+        if not self._pilot.guidance.follows:
+            publish_first, publish_then = publish_then, publish_first
+        publish_first(flight)
+        publish_then(flight)
+
+    def _publish_command(self, flight: Flight) -> None:
         sequence = self._sequence + self._pilot.sequence
         command = command_message(self._settings, self._pilot, flight, sequence)
+        self._session.publish(channels.COMMAND, self._settings.vehicle, command)
+
+    def _publish_plan(self, flight: Flight) -> None:
         plan = plan_message(self._settings, self._pilot, flight, self._leaders)
-        # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
-        if self._pilot.guidance.follows:
-            self._session.publish(channels.COMMAND, vehicle, command)
-            self._session.publish(channels.PLAN, vehicle, plan)
-        else:
-            self._session.publish(channels.PLAN, vehicle, plan)
-            self._session.publish(channels.COMMAND, vehicle, command)
+        self._session.publish(channels.PLAN, self._settings.vehicle, plan)
 
     def _recall(self) -> AgentStatus | None:
         try:

@@ -69,6 +69,6 @@ class AgentSettings:
     following: tuple[Following, ...] = ()
     generations_below: int = 0
     realtime_priority: int = 0
-    leader_wait_s: float = 0.0025
+    leader_wait_s: float = 0.002
     minimum_distance_m: float | None = 0.3
     succession: Succession = field(default_factory=Succession)

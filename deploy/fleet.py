@@ -117,7 +117,7 @@ class Control(Table, frozen=True, kw_only=True):
     settings: dict[str, Any] = {}
     """Settings of the controller: weights, constraints, options."""
     estimator_settings: dict[str, Any] = {}
-    leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.0025
+    leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.002
     """How long after its own pose a follower waits for the leader's plan of the same frame."""
 
 
