@@ -46,12 +46,14 @@ class Priority(IntEnum):
     """How far processes run above the fleet's real-time priority.
 
     What others wait for comes first: messages are forwarded at once, and a leader plans before its followers.
+    The simulator computes its helicopters' motion while nobody else needs the processor.
     """
 
     ROUTER = 6
     GATEWAY = 4
     LEADER = 2
-    NORMAL = 0
+    FOLLOWER = 1
+    SIMULATOR = 0
 
     def of(self, fleet: Fleet) -> int:
         """SCHED_FIFO priority; 0 if the fleet wants none."""
@@ -102,7 +104,7 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
         generations_below=leader_generations(fleet, name),
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
-        realtime_priority=(Priority.NORMAL if vehicle.follow else Priority.LEADER).of(fleet),
+        realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )
 
 
@@ -254,7 +256,7 @@ def simulator_settings(fleet: Fleet, directory: Path) -> SimulatorSettings:
         conditions=conditions,
         seed=simulator.seed,
         vehicles=tuple(_simulated(fleet, name, directory) for name in fleet.vehicles),
-        realtime_priority=Priority.NORMAL.of(fleet),
+        realtime_priority=Priority.SIMULATOR.of(fleet),
     )
 
 

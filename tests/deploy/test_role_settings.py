@@ -147,7 +147,8 @@ def test_what_others_wait_for_runs_at_the_higher_priority() -> None:
     fleet = parse_fleet(PAIR)
     router, gateway = Priority.ROUTER.of(fleet), Priority.GATEWAY.of(fleet)
     leader, follower = (agent_settings(fleet, name).realtime_priority for name in ("h1", "h2"))
-    assert router > gateway > leader > follower == fleet.bus.realtime_priority
+    simulator = Priority.SIMULATOR.of(fleet)
+    assert router > gateway > leader > follower > simulator == fleet.bus.realtime_priority
     without = parse_fleet(PAIR + "[bus]\nrealtime_priority = 0")
     assert {priority.of(without) for priority in Priority} == {0}
     highest = parse_fleet(PAIR + "[bus]\nrealtime_priority = 90")
