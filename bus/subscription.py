@@ -73,6 +73,13 @@ class Inbox(Generic[M]):
             received.append(self._newest)
         return received
 
+    def waiting_since_s(self) -> float | None:
+        """Arrival of the oldest message that has not been read; None if all have been."""
+        try:
+            return self._payloads[0][1]
+        except IndexError:
+            return None
+
     def latest(self) -> Received[M] | None:
         """Newest valid message, None before the first."""
         self.drain()

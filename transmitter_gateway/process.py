@@ -1,5 +1,6 @@
 """The transmitter gateway process: commands and poses in, serial frames out."""
 
+import math
 import signal
 import time
 
@@ -16,6 +17,9 @@ from transmitter_gateway.wakeup import Wakeup
 STATUS_PERIOD_S = 0.2
 LONGEST_WAIT_S = 0.1
 SHUTDOWN_LIMIT_S = 5.0
+POSE_PATIENCE_S = 0.005
+"""How long poses wait to be judged. Agents need the processor as soon as a frame has arrived, and limits of
+surveillance are counted in tenths of a second."""
 
 
 class Gateway:
@@ -39,6 +43,7 @@ class Gateway:
         """Wait for a message, an answer of a module or the next deadline."""
         deadline_s = min(
             self._report_at_s,
+            self._poses_at_s(),
             *(station.transmitter.next_deadline_s() for station in self._stations.values()),
         )
         timeout_s = min(LONGEST_WAIT_S, deadline_s - self._clock())
@@ -56,9 +61,10 @@ class Gateway:
                 station.take_kill(kill.message, self._clock())
         for incoming in self._session.pending():
             self._stations[incoming.unit].answer(incoming, self._clock())
-        for name, poses in self._poses.items():
-            for pose in poses.drain():
-                self._take_pose(name, pose.message)
+        if self._clock() >= self._poses_at_s():
+            for name, poses in self._poses.items():
+                for pose in poses.drain():
+                    self._take_pose(name, pose.message)
         for station in self._stations.values():
             station.transmitter.tick(self._clock())
             station.announce_write()
@@ -75,6 +81,12 @@ class Gateway:
             self.step()
         for transmitter in transmitters:
             transmitter.close()
+
+    def _poses_at_s(self) -> float:
+        waiting = (poses.waiting_since_s() for poses in self._poses.values())
+        return min(
+            (since_s + POSE_PATIENCE_S for since_s in waiting if since_s is not None), default=math.inf
+        )
 
     def _take_pose(self, name: str, pose: Pose) -> None:
         raw = PoseInput(name, pose.epoch, pose.frame, pose.position_m, pose.period_s)

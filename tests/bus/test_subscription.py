@@ -31,6 +31,16 @@ def test_age_is_counted_from_the_arrival_on_the_local_clock() -> None:
     assert inbox.age_s(99.0) == 0.0
 
 
+def test_messages_wait_from_the_arrival_of_the_oldest_until_they_are_read() -> None:
+    inbox = Inbox(channels.POSE, depth=4)
+    assert inbox.waiting_since_s() is None
+    inbox.store(pose(1), 100.0)
+    inbox.store(pose(2), 101.0)
+    assert inbox.waiting_since_s() == 100.0
+    inbox.drain()
+    assert inbox.waiting_since_s() is None
+
+
 def test_a_sender_is_alive_until_its_channel_counts_as_stale() -> None:
     inbox = Inbox(channels.POSE)
     inbox.store(pose(1), 100.0)

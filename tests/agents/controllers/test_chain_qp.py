@@ -193,6 +193,51 @@ def test_next_step_starts_from_the_shifted_solution() -> None:
     assert max(iterations[1:]) < iterations[0]
 
 
+@pytest.mark.parametrize(("before_m", "after_m"), [(60.0, 3.0), (3.0, 1.2), (20.0, 0.5)])
+def test_multipliers_of_a_farther_set_point_do_not_bend_the_solution_of_a_nearer_one(
+    before_m: float, after_m: float
+) -> None:
+    """The same inputs saturate in both, but they press on their bounds with other forces."""
+    problem = case(40, lag=True, yaw_rate=0.0)
+
+    def target(distance_m: float) -> ChainTarget:
+        aim = problem.target(np.zeros(2))
+        aim.rows[:, :2] = aim.terminal[:2] = (distance_m, -0.7 * distance_m)
+        aim.lower[:2], aim.upper[:2] = -100.0, 100.0
+        return aim
+
+    rest, disturbance = np.zeros((3, 2)), np.zeros(2)
+    qp = problem.workspace()
+    qp.solve(rest, disturbance, target(before_m))
+    found = qp.solve(rest, disturbance, target(after_m))
+    from_scratch = problem.workspace().solve(rest, disturbance, target(after_m))
+    assert found.solved
+    assert found.inputs == pytest.approx(from_scratch.inputs, abs=1e-3)
+
+
+def test_cruise_along_a_speed_bound_is_solved_as_from_scratch() -> None:
+    """With nearly all stages on the bound and noise in the state, the guess of the active bounds is often wrong."""
+    problem = case(40, lag=True, yaw_rate=0.0)
+    far = problem.target(np.zeros(2))
+    far.rows[:, :2] = far.terminal[:2] = (6.0, -4.0)
+    far.lower[:2], far.upper[:2] = -10.0, 10.0
+    qp = problem.workspace()
+    random = np.random.default_rng(3)
+    state = np.zeros(6)
+    counts = []
+    for step in range(120):
+        measured = (state + random.normal(0.0, [0, 0, 2e-3, 2e-3, 0, 0])).reshape(3, 2)
+        found = qp.solve(measured, np.zeros(2), far)
+        counts.append(found.iterations)
+        if step % 4 == 0:
+            from_scratch = problem.workspace().solve(measured, np.zeros(2), far)
+            assert found.inputs == pytest.approx(from_scratch.inputs, abs=1e-4)
+        a, b = problem.matrices(0)
+        state = a @ state + b @ found.inputs[0]
+    assert state[2] > 0.9 * far.upper[2]
+    assert np.mean(counts[1:]) < 4.0
+
+
 @pytest.mark.parametrize("yaw", [0.3, -2.0, 7.0])
 def test_turned_terminal_cost_solves_the_riccati_equation_of_the_heading(yaw: float) -> None:
     problem = case(10, lag=True)
