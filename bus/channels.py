@@ -34,7 +34,7 @@ class Channel(Generic[M]):
     message
         Type of the message.
     unit
-        `vehicle`, or the fixed unit of the channel.
+        `vehicle`, `host`, or the fixed unit of the channel.
     publisher
         Role that writes it.
     rate_hz
@@ -97,13 +97,18 @@ LABORATORY: Final = Channel(
     "laboratory", messages.LaboratoryState, SIMULATOR_UNIT, "simulator", 50, 0.5, DATA_LOW, True,
     "truth of the simulated laboratory, for measurement only",
 )  # fmt: skip
+LAUNCHER: Final = Channel(
+    "launcher", messages.LauncherStatus, "host", "launcher", 2, 2.0, DATA_LOW, True,
+    "vehicles that take part, and restarts of processes",
+)  # fmt: skip
 KILL: Final = Channel(
     "kill", messages.Kill, FLEET_UNIT, "operator", 0, 1.0, REAL_TIME, True,
     "cut the motors of some or all vehicles",
 )  # fmt: skip
 
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
-    POSE, PLAN, COMMAND, APPLIED, AGENT_STATUS, TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, KILL,
+    POSE, PLAN, COMMAND, APPLIED, AGENT_STATUS, TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, LAUNCHER,
+    KILL,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows
 
 

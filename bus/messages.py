@@ -333,6 +333,19 @@ class LaboratoryState(Message, frozen=True, kw_only=True):
     vehicles: dict[Name, LaboratoryVehicle]
 
 
+class LauncherStatus(Message, frozen=True, kw_only=True):
+    """What the launcher of a host keeps running."""
+
+    running: tuple[Name, ...]
+    """Vehicles of this host that take part; their agents are started again when they die."""
+    absent: tuple[Name, ...]
+    """Vehicles of this host that do not take part."""
+    restarts: dict[Text, Count] = {}
+    """How often each process was started again."""
+    spare_ready: bool = False
+    """A warm process waits to replace an agent."""
+
+
 class Kill(Message, frozen=True, kw_only=True):
     """Cut the motors now and stay cut. Repeated at 10 Hz while active."""
 

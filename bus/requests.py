@@ -109,6 +109,14 @@ class WithdrawLeaders(Request, frozen=True, kw_only=True):
     operation: Name
 
 
+class StartVehicle(Request, frozen=True, kw_only=True):
+    """Let a vehicle of the fleet file take part: start its agent and keep it running."""
+
+
+class StopVehicle(Request, frozen=True, kw_only=True):
+    """Let a vehicle that stands on the floor leave: end its agent."""
+
+
 class Recall(Request, frozen=True, kw_only=True):
     """What did the agent of this vehicle last say of itself? Asked by an agent that restarts."""
 
@@ -151,6 +159,8 @@ VERBS: Final = {
         ),
         Verb("commit_leaders", "agent", CommitLeaders, "take the prepared leaders at a frame"),
         Verb("withdraw_leaders", "agent", WithdrawLeaders, "forget the prepared leaders"),
+        Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part"),
+        Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave"),
         Verb("recall", "launcher", Recall, "last status of the vehicle's previous agent", RecallReply),
     )
 }

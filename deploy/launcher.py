@@ -4,6 +4,7 @@ import os
 import socket
 import threading
 from collections import deque
+from collections.abc import Collection
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -13,14 +14,29 @@ from deploy.memory import Memory
 from deploy.processes import processes_of
 from deploy.role_settings import bus_address, check_fleet, tracker_address
 from deploy.run_directory import run_directory, serial_path
+from deploy.staffing import Staffing
 from deploy.supervisor import Supervisor
 
 WATCH_S = 0.1
 EVENTS_KEPT = 200
 
 
-def check_resources(fleet: Fleet, host: str, directory: Path) -> None:
+def check_resources(fleet: Fleet, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
     """Make sure that addresses are free and serial devices are there.
+
+    A fleet also flies when the device of one of its vehicles is missing; that vehicle joins once it is there.
+
+    Parameters
+    ----------
+    fleet, host, directory
+        The fleet, this host, and the fleet's run directory.
+    without
+        Vehicles that need no device.
+
+    Returns
+    -------
+    list of str
+        A line for every vehicle whose device is missing while others have theirs.
 
     Raises
     ------
@@ -32,16 +48,31 @@ def check_resources(fleet: Fleet, host: str, directory: Path) -> None:
     if fleet.simulator is not None:
         if fleet.simulator.host == host:
             _check_free(*tracker_address(fleet), "tracker.address")
-        return
-    for name, vehicle in fleet.vehicles.items():
-        if fleet.gateways[vehicle.transmitter.gateway].host != host:
-            continue
-        device = serial_path(vehicle.transmitter.port, directory)
+        return []
+    missing = []
+    needed = [
+        name
+        for name, vehicle in fleet.vehicles.items()
+        if fleet.gateways[vehicle.transmitter.gateway].host == host and name not in without
+    ]
+    for name in needed:
+        device = serial_path(fleet.vehicles[name].transmitter.port, directory)
         where = f"vehicles.{name}.transmitter.port"
         if not device.exists():
-            raise FleetError(f"{where}: there is no device {device}")
-        if not os.access(device, os.R_OK | os.W_OK):
+            missing.append(f"{where}: there is no device {device}")
+        elif not os.access(device, os.R_OK | os.W_OK):
             raise FleetError(f"{where}: no permission for {device}; is the user in group dialout?")
+    if missing and len(missing) == len(needed):
+        raise FleetError("; ".join(missing))
+    return [f"{line}; the others fly without it" for line in missing]
+
+
+def _check_absent(fleet: Fleet, without: Collection[str]) -> None:
+    for name in without:
+        if name not in fleet.vehicles:
+            raise FleetError(f"--without: unknown vehicle {name!r}, known are {', '.join(fleet.vehicles)}")
+    if len(set(without)) == len(fleet.vehicles):
+        raise FleetError("--without: at least one vehicle must take part")
 
 
 def _check_free(address: str, port: int, where: str) -> None:
@@ -64,32 +95,40 @@ class Launcher(AbstractContextManager["Launcher"]):
         The fleet file, loaded, and where it is.
     host
         Which host this is.
+    without
+        Vehicles that do not take part at first; they can join later.
 
     Raises
     ------
     FleetError
-        Something in the file is wrong, an address is in use, a device is missing; nothing was started.
+        Something in the file is wrong, an address is in use, no vehicle that takes part has its device;
+        nothing was started.
     """
 
-    def __init__(self, fleet: Fleet, fleet_path: Path, host: str) -> None:
+    def __init__(self, fleet: Fleet, fleet_path: Path, host: str, without: Collection[str] = ()) -> None:
         directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = processes_of(fleet, host)
+        _check_absent(fleet, without)
         check_fleet(fleet, directory)
-        check_resources(fleet, host, directory)
+        missing = check_resources(fleet, host, directory, without)
         self.directory = directory
-        self.supervisor = Supervisor(specs, fleet_path, directory / "log")
-        self.events: deque[str] = deque(maxlen=EVENTS_KEPT)
+        agents = {f"agent-{name}" for name in without}
+        self.supervisor = Supervisor(specs, fleet_path, directory / "log", without=agents)
+        self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._fleet = fleet
         self._host = host
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
         self._memory: Memory | None = None
+        self._staffing: Staffing | None = None
 
     def __enter__(self) -> "Launcher":
         self._thread.start()
         own = [name for name, vehicle in self._fleet.vehicles.items() if vehicle.host == self._host]
         try:
-            self._memory = Memory(bus_address(self._fleet, self._host), own)
+            address = bus_address(self._fleet, self._host)
+            self._memory = Memory(address, own)
+            self._staffing = Staffing(address, self._host, self.supervisor)
         except BusUnreachableError:
             self.stop()
             raise
@@ -107,6 +146,9 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def stop(self) -> None:
         """Stop every process; gateways bring down what still flies."""
+        if self._staffing is not None:
+            self._staffing.close()
+            self._staffing = None
         if self._memory is not None:
             self._memory.close()
             self._memory = None

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -43,6 +43,10 @@ class Child:
     quick_deaths: int = 0
     pidfd: int = -1
     last_exit: int | None = None
+    wanted: bool = True
+    """Whether it shall run; may be changed at any time, from any thread."""
+    leaving_since_s: float | None = None
+    """When it was asked to end, if it was."""
     events: Counter[str] = field(default_factory=Counter)
 
 
@@ -59,6 +63,8 @@ class Supervisor:
         One log file per process goes here.
     clock
         Monotonic clock [s].
+    without
+        Names of processes that are not wanted at first.
     """
 
     def __init__(
@@ -67,8 +73,9 @@ class Supervisor:
         fleet_path: Path,
         log_directory: Path,
         clock: Callable[[], float] = time.monotonic,
+        without: Collection[str] = (),
     ) -> None:
-        self.children = {spec.name: Child(spec) for spec in specs}
+        self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
         self._fleet_path = fleet_path.resolve()
         self._logs = log_directory
         self._clock = clock
@@ -97,9 +104,10 @@ class Supervisor:
         self._selector.register(child.pidfd, selectors.EVENT_READ, name)
 
     def start_all(self) -> None:
-        """Start every process in order."""
-        for name in self.children:
-            self.start(name)
+        """Start every wanted process in order."""
+        for name, child in self.children.items():
+            if child.wanted:
+                self.start(name)
 
     def watch(self, timeout_s: float) -> list[str]:
         """Wait for deaths and restart what died.
@@ -117,13 +125,13 @@ class Supervisor:
         now = self._clock()
         if all(now - child.started_s > SETTLED_S for child in self.children.values()):
             self._spare.prepare()
+        lines = self._change_crew()
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
         if self._selector.get_map():
-            lines = [self._on_death(str(key.data)) for key, _ in self._selector.select(wait_s)]
+            lines += [self._on_death(str(key.data)) for key, _ in self._selector.select(wait_s)]
         else:
             time.sleep(wait_s)
-            lines = []
         for name, child in self.children.items():
             if child.restart_at_s > 0 and self._clock() >= child.restart_at_s:
                 child.restarts += 1
@@ -131,9 +139,36 @@ class Supervisor:
                 lines.append(f"{name}: started again (restart {child.restarts})")
         return lines
 
+    def _change_crew(self) -> list[str]:
+        """Start what is wanted and was not, end what is not wanted any more."""
+        lines = []
+        for name, child in self.children.items():
+            if child.wanted and child.process is None and not child.restart_at_s:
+                child.quick_deaths = 0
+                self.start(name)
+                lines.append(f"{name}: started")
+            elif not child.wanted:
+                child.restart_at_s = 0.0
+                self._see_off(child)
+        return lines
+
+    def _see_off(self, child: Child) -> None:
+        """Ask a process to end, and end it if it does not."""
+        if child.process is None:
+            return
+        if child.leaving_since_s is None:
+            child.leaving_since_s = self._clock()
+            child.process.terminate()
+        elif self._clock() - child.leaving_since_s > STOP_LIMIT_S:
+            child.events["killed_at_stop"] += 1
+            child.process.kill()
+
     def _on_death(self, name: str) -> str:
         child = self.children[name]
         code = self._reap(child)
+        child.leaving_since_s = None
+        if not child.wanted:
+            return f"{name}: ended"
         now = self._clock()
         quick = now - child.started_s < STABLE_AFTER_S
         child.quick_deaths = child.quick_deaths + 1 if quick else 0
@@ -167,6 +202,8 @@ class Supervisor:
     def stop_all(self) -> None:
         """Ask every process to end, in stopping order, and end those that do not."""
         self._spare.close()
+        for child in self.children.values():
+            child.wanted = False
         for order in sorted({child.spec.stop_order for child in self.children.values()}):
             group = [child for child in self.children.values() if child.spec.stop_order == order]
             self._stop_group([child for child in group if child.process is not None])

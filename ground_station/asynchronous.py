@@ -92,6 +92,8 @@ class AsyncVehicle(Wrapped[Vehicle]):
     go_to = awaited(Vehicle.go_to)
     follow = awaited(Vehicle.follow)
     lead = awaited(Vehicle.lead)
+    start = awaited(Vehicle.start)
+    stop = awaited(Vehicle.stop)
     wait_for_phase = awaited(Vehicle.wait_for_phase)
     wait_for_formation = awaited(Vehicle.wait_for_formation)
     wait_for_arrival = awaited(Vehicle.wait_for_arrival)
@@ -162,6 +164,10 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         """Present state of a vehicle."""
         return self._wrapped.state_of(name)
 
+    def present(self) -> list[str]:
+        """Vehicles of the fleet file that take part: all but those that a launcher says are absent."""
+        return self._wrapped.present()
+
     def problems(self, names: list[str] | None = None) -> list[str]:
         """What speaks against taking off, in words; empty when nothing does."""
         return self._wrapped.problems(names)
@@ -172,6 +178,8 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
     kill = awaited(Fleet.kill)
     swap = awaited(Fleet.swap)
     promote = awaited(Fleet.promote)
+    join = awaited(Fleet.join)
+    leave = awaited(Fleet.leave)
     hear = awaited(Fleet.hear)
     wait_until = awaited(Fleet.wait_until)
     wait_ready = awaited(Fleet.wait_ready)

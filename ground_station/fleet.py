@@ -18,6 +18,8 @@ from bus.requests import (
     Lead,
     Request,
     ResetKill,
+    StartVehicle,
+    StopVehicle,
     TakeOff,
 )
 from bus.session import RequestFailedError
@@ -28,10 +30,13 @@ from deploy.shipped import fleet_path
 from ground_station.observer import Observer
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
 from ground_station.state import AIRBORNE, VehicleState
+from ground_station.waiting import NotReachedError
 
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1
 ARM_RETRY_S = 0.1
+STAY_BEHIND_S = 5.0
+"""How long everybody is waited for before those that are ready take off without the others."""
 
 
 class RefusedError(RuntimeError):
@@ -129,6 +134,14 @@ class Vehicle:
         """Leave KILLED."""
         self._ask(ResetKill())
 
+    def start(self) -> str:
+        """Let the vehicle take part: its agent is started and kept running. It stays on the floor."""
+        return self._ask(StartVehicle())
+
+    def stop(self) -> str:
+        """Let the vehicle leave: its agent ends. It must be on the floor."""
+        return self._ask(StopVehicle())
+
     def _ask(self, request: Request) -> str:
         reply = self._fleet.session.request(self.name, request)
         if not reply.accepted:
@@ -225,7 +238,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""
-        vehicles = list(self._vehicles if names is None else names)
+        vehicles = self.present() if names is None else list(names)
         deadline_s = time.monotonic() + timeout_s
         for name in vehicles:
             if self.state_of(name).phase not in ("armed", *AIRBORNE):
@@ -250,10 +263,20 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def take_off(
         self, names: Iterable[str] | None = None, height_m: float = 1.0, timeout_s: float = 15.0
-    ) -> None:
-        """Arm and take off, and wait until all fly."""
-        vehicles = list(self._vehicles if names is None else names)
-        self.wait_ready(vehicles)
+    ) -> list[str]:
+        """Arm and take off, and wait until all fly.
+
+        Without names everybody who takes part does; who is not ready a while after the others stays behind.
+
+        Returns
+        -------
+        list of str
+            What keeps vehicles on the floor that stayed behind.
+        """
+        behind = self._wait_for_most() if names is None else {}
+        vehicles = [name for name in self.present() if name not in behind] if names is None else list(names)
+        if names is not None:
+            self.wait_ready(vehicles)
         self.arm(vehicles)
         for name in vehicles:
             if self.state_of(name).phase == "armed":
@@ -264,6 +287,65 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             "not all vehicles have taken off",
             vehicles,
         )
+        return [line for lines in behind.values() for line in lines]
+
+    def _wait_for_most(self) -> dict[str, list[str]]:
+        """Wait until everybody is ready, or for a while; what keeps the others, by vehicle."""
+        try:
+            self.wait_ready(timeout_s=STAY_BEHIND_S)
+        except NotReachedError:
+            behind = {name: self.problems([name]) for name in self.present()}
+            if all(behind.values()):
+                self.wait_ready()
+                return {}
+            return {name: lines for name, lines in behind.items() if lines}
+        return {}
+
+    def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
+        """Let a vehicle that does not take part yet take off and follow its leaders of the fleet file.
+
+        Returns
+        -------
+        str
+            Whom it follows, in words.
+
+        Raises
+        ------
+        RefusedError, RequestFailedError, NotReachedError
+            It could not be started, or something is missing; the others fly on.
+        """
+        self[name].start()
+        started_s = self.session.clock()
+
+        def here() -> bool:
+            age_s = self.state_of(name).agent_age_s
+            return name in self.present() and age_s is not None and self.session.clock() - age_s > started_s
+
+        self.wait_until(here, timeout_s, f"{name} is not started")
+        self.wait_ready([name], timeout_s)
+        self.take_off([name], height_m)
+        leaders = [link.leader for link in self.file.vehicles[name].follow]
+        if leaders and all(self.state_of(leader).phase == "flying" for leader in leaders):
+            self.wait_for_formation([name], timeout_s=timeout_s)
+            return f"{name} follows {', '.join(leaders)}"
+        return f"{name} flies"
+
+    def leave(self, name: str, timeout_s: float = 15.0) -> None:
+        """Land a vehicle and end its agent; the others fly on.
+
+        Raises
+        ------
+        RefusedError
+            Others follow it; says who.
+        """
+        self.hear()
+        followers = self.followers(name)
+        if followers:
+            others = ", ".join(followers)
+            raise RefusedError(f"{name} leads {others}; let another vehicle lead them first, as promote does")
+        self.land([name], timeout_s)
+        self[name].stop()
+        self.wait_until(lambda: name not in self.present(), timeout_s, f"{name} does not leave")
 
     def land(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Land and disarm vehicles, by default every one that is in the air.
@@ -273,10 +355,10 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         RefusedError, RequestFailedError, NotReachedError
             A vehicle could not be told to land, or did not; all the others land first.
         """
-        vehicles = list(self) if names is None else [self[name] for name in names]
+        self.hear(names := None if names is None else list(names))
+        vehicles = [self[name] for name in (self.present() if names is None else names)]
         problems: list[RefusedError | RequestFailedError] = []
         told = []
-        self.hear(vehicle.name for vehicle in vehicles)
         for vehicle in vehicles:
             if vehicle.state.airborne or vehicle.state.agent is None:
                 try:

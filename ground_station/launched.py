@@ -1,6 +1,6 @@
 """Starting a fleet from a script: processes up, fly, land, processes down."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,7 +13,7 @@ FIRST_ROUTER_S = 15.0
 
 
 @contextmanager
-def launched(path: str | Path, host: str | None = None) -> Iterator[Fleet]:
+def launched(path: str | Path, host: str | None = None, without: Collection[str] = ()) -> Iterator[Fleet]:
     """Start the processes of a fleet on this computer and join it; at the end everything lands and stops.
 
     Parameters
@@ -22,6 +22,8 @@ def launched(path: str | Path, host: str | None = None) -> Iterator[Fleet]:
         Fleet file, or the name of a shipped fleet, for instance `trio`.
     host
         Which host of the fleet file this computer is; may be left out where there is only one.
+    without
+        Vehicles that do not take part at first; `Fleet.join` lets them.
 
     Yields
     ------
@@ -40,7 +42,10 @@ def launched(path: str | Path, host: str | None = None) -> Iterator[Fleet]:
     if host is None and len(file.hosts) > 1:
         raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
     this_host = host or next(iter(file.hosts))
-    with Launcher(file, where, this_host) as launcher, Fleet(file, this_host, FIRST_ROUTER_S) as fleet:
+    with (
+        Launcher(file, where, this_host, without) as launcher,
+        Fleet(file, this_host, FIRST_ROUTER_S) as fleet,
+    ):
         fleet.launcher = launcher
         fleet.wait_ready()
         yield fleet

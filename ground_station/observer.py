@@ -9,7 +9,7 @@ import numpy as np
 from agents.neighbours import Neighbours
 from agents.phases import Phase
 from bus import channels
-from bus.messages import AgentStatus, Message
+from bus.messages import AgentStatus, Message, Plan
 from bus.session import Session
 from bus.subscription import Inbox
 from deploy.fleet import Fleet as FleetFile
@@ -54,6 +54,7 @@ class Observer:
         self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)
         self._poses = self.session.subscribe_all(channels.POSE)
         self.plans = self.session.subscribe_all(channels.PLAN)
+        self._launchers = self.session.subscribe_all(channels.LAUNCHER)
         self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
 
     def close(self) -> None:
@@ -72,6 +73,16 @@ class Observer:
             name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan
         )
 
+    def present(self) -> list[str]:
+        """Vehicles of the fleet file that take part: all but those that a launcher says are absent."""
+        now_s = self.session.clock()
+        absent: set[str] = set()
+        for inbox in tuple(self._launchers.inboxes.values()):
+            status, _ = _newest(inbox, now_s)
+            if status is not None and inbox.alive(now_s):
+                absent |= set(status.absent)
+        return [name for name in self.file.vehicles if name not in absent]
+
     def _unseen_s(self, name: str, now_s: float) -> float | None:
         """How long the motion capture has not seen a vehicle, as far as the Vicon gateway tells."""
         status, age_s = _newest(self.tracker, now_s)
@@ -82,10 +93,25 @@ class Observer:
 
     def problems(self, names: Iterable[str] | None = None) -> list[str]:
         """What speaks against taking off, in words; empty when nothing does."""
-        vehicles = list(self.file.vehicles if names is None else names)
+        vehicles = self.present() if names is None else list(names)
         tracker, age_s = _newest(self.tracker, self.session.clock())
         found = tracker_problems(tracker, age_s, vehicles)
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
+
+    def followers(self, name: str) -> list[str]:
+        """Vehicles that follow a vehicle now, by plans that are newer than this call."""
+        from_s = self.session.clock() + UNDER_WAY_S
+
+        def heard() -> dict[str, Plan]:
+            found = {}
+            for other, inbox in tuple(self.plans.inboxes.items()):
+                received = inbox.latest()
+                if received is not None and received.arrived_s >= from_s:
+                    found[other] = received.message
+            return found
+
+        self._bell.wait_until(lambda: set(self.statuses()) <= heard().keys(), FIRST_WORDS_S)
+        return [other for other, plan in heard().items() if name in [link.leader for link in plan.following]]
 
     def statuses(self) -> dict[str, AgentStatus]:
         """Newest statuses of the agents that are not silent."""
@@ -103,11 +129,11 @@ class Observer:
 
         Without names all vehicles and the Vicon gateway are waited for.
         """
-        vehicles = list(self.file.vehicles if names is None else names)
+        wanted = None if names is None else list(names)
         everybody = names is None
 
         def heard() -> bool:
-            states = [self.state_of(name) for name in vehicles]
+            states = [self.state_of(name) for name in (self.present() if wanted is None else wanted)]
             spoken = all(state.agent is not None and state.transmitter is not None for state in states)
             return spoken and (not everybody or self.tracker.latest() is not None)
 
@@ -129,7 +155,7 @@ class Observer:
 
     def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Wait until nothing speaks against taking off."""
-        vehicles = list(self.file.vehicles if names is None else names)
+        vehicles = None if names is None else list(names)
         if not self._bell.wait_until(lambda: not self.problems(vehicles), timeout_s):
             found = "; ".join(self.problems(vehicles))
             raise NotReachedError(f"not ready after {timeout_s:g} s: {found}")
@@ -145,10 +171,11 @@ class Observer:
             There is no such phase.
         """
         wanted = Phase(phase)
-        vehicles = list(self.file.vehicles if names is None else names)
+        vehicles = None if names is None else list(names)
 
         def others() -> list[str]:
-            return [name for name in vehicles if self.state_of(name).phase != wanted]
+            named = self.present() if vehicles is None else vehicles
+            return [name for name in named if self.state_of(name).phase != wanted]
 
         if not self._bell.wait_until(lambda: not others(), timeout_s):
             states = "; ".join(self.state_of(name).summary() for name in others())
@@ -164,7 +191,7 @@ class Observer:
         NotReachedError
             They were not within `timeout_s`; says what is missing of each.
         """
-        wanted = list(self.file.vehicles) if names is None else list(names)
+        wanted = self.present() if names is None else list(names)
         from_s = time.monotonic() + UNDER_WAY_S
 
         def missing() -> list[str]:
@@ -189,7 +216,7 @@ class Observer:
         NotReachedError
             They were not within `timeout_s`; says how far each one is away.
         """
-        wanted = list(self.file.vehicles) if names is None else list(names)
+        wanted = self.present() if names is None else list(names)
         from_s = time.monotonic() + UNDER_WAY_S
 
         def missing() -> list[str]:

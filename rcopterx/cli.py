@@ -20,7 +20,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Watch a running fleet": (watch.status, watch.check, watch.top),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
-        steer.land, steer.disarm, steer.kill, steer.reset,
+        steer.join, steer.leave, steer.land, steer.disarm, steer.kill, steer.reset,
     ),
     "Experiment": (experiment.experiment,),
     "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),

@@ -4,7 +4,7 @@ import json
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -54,12 +54,14 @@ class Interrupts:
 
 
 @contextmanager
-def launched(name: str, host: str | None) -> Iterator[tuple[FleetFile, Launcher, Fleet, Interrupts]]:
+def launched(
+    name: str, host: str | None, without: Sequence[str] = ()
+) -> Iterator[tuple[FleetFile, Launcher, Fleet, Interrupts]]:
     """Start the processes of a host and join the fleet; everything is stopped at the end."""
     path = fleet_path(name)
     file = load_fleet(path)
     this_host = chosen_host(file, host)
-    launcher = Launcher(file, path, this_host)
+    launcher = Launcher(file, path, this_host, without)
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)
@@ -126,9 +128,16 @@ class Watch:
             console.print(self._launcher.events.popleft(), highlight=False, markup=False)
 
 
-def up(fleet: FleetArgument = DEFAULT_FLEET, host: HostOption = None) -> None:
+def up(
+    fleet: FleetArgument = DEFAULT_FLEET,
+    host: HostOption = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. May be repeated."),
+    ] = None,
+) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
-    with user_errors(), launched(fleet, host) as (_, launcher, running, interrupts):
+    with user_errors(), launched(fleet, host, without or ()) as (_, launcher, running, interrupts):
         typer.echo(f"logs: {launcher.directory / 'log'}", err=True)
         Watch(running, launcher, interrupts).until(lambda: False)
 

@@ -40,7 +40,8 @@ def takeoff(
     """Arm and take off, and wait until the vehicles fly."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
-        running.take_off(vehicles or None, height)
+        for line in running.take_off(vehicles or None, height):
+            typer.echo(f"stays on the floor: {line}", err=True)
         typer.echo("flying")
 
 
@@ -101,6 +102,27 @@ def promote(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         typer.echo("\n".join(running.promote(vehicle)))
+
+
+def join(
+    vehicle: Vehicle,
+    height: Annotated[
+        float, typer.Option(metavar="METRES", min=0.2, help="Take-off height above the floor in metres.")
+    ] = 1.0,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Let a vehicle that was left out take off and join its formation; the others fly on."""
+    with running_fleet(fleet) as running:
+        known_vehicles(running.file.vehicles, [vehicle])
+        typer.echo(running.join(vehicle, height))
+
+
+def leave(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Land a vehicle and end its agent; the others fly on."""
+    with running_fleet(fleet) as running:
+        known_vehicles(running.file.vehicles, [vehicle])
+        running.leave(vehicle)
+        typer.echo(f"{vehicle} has left")
 
 
 def land(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:

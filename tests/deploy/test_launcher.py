@@ -3,6 +3,7 @@
 import os
 import pty
 import socket
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -97,18 +98,56 @@ def test_a_tracker_on_another_machine_needs_no_free_port_here(tmp_path: Path) ->
         check_resources(parse_fleet(text), "main", tmp_path)
 
 
-def test_a_missing_serial_device_is_refused_by_its_field(tmp_path: Path) -> None:
+@pytest.fixture
+def port() -> Iterator[str]:
+    """A serial device that is there."""
     master, slave = pty.openpty()
-    text = HARDWARE_PAIR.replace("radio-h1", os.ttyname(slave)).replace("radio-h2", "/dev/ttyNONE9")
-    text += f"[hosts.main]\nrouter_port = {free_port()}"
-    try:
-        with pytest.raises(
-            FleetError, match=r"^vehicles\.h2\.transmitter\.port: there is no device /dev/ttyNONE9"
-        ):
-            check_resources(parse_fleet(text), "main", tmp_path)
-    finally:
-        os.close(master)
-        os.close(slave)
+    yield os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_missing_serial_device_is_told_and_keeps_nobody_else_on_the_floor(
+    tmp_path: Path, port: str
+) -> None:
+    text = HARDWARE_PAIR.replace("radio-h1", port).replace("radio-h2", "/dev/ttyNONE9")
+    (line,) = check_resources(
+        parse_fleet(text + f"[hosts.main]\nrouter_port = {free_port()}"), "main", tmp_path
+    )
+    assert line.startswith("vehicles.h2.transmitter.port: there is no device /dev/ttyNONE9")
+    assert line.endswith("the others fly without it")
+
+
+def test_missing_serial_devices_of_all_vehicles_are_refused_by_their_fields(tmp_path: Path) -> None:
+    text = HARDWARE_PAIR.replace("radio-h1", "/dev/ttyNONE8").replace("radio-h2", "/dev/ttyNONE9")
+    fleet = parse_fleet(text + f"[hosts.main]\nrouter_port = {free_port()}")
+    with pytest.raises(
+        FleetError, match=r"^vehicles\.h1\..*ttyNONE8; vehicles\.h2\.transmitter\.port: there is no device"
+    ):
+        check_resources(fleet, "main", tmp_path)
+    with pytest.raises(FleetError, match=r"^vehicles\.h2\.transmitter\.port"):
+        check_resources(fleet, "main", tmp_path, without=["h1"])
+
+
+def test_vehicles_that_are_left_out_need_no_device(tmp_path: Path, port: str) -> None:
+    text = HARDWARE_PAIR.replace("radio-h1", port).replace("radio-h2", "/dev/ttyNONE9")
+    fleet = parse_fleet(text + f"[hosts.main]\nrouter_port = {free_port()}")
+    assert check_resources(fleet, "main", tmp_path, without=["h2"]) == []
+
+
+@pytest.mark.parametrize(
+    ("without", "words"),
+    [
+        (["h9"], "--without: unknown vehicle 'h9', known are h1, h2"),
+        (["h1", "h2"], "--without: at least one vehicle must take part"),
+    ],
+)
+def test_nobody_and_unknown_vehicles_cannot_be_left_out(
+    without: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    with pytest.raises(FleetError, match=words):
+        Launcher(parse_fleet(on_free_ports(PAIR)), tmp_path / "lab.toml", "main", without)
 
 
 def test_serial_devices_of_other_hosts_are_not_looked_for(tmp_path: Path) -> None:

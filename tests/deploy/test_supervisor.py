@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -17,7 +18,14 @@ from support.waiting import FakeClock, wait_for
 import deploy.supervisor
 from deploy.processes import ProcessSpec
 from deploy.spare_agent import SpareAgent
-from deploy.supervisor import MAX_PAUSE_S, QUICK_RESTARTS, STABLE_AFTER_S, Supervisor, restart_pause_s
+from deploy.supervisor import (
+    MAX_PAUSE_S,
+    QUICK_RESTARTS,
+    STABLE_AFTER_S,
+    STOP_LIMIT_S,
+    Supervisor,
+    restart_pause_s,
+)
 
 SLEEPS = "exec sleep 600"
 DIES = "exit 3"
@@ -44,7 +52,7 @@ Supervise = Callable[..., Supervisor]
 def supervise(tmp_path: Path) -> Iterator[Supervise]:
     with ExitStack() as stack:
 
-        def build(*specs: Fake, **options: FakeClock) -> Supervisor:
+        def build(*specs: Fake, **options: Any) -> Supervisor:
             supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, **options)
             stack.callback(supervisor.stop_all)
             return supervisor
@@ -258,3 +266,47 @@ def test_a_host_without_agents_has_no_spare(tmp_path: Path) -> None:
     assert spare.take("h1", tmp_path / "x.log") is None
     assert not (tmp_path / "spare.log").exists()
     spare.close()
+
+
+def test_processes_come_and_go_while_the_others_run_on(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one"), fake("two"), without=["two"])
+    supervisor.start_all()
+    assert supervisor.running() == ["one"]
+    pid = supervisor.pid("one")
+    supervisor.children["two"].wanted = True
+    lines = watch_until(supervisor, lambda: supervisor.running() == ["one", "two"], "two is not started")
+    assert lines == ["two: started"]
+    supervisor.children["two"].wanted = False
+    lines = watch_until(supervisor, lambda: supervisor.running() == ["one"], "two does not end")
+    assert lines == ["two: ended"]
+    assert supervisor.watch(0.0) == []
+    assert supervisor.pid("one") == pid
+    assert supervisor.children["two"].restarts == 0
+
+
+def test_a_process_that_does_not_want_to_leave_is_ended(supervise: Supervise, tmp_path: Path) -> None:
+    clock, ready = FakeClock(), tmp_path / "ready"
+    supervisor = supervise(
+        fake("deaf", f"trap '' TERM; touch {ready}; while :; do sleep 0.05; done"), clock=clock
+    )
+    supervisor.start_all()
+    wait_for(ready.exists, "not ready")
+    supervisor.children["deaf"].wanted = False
+    supervisor.watch(0.05)
+    assert supervisor.running() == ["deaf"]
+    clock.advance(STOP_LIMIT_S + 0.1)
+    watch_until(supervisor, lambda: supervisor.running() == [], "it is not ended")
+    assert supervisor.children["deaf"].events == {"killed_at_stop": 1}
+
+
+def test_a_process_that_left_while_it_waited_for_its_restart_stays_away(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(fake("crashing", DIES), clock=clock)
+    supervisor.start_all()
+    crashing = supervisor.children["crashing"]
+    watch_until(supervisor, lambda: crashing.restart_at_s > clock(), "it is restarted at full speed")
+    crashing.wanted = False
+    supervisor.watch(0.0)
+    clock.advance(MAX_PAUSE_S + 1)
+    assert supervisor.watch(0.0) == []
+    assert supervisor.running() == []

@@ -21,13 +21,15 @@ def launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
         monkeypatch.setenv("RCOPTERX_RUN", run)
 
-        def start(text: str | None = None, **options: str) -> Flying:
+        def start(text: str | None = None, *, without: tuple[str, ...] = (), **options: str) -> Flying:
             if text is None:
                 text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
             path = tmp_path / "lab.toml"
             path.write_text(text)
             file = load_fleet(path)
-            launchers = {host: stack.enter_context(Launcher(file, path, host)) for host in file.hosts}
+            launchers = {
+                host: stack.enter_context(Launcher(file, path, host, without)) for host in file.hosts
+            }
             fleet = Fleet(file, timeout_s=10)
             stack.callback(fleet.close)
             fleet.wait_ready(timeout_s=30)

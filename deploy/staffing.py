@@ -1,0 +1,91 @@
+"""Lets vehicles of a host take part or leave while the others fly, and says who takes part."""
+
+import threading
+from collections.abc import Mapping
+
+from bus import channels
+from bus.messages import LauncherStatus
+from bus.requests import Reply, StartVehicle, StopVehicle
+from bus.session import BusAddress, Session
+from deploy.supervisor import Child, Supervisor
+
+REPORT_PERIOD_S = 0.5
+IN_THE_AIR = ("takeoff", "flying", "landing", "emergency")
+
+
+class Staffing:
+    """Answers `start_vehicle` and `stop_vehicle` for the vehicles of a host in a thread of its own.
+
+    Parameters
+    ----------
+    address
+        The bus.
+    host
+        Name of the host.
+    supervisor
+        Keeps the agents running.
+    """
+
+    def __init__(self, address: BusAddress, host: str, supervisor: Supervisor) -> None:
+        self._supervisor = supervisor
+        self._agents: Mapping[str, Child] = {
+            child.spec.unit: child for child in supervisor.children.values() if child.spec.role == "agent"
+        }
+        self._host = host
+        self._wake = threading.Event()
+        self._stopping = False
+        self._session = Session(address, wake=self._wake.set)
+        self._statuses = self._session.subscribe_all(channels.AGENT_STATUS, waking=False)
+        for vehicle in self._agents:
+            self._session.serve(vehicle, ["start_vehicle", "stop_vehicle"])
+        self._thread = threading.Thread(target=self._run, name="staffing", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        report_at_s = 0.0
+        while not self._stopping:
+            self._wake.wait(max(0.0, report_at_s - self._session.clock()))
+            self._wake.clear()
+            for incoming in self._session.pending():
+                incoming.answer(self._answer(incoming.unit, incoming.request))
+                report_at_s = 0.0
+            if self._session.clock() >= report_at_s:
+                self._session.publish(channels.LAUNCHER, self._host, self._status())
+                report_at_s = self._session.clock() + REPORT_PERIOD_S
+
+    def _answer(self, vehicle: str, request: object) -> Reply:
+        child = self._agents[vehicle]
+        if isinstance(request, StartVehicle):
+            news = f"{vehicle} takes part already" if child.wanted else f"{vehicle} is started"
+            child.wanted = True
+            return Reply(accepted=True, reason=news)
+        if isinstance(request, StopVehicle):
+            phase = self._phase(vehicle)
+            if phase in IN_THE_AIR:
+                return Reply(
+                    accepted=False, reason=f"{vehicle} is in the air, its phase is {phase}; land it first"
+                )
+            child.wanted = False
+            return Reply(accepted=True, reason=f"{vehicle} leaves")
+        return Reply(accepted=False, reason="a launcher starts and stops vehicles")
+
+    def _phase(self, vehicle: str) -> str:
+        inbox = self._statuses.inboxes.get(vehicle)
+        received = None if inbox is None or not inbox.alive(self._session.clock()) else inbox.latest()
+        return "unknown" if received is None else received.message.phase
+
+    def _status(self) -> LauncherStatus:
+        wanted = {name: child.wanted for name, child in self._agents.items()}
+        return LauncherStatus(
+            running=tuple(name for name, here in wanted.items() if here),
+            absent=tuple(name for name, here in wanted.items() if not here),
+            restarts={name: child.restarts for name, child in self._supervisor.children.items()},
+            spare_ready=self._supervisor.spare_ready,
+        )
+
+    def close(self) -> None:
+        """Answer no more."""
+        self._stopping = True
+        self._wake.set()
+        self._thread.join()
+        self._session.close()

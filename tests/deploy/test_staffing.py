@@ -1,0 +1,89 @@
+"""Promises of the launcher's staffing: vehicles come and go by request, never out of the air."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from support.waiting import wait_for
+
+from bus import channels
+from bus.messages import AgentStatus, LauncherStatus, SetPoint
+from bus.requests import StartVehicle, StopVehicle
+from bus.session import BusAddress, Session
+from deploy.processes import ProcessSpec
+from deploy.staffing import Staffing
+from deploy.supervisor import Supervisor
+
+Join = Callable[..., Session]
+
+
+@pytest.fixture
+def supervisor(tmp_path: Path) -> Supervisor:
+    specs = [ProcessSpec("router", "router", "main", 4)]
+    specs += [ProcessSpec(f"agent-{name}", "agent", name, 0) for name in ("h1", "h2")]
+    return Supervisor(specs, tmp_path / "lab.toml", tmp_path, without=["agent-h2"])
+
+
+@pytest.fixture
+def staffing(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[Staffing]:
+    staffing = Staffing(bus_address, "main", supervisor)
+    yield staffing
+    staffing.close()
+
+
+def told(session: Session, condition: Callable[[LauncherStatus], bool]) -> LauncherStatus:
+    inbox = session.subscribe(channels.LAUNCHER, "main")
+    statuses: list[LauncherStatus] = []
+
+    def heard() -> bool:
+        received = inbox.latest()
+        if received is not None and condition(received.message):
+            statuses.append(received.message)
+        return bool(statuses)
+
+    wait_for(heard, "the launcher does not say so")
+    return statuses[0]
+
+
+def test_the_launcher_says_who_takes_part(staffing: Staffing, join: Join) -> None:
+    status = told(join(), lambda _: True)
+    assert (status.running, status.absent) == (("h1",), ("h2",))
+    assert status.restarts == {"router": 0, "agent-h1": 0, "agent-h2": 0}
+    assert not status.spare_ready
+
+
+def test_a_vehicle_takes_part_and_leaves_by_request(
+    staffing: Staffing, supervisor: Supervisor, join: Join
+) -> None:
+    session = join()
+    reply = session.request("h2", StartVehicle(), patience_s=10.0)
+    assert (reply.accepted, reply.reason) == (True, "h2 is started")
+    assert supervisor.children["agent-h2"].wanted
+    assert told(session, lambda status: not status.absent).running == ("h1", "h2")
+    assert session.request("h2", StartVehicle()).reason == "h2 takes part already"
+    reply = session.request("h2", StopVehicle())
+    assert (reply.accepted, reply.reason) == (True, "h2 leaves")
+    assert not supervisor.children["agent-h2"].wanted
+    told(session, lambda status: status.absent == ("h2",))
+
+
+def test_a_vehicle_in_the_air_keeps_its_agent(staffing: Staffing, supervisor: Supervisor, join: Join) -> None:
+    session = join()
+    flying = AgentStatus(
+        phase="flying",
+        controller="paper",
+        estimator="kalman",
+        horizon=50,
+        epoch=1,
+        frame=1,
+        set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=0.0),
+    )
+
+    def refused() -> bool:
+        session.publish(channels.AGENT_STATUS, "h1", flying)
+        supervisor.children["agent-h1"].wanted = True
+        reply = session.request("h1", StopVehicle(), patience_s=10.0)
+        return reply.reason == "h1 is in the air, its phase is flying; land it first"
+
+    wait_for(refused, "it may leave")
+    assert supervisor.children["agent-h1"].wanted
