@@ -1,11 +1,16 @@
 """Checks on a recorded flight: a name, a figure, and whether it is acceptable."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations, pairwise
 from typing import Any
+
+import numpy as np
 
 from ground_station.report import FlightFigures, percentiles
 
+Tables = dict[str, dict[str, Any]]
 Result = tuple[bool, Any]
 
 
@@ -14,19 +19,35 @@ class Check:
     """One line of a report: `judge` gets the figures and the table of each vehicle."""
 
     name: str
-    judge: Callable[[FlightFigures, dict[str, dict[str, Any]]], Result]
+    judge: Callable[[FlightFigures, Tables], Result]
 
-    def run(self, figures: FlightFigures, vehicles: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    def run(self, figures: FlightFigures, vehicles: Tables) -> dict[str, Any]:
         """Table of the report: `name`, `passed`, `figure`."""
         passed, figure = self.judge(figures, vehicles)
         return {"name": self.name, "passed": bool(passed), "figure": figure}
 
 
 def always() -> tuple[Check, ...]:
-    """Checks every manoeuvre has to pass."""
+    """Checks of every manoeuvre in which nothing breaks and nobody lands."""
+    return (
+        *controlled(),
+        Check("no vehicle touched the floor", _touched_floor),
+        Check("no vehicle left the flight volume", _left_volume),
+    )
+
+
+def controlled() -> tuple[Check, ...]:
+    """Every vehicle was controlled all the time."""
     return (
         Check("every vehicle ticked", lambda _, v: _least(v, "ticks", at_least=1)),
         Check("no control period was missed", lambda _, v: _sum_is_zero(v, "missed_ticks")),
+    )
+
+
+def in_the_air() -> tuple[Check, ...]:
+    """Nobody fell and nobody flew away, whatever broke."""
+    return (
+        Check("every vehicle ticked", lambda _, v: _least(v, "ticks", at_least=1)),
         Check("no vehicle touched the floor", _touched_floor),
         Check("no vehicle left the flight volume", _left_volume),
     )
@@ -46,26 +67,167 @@ def latency_checks(command_ms: float = 5.0, radio_ms: float = 12.0) -> tuple[Che
     )
 
 
+def formation_held(rms_mm: float = 40.0, max_mm: float = 150.0) -> Check:
+    """Formation error of every follower, offsets on their way included."""
+
+    def judge(_: FlightFigures, vehicles: Tables) -> Result:
+        errors = {
+            name: table["formation_error_mm"]
+            for name, table in vehicles.items()
+            if table["formation_error_mm"]
+        }
+        good = all(error["rms"] <= rms_mm and error["max"] <= max_mm for error in errors.values())
+        return bool(errors) and good, errors
+
+    return Check(f"formation error at most {rms_mm:g} mm rms, {max_mm:g} mm", judge)
+
+
+def distance_kept(least_m: float = 0.3) -> Check:
+    """No two vehicles came nearer than this."""
+
+    def judge(figures: FlightFigures, vehicles: Tables) -> Result:
+        distances = [
+            float(gaps.min())
+            for first, second in combinations(vehicles, 2)
+            if len(gaps := figures.distances_m(first, second))
+        ]
+        least = min(distances, default=math.inf)
+        return least >= least_m, None if least == math.inf else round(least, 3)
+
+    return Check(f"distance at least {least_m:g} m", judge)
+
+
+def ends_at(name: str, position_m: tuple[float, float, float], tolerance_m: float = 0.1) -> Check:
+    """Where a vehicle is when the manoeuvre is over."""
+
+    def judge(figures: FlightFigures, _: Tables) -> Result:
+        _frames, flown = figures.flown(name)
+        if not len(flown):
+            return False, None
+        distance_m = float(np.linalg.norm(flown[-1, :3] - np.array(position_m)))
+        return distance_m <= tolerance_m, round(1000 * distance_m, 1)
+
+    return Check(f"{name} ends within {1000 * tolerance_m:g} mm of {position_m}", judge)
+
+
+def heading_ends_at(name: str, yaw_deg: float, tolerance_deg: float = 8.0) -> Check:
+    """Where a vehicle looks when the manoeuvre is over; whole turns mean nothing."""
+
+    def judge(figures: FlightFigures, _: Tables) -> Result:
+        _frames, flown = figures.flown(name)
+        if not len(flown):
+            return False, None
+        away = (math.degrees(float(flown[-1, 3])) - yaw_deg + 180) % 360 - 180
+        return abs(away) <= tolerance_deg, round(away, 2)
+
+    return Check(f"{name} ends within {tolerance_deg:g} deg of heading {yaw_deg:g} deg", judge)
+
+
+def followed(name: str, *leaders: str) -> Check:
+    """Whom a vehicle follows when the manoeuvre is over; nobody without leaders."""
+
+    def judge(figures: FlightFigures, _: Tables) -> Result:
+        statuses = figures.statuses(name)
+        present = [link.leader for link in statuses[-1].following] if statuses else None
+        return present == list(leaders), present
+
+    return Check(f"{name} follows {', '.join(leaders) or 'nobody'} in the end", judge)
+
+
+def reached_height(height_m: float, tolerance_m: float = 0.15) -> Check:
+    """Greatest height of every vehicle."""
+
+    def judge(figures: FlightFigures, vehicles: Tables) -> Result:
+        heights = {name: float(figures.flown(name)[1][:, 2].max(initial=0.0)) for name in vehicles}
+        good = all(abs(height - height_m) <= tolerance_m for height in heights.values())
+        return good, {name: round(height, 3) for name, height in heights.items()}
+
+    return Check(f"every vehicle reached {height_m:g} m", judge)
+
+
+def touched_down_gently(limit_m_s: float = 1.0) -> Check:
+    """Speed of the last touchdown of every vehicle, where the truth is known."""
+
+    def judge(figures: FlightFigures, vehicles: Tables) -> Result:
+        last = [states[-1] for name in vehicles if (states := figures.truth(name))]
+        speeds = [state.touchdown_speed_m_s for state in last]
+        stands = all(state.on_floor for state in last)
+        return stands and max(speeds, default=0.0) <= limit_m_s, [round(speed, 3) for speed in speeds]
+
+    return Check(f"all stand on the floor, touched down at {limit_m_s:g} m/s at most", judge)
+
+
+def transmitters_undisturbed() -> Check:
+    """No transmitter gateway had to fly by itself."""
+
+    def judge(_: FlightFigures, vehicles: Tables) -> Result:
+        events = {name: table["safety"] for name, table in vehicles.items() if table["safety"]}
+        return not events, events
+
+    return Check("no transmitter gateway had to take over", judge)
+
+
+def played_in_state(name: str, state: str) -> Check:
+    """The arbiter of a vehicle was in a state for a while."""
+
+    def judge(_: FlightFigures, vehicles: Tables) -> Result:
+        frames = vehicles[name]["radio_frames"]
+        return frames.get(state, 0) > 0, frames
+
+    return Check(f"the transmitter gateway of {name} went through {state}", judge)
+
+
+def agents_started_again(name: str, times: int = 1) -> Check:
+    """How many agent processes a vehicle had, beside the first."""
+
+    def judge(figures: FlightFigures, _: Tables) -> Result:
+        processes = {status.process for status in figures.statuses(name)}
+        return len(processes) == times + 1, len(processes) - 1
+
+    return Check(f"the agent of {name} was started again {times} time(s)", judge)
+
+
+def longest_silence(name: str, limit_s: float) -> Check:
+    """Longest time between two fresh commands that a transmitter played."""
+
+    def judge(figures: FlightFigures, _: Tables) -> Result:
+        times = [applied.written_s for applied in figures.applied(name) if applied.fresh]
+        longest = max((after - before for before, after in pairwise(times)), default=math.inf)
+        return longest <= limit_s, None if longest == math.inf else round(longest, 4)
+
+    return Check(f"{name} was never without a fresh command for more than {1000 * limit_s:g} ms", judge)
+
+
+def position_kept(name: str, limit_mm: float) -> Check:
+    """Largest distance of a vehicle from its reference."""
+
+    def judge(_: FlightFigures, vehicles: Tables) -> Result:
+        error = vehicles[name]["tracking_error_mm"]
+        return error is not None and error["max"] <= limit_mm, error and error["max"]
+
+    return Check(f"{name} stays within {limit_mm:g} mm of its reference", judge)
+
+
 def _p99(values: list[float], limit_ms: float) -> Result:
     figures = percentiles(values)
     return (figures is not None and figures["p99"] <= limit_ms), figures and figures["p99"]
 
 
-def _least(vehicles: dict[str, dict[str, Any]], field: str, at_least: int) -> Result:
+def _least(vehicles: Tables, field: str, at_least: int) -> Result:
     least = min(table[field] for table in vehicles.values())
     return least >= at_least, least
 
 
-def _sum_is_zero(vehicles: dict[str, dict[str, Any]], field: str) -> Result:
+def _sum_is_zero(vehicles: Tables, field: str) -> Result:
     total = sum(table[field] for table in vehicles.values())
     return total == 0, total
 
 
-def _touched_floor(figures: FlightFigures, vehicles: dict[str, dict[str, Any]]) -> Result:
+def _touched_floor(figures: FlightFigures, vehicles: Tables) -> Result:
     touched = [name for name in vehicles if any(truth.on_floor for truth in figures.truth(name))]
     return not touched, touched
 
 
-def _left_volume(figures: FlightFigures, vehicles: dict[str, dict[str, Any]]) -> Result:
+def _left_volume(figures: FlightFigures, vehicles: Tables) -> Result:
     outside = [name for name in vehicles if any(truth.outside for truth in figures.truth(name))]
     return not outside, outside

@@ -1,54 +1,161 @@
 """Flies a manoeuvre on a running fleet, records it, judges it."""
 
 import json
+import threading
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from experiments.manoeuvres import Manoeuvre, Say, Wait
-from ground_station.fleet import Fleet
+from bus.session import RequestFailedError
+from deploy.fleet import load_fleet
+from deploy.shipped import fleet_path
+from experiments.manoeuvres import Manoeuvre
+from experiments.steps import Say, Wait
+from ground_station.fleet import Fleet, RefusedError
 from ground_station.recorder import Recorder, Recording
 from ground_station.report import FlightFigures, percentiles
+from ground_station.waiting import NotReachedError, StoppedError, stopped_by
 
 REPORT_NAME = "report.json"
+SETTLE_S = 2.0
+"""From the end of the take-off to the beginning of the recording."""
+FLIGHT_ERRORS = (RefusedError, NotReachedError, RequestFailedError)
+"""What ends a manoeuvre early and is told in its report."""
 
 
-def fly(manoeuvre: Manoeuvre, fleet: Fleet, say: Say, wait: Wait = time.sleep) -> Recording:
+@dataclass(frozen=True)
+class Flown:
+    """What came of a manoeuvre.
+
+    Attributes
+    ----------
+    recording
+        What travelled on the bus.
+    journal
+        What was done, with the time since the recording began [s].
+    problem
+        What ended the manoeuvre early, None if nothing did.
+    """
+
+    recording: Recording
+    journal: tuple[tuple[float, str], ...] = ()
+    problem: str | None = None
+
+
+@dataclass
+class _Journal:
+    say: Say
+    started_s: float = field(default_factory=time.monotonic)
+    lines: list[tuple[float, str]] = field(default_factory=list)
+
+    def begin(self) -> None:
+        self.started_s = time.monotonic()
+        self.lines.clear()
+
+    def __call__(self, text: str) -> None:
+        self.lines.append((round(time.monotonic() - self.started_s, 2), text))
+        self.say(text)
+
+
+def fly(
+    manoeuvre: Manoeuvre,
+    fleet: Fleet,
+    say: Say,
+    wait: Wait = time.sleep,
+    stop: threading.Event | None = None,
+) -> Flown:
     """Take off, fly, land; what happens in the air in between is recorded.
+
+    Parameters
+    ----------
+    manoeuvre
+        What is flown.
+    fleet
+        A running fleet, ready to take off.
+    say
+        Told what is done.
+    wait
+        Waits a time [s].
+    stop
+        Once it is set, the flight ends; whoever set it brings the fleet down.
 
     Raises
     ------
-    RefusedError, NotReachedError
-        A vehicle refused, or did not get where it should; everything is landed first.
+    StoppedError
+        `stop` was set.
     """
-    recorder = Recorder(fleet.session)
+    recorder, journal = Recorder(fleet.session), _Journal(say)
+    stop = stop or threading.Event()
+    problem = None
     try:
-        say(f"take-off to {manoeuvre.height_m:g} m")
-        fleet.take_off(height_m=manoeuvre.height_m)
-        wait(2.0)
-        recorder.start()
-        manoeuvre.fly(fleet, say, wait)
-        return recorder.stop()
+        with stopped_by(stop):
+            if not manoeuvre.from_floor:
+                journal(f"take-off to {manoeuvre.height_m:g} m")
+                fleet.take_off(height_m=manoeuvre.height_m)
+                wait(SETTLE_S)
+            journal.begin()
+            recorder.start()
+            manoeuvre.fly(fleet, journal, wait)
+    except StoppedError:
+        raise
+    except FLIGHT_ERRORS as error:
+        problem = str(error)
+        journal(f"ended early: {problem}")
     finally:
-        say("landing")
+        recording = recorder.stop()
+        if not stop.is_set() and (problem is not None or not manoeuvre.from_floor):
+            problem = _landed(fleet, say, problem)
+    return Flown(recording, tuple(journal.lines), problem)
+
+
+def _landed(fleet: Fleet, say: Say, problem: str | None) -> str | None:
+    """Land; what went wrong before and what went wrong with that."""
+    say("landing")
+    try:
         fleet.land()
+    except FLIGHT_ERRORS as error:
+        return f"landing: {error}" if problem is None else f"{problem}; landing: {error}"
+    return problem
 
 
 def report_of(
-    manoeuvre: Manoeuvre, recording: Recording, vehicles: list[str], seconds: float
-) -> dict[str, Any]:
-    """Everything `report.json` holds."""
-    figures = FlightFigures(recording, vehicles)
+    manoeuvre: Manoeuvre, flown: Flown, vehicles: Sequence[str], seconds: float
+) -> tuple[dict[str, Any], FlightFigures]:
+    """Everything `report.json` holds, and the figures it was made from."""
+    figures = FlightFigures(flown.recording, vehicles)
     tables = {name: figures.vehicle(name) for name in vehicles}
     checks = [check.run(figures, tables) for check in manoeuvre.checks]
-    return {
+    passed = flown.problem is None and all(check["passed"] for check in checks)
+    report = {
         "manoeuvre": manoeuvre.name,
+        "title": manoeuvre.title,
         "seconds": round(seconds, 1),
-        "verdict": "passed" if all(check["passed"] for check in checks) else "failed",
+        "verdict": "passed" if passed else "failed",
+        "problem": flown.problem,
         "checks": checks,
         "pose_to_command_ms": percentiles(figures.pose_to_command_ms()),
         "frame_to_radio_ms": percentiles(figures.frame_to_radio_ms()),
         "vehicles": tables,
+        "journal": [{"at_s": at_s, "text": text} for at_s, text in flown.journal],
+    }
+    return report, figures
+
+
+def not_flown(manoeuvre: Manoeuvre, verdict: str, problem: str) -> dict[str, Any]:
+    """Report of a manoeuvre that was not flown."""
+    return {
+        "manoeuvre": manoeuvre.name,
+        "title": manoeuvre.title,
+        "seconds": 0.0,
+        "verdict": verdict,
+        "problem": problem,
+        "checks": [],
+        "pose_to_command_ms": None,
+        "frame_to_radio_ms": None,
+        "vehicles": {},
+        "journal": [],
     }
 
 
@@ -58,3 +165,14 @@ def write_report(report: dict[str, Any], directory: Path) -> Path:
     path = directory / REPORT_NAME
     path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     return path
+
+
+def reason_not_to_fly(manoeuvre: Manoeuvre, fleet: Fleet) -> str | None:
+    """Why a manoeuvre cannot be flown with a running fleet; None if it can."""
+    made_for = load_fleet(fleet_path(manoeuvre.fleet)).vehicles
+    missing = [name for name in made_for if name not in fleet.file.vehicles]
+    if missing:
+        return f"made for the fleet {manoeuvre.fleet}; {fleet.file.name} has no {', '.join(missing)}"
+    if manoeuvre.launched and fleet.launcher is None:
+        return "it kills or stops processes, so it only flies a fleet that it starts itself: add --up"
+    return None

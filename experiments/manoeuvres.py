@@ -4,17 +4,35 @@ The same table is acceptance test, demonstration and tutorial: `rcopterx fly NAM
 """
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from experiments.checks import Check, always, latency_checks
+from bus.messages import Following
+from experiments import steps
+from experiments.checks import (
+    Check,
+    agents_started_again,
+    always,
+    controlled,
+    distance_kept,
+    ends_at,
+    followed,
+    formation_held,
+    heading_ends_at,
+    in_the_air,
+    latency_checks,
+    longest_silence,
+    played_in_state,
+    position_kept,
+    reached_height,
+    touched_down_gently,
+    transmitters_undisturbed,
+)
+from experiments.steps import Say, Step, Wait, go_to, in_order, leader_of, pause
 from ground_station.fleet import Fleet
 
-Say = Callable[[str], None]
-Wait = Callable[[float], None]
+DEFAULT_FLEET: Final = "trio"
 
 
 @dataclass(frozen=True)
@@ -33,14 +51,23 @@ class Manoeuvre:
         What must be true of the recorded flight.
     height_m
         Take-off height.
+    fleet
+        Shipped fleet it is made for.
+    from_floor
+        Take-off and landing are part of the manoeuvre and recorded.
+    launched
+        Does something to processes, so that whoever flies it has to have started the fleet.
     """
 
     name: str
     title: str
     seconds: float
-    fly: Callable[[Fleet, Say, Wait], None]
+    fly: Step
     checks: tuple[Check, ...]
     height_m: float = 1.0
+    fleet: str = DEFAULT_FLEET
+    from_floor: bool = False
+    launched: bool = False
 
 
 PAPER_PERIOD_S: Final = 4.0
@@ -53,11 +80,6 @@ PAPER_SET_POINTS: Final = (
     ((0.0, 0.0, 1.0), 3 * math.pi),
 )
 """Set points of the paper's Fig. 2 every 4 s, and back to the middle."""
-
-
-def leader_of(fleet: Fleet) -> str:
-    """First vehicle of a fleet that follows nobody."""
-    return next(name for name, vehicle in fleet.file.vehicles.items() if not vehicle.follow)
 
 
 def fly_paper_sequence(fleet: Fleet, say: Say, wait: Wait, turns: float = 0.0) -> None:
@@ -84,30 +106,233 @@ def fly_paper_formation(fleet: Fleet, say: Say, wait: Wait) -> None:
     wait(PAPER_PERIOD_S)
 
 
-MANOEUVRES: Final = MappingProxyType(
-    {
-        row.name: row
-        for row in (
-            Manoeuvre(
-                "paper-formation",
-                "Set points, a yaw step of 540 degrees and changes of distance, as in the paper's Fig. 3",
-                (len(PAPER_SET_POINTS) + 2) * PAPER_PERIOD_S,
-                fly_paper_formation,
-                (*always(), *latency_checks()),
+LEFT: Final = (-0.4, 0.5, 0.0)
+RIGHT: Final = (-0.4, -0.5, 0.0)
+"""Places of h2 and h3 in the trio."""
+
+
+def _place(second_m: steps.Three, third_m: steps.Three, frame: str = "inertial") -> Step:
+    """Put both followers of the trio somewhere else and wait until they are there."""
+    return in_order(
+        steps.follow("h2", "h1", second_m, frame), steps.follow("h3", "h1", third_m, frame), steps.formed()
+    )
+
+
+def _killed(vehicle: str) -> Step:
+    """Kill an agent in flight, and fly on."""
+    return in_order(
+        steps.spare_ready,
+        steps.killed(f"agent-{vehicle}"),
+        steps.everybody_commanded,
+        steps.formed(),
+        go_to((0.2, 0.0, 1.1)),
+        pause(1.0),
+    )
+
+
+ROWS: Final = (
+    Manoeuvre(
+        "paper-formation",
+        "Set points, a yaw step of 540 degrees and changes of distance, as in the paper's Fig. 3",
+        (len(PAPER_SET_POINTS) + 2) * PAPER_PERIOD_S,
+        fly_paper_formation,
+        (*always(), *latency_checks()),
+    ),
+    Manoeuvre(
+        "hover",
+        "Hover in formation for ten seconds",
+        10.0,
+        pause(10.0),
+        (*always(), *latency_checks()),
+    ),
+    Manoeuvre(
+        "take-off-and-land",
+        "From the floor to one metre and back, rotors off",
+        13.0,
+        in_order(steps.take_off(), pause(2.0), steps.land(), pause(0.5)),
+        (*controlled(), reached_height(1.0), touched_down_gently(), distance_kept()),
+        from_floor=True,
+    ),
+    Manoeuvre(
+        "position-steps",
+        "Steps of the leader along each axis",
+        14.0,
+        in_order(
+            go_to((0.5, 0.0, 1.0)), go_to((0.5, 0.4, 1.0)), go_to((0.5, 0.4, 1.4)),
+            go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), ends_at("h1", (0.0, 0.0, 1.0)), transmitters_undisturbed()),
+    ),
+    Manoeuvre(
+        "yaw-steps",
+        "Steps of the leader's heading to 90, -90 and 180 degrees",
+        12.0,
+        in_order(
+            go_to((0.0, 0.0, 1.0), 90), go_to((0.0, 0.0, 1.0), -90), go_to((0.0, 0.0, 1.0), 180),
+            steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), heading_ends_at("h1", 180), transmitters_undisturbed()),
+    ),
+    Manoeuvre(
+        "formation-changes",
+        "Triangle, column, line abreast, triangle",
+        20.0,
+        in_order(
+            go_to((0.5, 0.0, 1.0)),
+            _place((-0.5, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+            _place((0.0, 0.6, 0.0), (0.0, -0.6, 0.0)),
+            _place(LEFT, RIGHT),
+            go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), distance_kept(), ends_at("h2", (*LEFT[:2], 1.0))),
+    ),
+    Manoeuvre(
+        "smooth-transition",
+        "A follower's offset moves to another place within four seconds while the leader flies",
+        12.0,
+        in_order(
+            steps.follow("h2", "h1", (-0.8, 0.3, 0.3), transition_s=4.0),
+            go_to((0.3, 0.0, 1.0)), go_to((0.3, 0.2, 1.0)), steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), ends_at("h2", (-0.5, 0.5, 1.3))),
+    ),
+    Manoeuvre(
+        "heading-frame",
+        "Offsets that turn with the leader's heading: half a turn in steps of 45 degrees",
+        20.0,
+        in_order(
+            _place(LEFT, RIGHT, "heading"),
+            *(go_to((0.0, 0.0, 1.0), yaw_deg) for yaw_deg in (45, 90, 135, 180)),
+            steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(100.0, 400.0), distance_kept(), ends_at("h2", (0.4, -0.5, 1.0), 0.15)),
+    ),
+    Manoeuvre(
+        "leader-change",
+        "A follower becomes the leader of the formation in flight; everybody keeps its place",
+        12.0,
+        in_order(
+            pause(1.0), steps.promote("h2"), steps.formed(),
+            go_to((-0.2, 0.6, 1.2), name="h2"), steps.formed(), pause(1.0),
+        ),
+        (
+            *always(), formation_held(), followed("h2"), followed("h1", "h2"), transmitters_undisturbed(),
+            ends_at("h1", (0.2, 0.1, 1.2)),
+        ),
+    ),
+    Manoeuvre(
+        "leader-change-and-back",
+        "Leader and follower change roles twice while flying",
+        10.0,
+        in_order(
+            steps.promote("h2"), steps.formed(), pause(1.0), steps.promote("h1"), steps.formed(), pause(1.0),
+            go_to((0.3, 0.0, 1.0)), steps.formed(),
+        ),
+        (*always(), formation_held(), followed("h1"), followed("h2", "h1"), transmitters_undisturbed()),
+    ),
+    Manoeuvre(
+        "chain",
+        "Five vehicles, each follows the one before; the leader makes steps",
+        16.0,
+        in_order(
+            go_to((0.3, 0.0, 1.0)), go_to((0.3, 0.2, 1.3)), go_to((0.0, 0.0, 1.0)),
+            steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), followed("h5", "h4"), distance_kept()),
+        fleet="quintet",
+    ),
+    Manoeuvre(
+        "two-leaders",
+        "A follower keeps between two leaders with weights 1 and 2",
+        12.0,
+        in_order(
+            steps.follow_several(
+                "h3",
+                Following(leader="h1", offset_m=RIGHT, weight=1.0),
+                Following(leader="h2", offset_m=(0.0, -1.0, 0.0), weight=2.0),
             ),
-            Manoeuvre(
-                "hover",
-                "Hover in formation for ten seconds",
-                10.0,
-                lambda _fleet, _say, wait: wait(10.0),
-                (*always(), *latency_checks()),
-            ),
-        )
-    }
-)
+            steps.formed(), go_to((0.3, 0.2, 1.0)), steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), followed("h3", "h1", "h2"), ends_at("h3", (-0.1, -0.3, 1.0))),
+    ),
+    Manoeuvre(
+        "leave-and-return",
+        "A follower leaves the formation, flies by itself, and comes back",
+        14.0,
+        in_order(
+            steps.lead("h3"), go_to((-0.8, -0.8, 1.3), name="h3"), go_to((0.3, 0.0, 1.0)),
+            steps.follow("h3", "h1", RIGHT), steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), followed("h3", "h1"), distance_kept()),
+    ),
+    Manoeuvre(
+        "land-and-join",
+        "A follower lands while the others fly on, takes off again and joins the formation",
+        20.0,
+        in_order(
+            steps.land("h3"), go_to((0.2, 0.0, 1.0)), steps.take_off("h3"), steps.formed(),
+            go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
+        ),
+        (*controlled(), formation_held(), followed("h3", "h1"), ends_at("h3", (-0.4, -0.5, 1.0))),
+    ),
+    Manoeuvre(
+        "follower-killed",
+        "The agent of a follower is killed in flight; its successor flies on",
+        8.0,
+        _killed("h2"),
+        (
+            *in_the_air(), agents_started_again("h2"), agents_started_again("h3", 0),
+            longest_silence("h2", 0.2), position_kept("h2", 150.0), distance_kept(),
+        ),
+        launched=True,
+    ),
+    Manoeuvre(
+        "leader-killed",
+        "The agent of the leader is killed in flight; its followers do not notice",
+        8.0,
+        _killed("h1"),
+        (
+            *in_the_air(), agents_started_again("h1"), agents_started_again("h2", 0),
+            longest_silence("h1", 0.2), position_kept("h2", 150.0), distance_kept(),
+        ),
+        launched=True,
+    ),
+    Manoeuvre(
+        "agent-frozen",
+        "An agent hangs for 150 ms: its plan's inputs bridge, then the transmitter gateway holds",
+        6.0,
+        in_order(
+            steps.frozen("agent-h2", 0.15), steps.everybody_commanded, steps.formed(), pause(1.0),
+        ),
+        (*in_the_air(), played_in_state("h2", "hold"), agents_started_again("h2", 0), distance_kept()),
+        launched=True,
+    ),
+    Manoeuvre(
+        "tracking-lost",
+        "The Vicon gateway hangs for 200 ms: agents predict, transmitter gateways hold, then all fly on",
+        6.0,
+        in_order(
+            steps.frozen("tracker", 0.2), steps.everybody_commanded, steps.formed(), pause(1.0),
+        ),
+        (*in_the_air(), played_in_state("h1", "hold"), distance_kept()),
+        launched=True,
+    ),
+    Manoeuvre(
+        "refusals",
+        "Requests that make no sense are refused with the reason, and nobody notices",
+        5.0,
+        in_order(
+            steps.refused("following itself", lambda fleet: fleet["h2"].follow("h2")),
+            steps.refused("an unknown leader", lambda fleet: fleet["h2"].follow("h9")),
+            steps.refused("a cycle", lambda fleet: fleet["h1"].follow("h3")),
+            steps.refused("a set point outside", lambda fleet: fleet["h1"].go_to((0.0, 0.0, 9.0))),
+            steps.refused("a set point for a follower", lambda fleet: fleet["h2"].go_to((0.0, 0.0, 1.0))),
+            steps.refused("a take-off in flight", lambda fleet: fleet["h1"].take_off()),
+            pause(2.0),
+        ),
+        (*always(), formation_held(), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0))),
+    ),
+)  # fmt: skip
+
+MANOEUVRES: Final = MappingProxyType({row.name: row for row in ROWS})
 """Every manoeuvre by name."""
-
-
-def sleep(seconds: float) -> None:
-    """Wait in real time."""
-    time.sleep(seconds)

@@ -1,5 +1,6 @@
 """Figures of a flight from its recording: latencies, errors, ticks, fallbacks."""
 
+import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -13,6 +14,7 @@ from bus import channels
 from bus.messages import (
     AgentStatus,
     Applied,
+    Following,
     LaboratoryState,
     LaboratoryVehicle,
     Plan,
@@ -89,15 +91,48 @@ class FlightFigures:
         """True states of one vehicle."""
         return [state.vehicles[name] for state in self._laboratory if name in state.vehicles]
 
+    def statuses(self, name: str) -> list[AgentStatus]:
+        """What the agent of a vehicle said of itself, in order."""
+        return self._status[name]
+
+    def transmitter_statuses(self, name: str) -> list[TransmitterStatus]:
+        """What was said of the transmitter of a vehicle, in order."""
+        return self._transmitters[name]
+
+    def applied(self, name: str) -> list[Applied]:
+        """What was written to the radio module of a vehicle, in order."""
+        return self._applied[name]
+
+    def plans(self, name: str) -> list[Plan]:
+        """Plans of a vehicle, in order."""
+        return self._plans[name]
+
+    def frame_period_s(self) -> float:
+        """Time between the frames of the motion capture [s]."""
+        return next((poses[0].period_s for poses in self._poses.values() if poses), 1.0)
+
+    def flown(self, name: str) -> tuple[NDArray[np.int64], Array]:
+        """Frames, shape (n,), and position [m] and yaw [rad, within a turn] of a vehicle, shape (n, 4)."""
+        by_frame = self._positions[name]
+        return np.array(list(by_frame), dtype=np.int64), np.array(list(by_frame.values())).reshape(-1, 4)
+
+    def distances_m(self, first: str, second: str) -> Array:
+        """Distance between two vehicles at every frame in which both were seen, shape (n,)."""
+        one, two = self._positions[first], self._positions[second]
+        gaps = [one[frame][:3] - two[frame][:3] for frame in one.keys() & two.keys()]
+        return np.asarray(np.linalg.norm(np.array(gaps).reshape(-1, 3), axis=1))
+
     def _position_by_frame(self, name: str) -> dict[int, Array]:
         if self._laboratory:
             return {
-                state.frame: np.array(state.vehicles[name].position_m)
+                state.frame: np.array([*state.vehicles[name].position_m, state.vehicles[name].yaw_rad])
                 for state in self._laboratory
                 if name in state.vehicles
             }
         return {
-            pose.frame: np.array(pose.position_m) for pose in self._poses[name] if pose.position_m is not None
+            pose.frame: np.array([*pose.position_m, _yaw_rad(pose.quaternion_xyzw)])
+            for pose in self._poses[name]
+            if pose.position_m is not None and pose.quaternion_xyzw is not None
         }
 
     def pose_to_command_ms(self) -> list[float]:
@@ -141,28 +176,25 @@ class FlightFigures:
                 continue
             total = sum(link.weight for link in plan.following)
             place = np.zeros(3)
-            complete = True
-            for link in plan.following:
-                leader = self._positions.get(link.leader, {}).get(plan.frame)
-                if leader is None or link.frame != "inertial":
-                    complete = False
-                    break
-                place += link.weight / total * (leader + np.array(link.offset_m))
-            if complete:
-                errors.append(float(np.linalg.norm(own[plan.frame] - place)))
+            leaders = [self._positions.get(link.leader, {}).get(plan.frame) for link in plan.following]
+            for link, leader in zip(plan.following, leaders, strict=True):
+                if leader is not None:
+                    place += link.weight / total * (leader[:3] + _in_room(link, float(leader[3])))
+            if all(leader is not None for leader in leaders):
+                errors.append(float(np.linalg.norm(own[plan.frame][:3] - place)))
         return np.array(errors)
 
     def tracking_error_m(self, name: str) -> Array:
         """Norm of the distance to the reference at every frame in which there was one, shape (n,)."""
         own = self._positions[name]
-        frame_period_s = self._poses[name][0].period_s if self._poses[name] else 1.0
+        frame_period_s = self.frame_period_s()
         errors = []
         for plan in self._plans[name]:
             if plan.reference is None:
                 continue
             position = own.get(plan.frame + round(plan.start_s / frame_period_s))
             if position is not None:
-                errors.append(float(np.linalg.norm(position - np.array(plan.reference[:3]))))
+                errors.append(float(np.linalg.norm(position[:3] - np.array(plan.reference[:3]))))
         return np.array(errors)
 
     def _safety_events(self, name: str) -> list[str]:
@@ -195,6 +227,20 @@ class FlightFigures:
                 "max": round(max(s.solve_ms_max for s in status), 3),
             },
         }
+
+
+def _in_room(link: Following, yaw_rad: float) -> Array:
+    """Offset from a leader with this heading in the inertial frame."""
+    x, y, z = link.offset_m
+    if link.frame == "inertial":
+        return np.array([x, y, z])
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([c * x - s * y, s * x + c * y, z])
+
+
+def _yaw_rad(quaternion_xyzw: Sequence[float]) -> float:
+    x, y, z, w = quaternion_xyzw
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def _growth(

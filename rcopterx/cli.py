@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rcopterx.commands import bench, experiment, launch, roles, steer, watch
+from rcopterx.commands import bench, experiment, fly, launch, roles, steer, watch
 
 app = typer.Typer(
     name="rcopterx",
@@ -16,7 +16,7 @@ app = typer.Typer(
 )
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Fly": (launch.up, launch.demo, launch.fly),
+    "Fly": (launch.up, launch.demo, fly.fly),
     "Watch a running fleet": (watch.status, watch.check, watch.top),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,

@@ -1,12 +1,10 @@
-"""Starting a fleet: `up`, `demo`, and `fly --up`."""
+"""Starting a fleet: `up` and `demo`."""
 
-import json
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -27,7 +25,6 @@ from rcopterx.fleet_option import (
     FleetOption,
     HostOption,
     chosen_host,
-    running_fleet,
     user_errors,
 )
 
@@ -163,76 +160,3 @@ def demo(
     if problem is not None:
         typer.echo(f"error: {problem}", err=True)
         raise typer.Exit(EXIT_FAILED)
-
-
-def fly(
-    manoeuvre: Annotated[
-        str, typer.Argument(metavar="MANOEUVRE", help="Name of a manoeuvre, see --list.")
-    ] = "",
-    fleet: FleetOption = DEFAULT_FLEET,
-    start: Annotated[bool, typer.Option("--up", help="Start the fleet first, stop it afterwards.")] = False,
-    report: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write report.json into this directory.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
-    show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres.")] = False,
-) -> None:
-    """Fly a manoeuvre, judge it, and write a report. Exit code 1 if a check failed."""
-    from experiments.manoeuvres import MANOEUVRES
-
-    if show_list:
-        for row in MANOEUVRES.values():
-            typer.echo(f"{row.name:20} {row.title}")
-        return
-    if manoeuvre not in MANOEUVRES:
-        raise typer.BadParameter(
-            f"unknown manoeuvre {manoeuvre!r}, known are {', '.join(MANOEUVRES)}", param_hint="MANOEUVRE"
-        )
-    with user_errors():
-        if start:
-            with launched(fleet, None) as (_, _, running, interrupts):
-                table = _flown(manoeuvre, running, report, interrupts.wait)
-        else:
-            with running_fleet(fleet) as running:
-                table = _flown(manoeuvre, running, report, threading.Event().wait)
-    typer.echo(json.dumps(table, indent=2) if as_json else _readable(table))
-    if table["verdict"] != "passed":
-        raise typer.Exit(EXIT_FAILED)
-
-
-def _flown(
-    name: str, running: Fleet, directory: Path | None, wait: Callable[[float], bool]
-) -> dict[str, object]:
-    from experiments.flight import fly as fly_manoeuvre
-    from experiments.flight import report_of, write_report
-    from experiments.manoeuvres import MANOEUVRES
-
-    def wait_or_stop(seconds: float) -> None:
-        if wait(seconds):
-            raise NotReachedError("interrupted")
-
-    row = MANOEUVRES[name]
-    started_s = time.monotonic()
-    running.wait_ready()
-    recording = fly_manoeuvre(row, running, lambda text: typer.echo(text, err=True), wait_or_stop)
-    table = report_of(row, recording, list(running.file.vehicles), time.monotonic() - started_s)
-    if directory is not None:
-        typer.echo(f"report: {write_report(table, directory)}", err=True)
-    return table
-
-
-def _readable(report: dict[str, object]) -> str:
-    lines = [f"{report['manoeuvre']}: {report['verdict']} ({report['seconds']} s)"]
-    checks = report["checks"]
-    if isinstance(checks, list):
-        lines += [
-            f"  {'ok    ' if check['passed'] else 'FAILED'} {check['name']}: {check['figure']}"
-            for check in checks
-        ]
-    for field in ("pose_to_command_ms", "frame_to_radio_ms"):
-        lines.append(f"  {field}: {report[field]}")
-    vehicles = report["vehicles"]
-    if isinstance(vehicles, dict):
-        for name, table in vehicles.items():
-            lines.append(f"  {name}: {json.dumps(table)}")
-    return "\n".join(lines)

@@ -1,9 +1,11 @@
 """Promises of flown manoeuvres: what is recorded is judged, and whatever happens the fleet lands."""
 
 import json
+import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,11 +19,13 @@ from bus.requests import GoTo
 from bus.session import BusAddress, Session
 from deploy.fleet import parse_fleet
 from experiments.checks import Check, always, latency_checks
-from experiments.flight import fly, report_of, write_report
-from experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS, Manoeuvre, Say, Wait
-from ground_station.fleet import Fleet, RefusedError
+from experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
+from experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS, Manoeuvre
+from experiments.steps import Say, Wait, in_order, land, take_off
+from ground_station.fleet import Fleet
 from ground_station.recorder import Record, Recording
 from ground_station.report import FlightFigures
+from ground_station.waiting import NotReachedError, StoppedError
 
 NAMES = ["h1", "h2"]
 Lab = tuple[Fleet, dict[str, ScriptedVehicle]]
@@ -136,8 +140,10 @@ def test_a_manoeuvre_takes_off_flies_records_and_lands(lab: Lab) -> None:
     result = fly(manoeuvre(flown), fleet, said.append, lambda _: None)
     assert said == ["take-off to 0.6 m", "there", "landing"]
     assert vehicles["h1"].verbs == ["Arm", "TakeOff", "GoTo", "Land", "Disarm"]
-    phases = {message.phase for message, _ in result.messages(channels.AGENT_STATUS, "h1")}
+    phases = {message.phase for message, _ in result.recording.messages(channels.AGENT_STATUS, "h1")}
     assert phases == {"flying"}
+    assert [text for _, text in result.journal] == ["there"]
+    assert result.problem is None
 
 
 def test_a_manoeuvre_that_fails_lands_the_fleet_and_tells_why(lab: Lab) -> None:
@@ -147,8 +153,10 @@ def test_a_manoeuvre_that_fails_lands_the_fleet_and_tells_why(lab: Lab) -> None:
     def flown(running: Fleet, say: Say, wait: Wait) -> None:
         running["h1"].go_to((0.1, 0.2, 0.3))
 
-    with pytest.raises(RefusedError, match="h1: no"):
-        fly(manoeuvre(flown), fleet, lambda _: None, lambda _: None)
+    result = fly(manoeuvre(flown), fleet, lambda _: None, lambda _: None)
+    assert result.problem == "h1: no"
+    report, _ = report_of(manoeuvre(flown), result, NAMES, 1.0)
+    assert (report["verdict"], report["problem"]) == ("failed", "h1: no")
     assert [vehicle.phase for vehicle in vehicles.values()] == ["ground", "ground"]
 
 
@@ -162,6 +170,68 @@ def test_the_papers_formation_sends_the_leader_and_moves_the_followers(lab: Lab)
     offsets = [request.following[0].offset_m for request in vehicles["h2"].requests]  # type: ignore[attr-defined]  # Follow
     assert offsets == [pytest.approx((-0.6, 0.5, 0.1)), (-0.4, 0.5, 0.0)]
     assert sum(waited) == row.seconds
+
+
+def test_a_vehicle_that_does_not_land_is_told_beside_what_went_wrong_before(lab: Lab) -> None:
+    fleet, vehicles = lab
+    vehicles["h1"].refusals["land"] = "cannot"
+
+    def flown(running: Fleet, say: Say, wait: Wait) -> None:
+        running["h1"].follow("h1")
+        raise NotReachedError("too far")
+
+    result = fly(manoeuvre(flown), fleet, lambda _: None, lambda _: None)
+    assert result.problem == "too far; landing: h1: cannot"
+    vehicles["h1"].refusals.clear()
+    fleet.land()
+
+
+def test_ctrl_c_in_a_manoeuvre_lands_the_fleet(lab: Lab) -> None:
+    fleet, vehicles = lab
+
+    def flown(running: Fleet, say: Say, wait: Wait) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fly(manoeuvre(flown), fleet, lambda _: None, lambda _: None)
+    assert [vehicle.phase for vehicle in vehicles.values()] == ["ground", "ground"]
+
+
+def test_a_stop_ends_the_waits_of_a_manoeuvre_and_leaves_landing_to_who_stopped_it(lab: Lab) -> None:
+    fleet, vehicles = lab
+    stop = threading.Event()
+
+    def flown(running: Fleet, say: Say, wait: Wait) -> None:
+        stop.set()
+        running.wait_for_phase("ground", timeout_s=1000)
+
+    with pytest.raises(StoppedError):
+        fly(manoeuvre(flown), fleet, lambda _: None, lambda _: None, stop)
+    assert [vehicle.phase for vehicle in vehicles.values()] == ["flying", "flying"]
+
+
+def test_a_manoeuvre_from_the_floor_records_its_own_take_off_and_landing(lab: Lab) -> None:
+    fleet, vehicles = lab
+    row = replace(MANOEUVRES["take-off-and-land"], fly=in_order(take_off(), flying, land()))
+    result = fly(row, fleet, lambda _: None, lambda _: None)
+    assert vehicles["h1"].verbs == ["Arm", "TakeOff", "Land", "Disarm"]
+    phases = [message.phase for message, _ in result.recording.messages(channels.AGENT_STATUS, "h1")]
+    assert {"flying", "ground"} <= set(phases)
+
+
+def flying(fleet: Fleet, say: Say, wait: Wait) -> None:
+    fleet.wait_for_phase("flying")
+
+
+def test_what_a_fleet_cannot_fly_is_told_with_the_reason(lab: Lab) -> None:
+    fleet, _ = lab
+    assert reason_not_to_fly(manoeuvre(flying), fleet) == "made for the fleet trio; lab has no h3"
+    row = replace(manoeuvre(flying), launched=True, fleet="trio")
+    with_three = SimpleNamespace(file=SimpleNamespace(vehicles=["h1", "h2", "h3"], name="x"), launcher=None)
+    assert "add --up" in str(reason_not_to_fly(row, with_three))  # type: ignore[arg-type]  # only what is asked
+    assert reason_not_to_fly(replace(row, launched=False), with_three) is None  # type: ignore[arg-type]  # same
+    report = not_flown(row, "not flown", "because")
+    assert (report["verdict"], report["problem"], report["checks"]) == ("not flown", "because", [])
 
 
 def test_hovering_asks_nothing_of_anybody(lab: Lab) -> None:
@@ -179,13 +249,15 @@ def test_the_report_holds_everything_and_its_verdict_is_that_of_the_checks(
     row = manoeuvre(
         lambda *_: None, Check("always", lambda *_: (True, 1)), Check("this", lambda *_: (passed, 2))
     )
-    report = report_of(row, recording((False, False)), ["h1"], 12.34)
+    flown = Flown(recording((False, False)), ((0.5, "there"),))
+    report, _ = report_of(row, flown, ["h1"], 12.34)
     path = write_report(report, tmp_path / "new" / "directory")
     assert json.loads(path.read_text()) == json.loads(json.dumps(report))
     assert path.name == "report.json"
     assert report["verdict"] == verdict
     assert report["seconds"] == 12.3
     assert report["checks"][1] == {"name": "this", "passed": passed, "figure": 2}
+    assert report["journal"] == [{"at_s": 0.5, "text": "there"}]
     assert {"manoeuvre", "pose_to_command_ms", "frame_to_radio_ms", "vehicles"} <= report.keys()
     assert {
         "formation_error_mm", "tracking_error_mm", "ticks", "missed_ticks", "fallbacks", "solve_ms",

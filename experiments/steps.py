@@ -1,0 +1,223 @@
+"""The steps manoeuvres are made of: each flies a little of one and waits until it is done."""
+
+import math
+import os
+import signal
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Final
+
+from bus.messages import Following
+from ground_station.fleet import Fleet, RefusedError
+from ground_station.waiting import NotReachedError
+
+Say = Callable[[str], None]
+Wait = Callable[[float], None]
+Step = Callable[[Fleet, Say, Wait], None]
+Three = tuple[float, float, float]
+
+SETTLED_M: Final = 0.08
+REST_S: Final = 0.5
+RESTART_LIMIT_S: Final = 20.0
+
+
+def leader_of(fleet: Fleet) -> str:
+    """First vehicle of a fleet that follows nobody."""
+    return next(name for name, vehicle in fleet.file.vehicles.items() if not vehicle.follow)
+
+
+def in_order(*steps: Step) -> Step:
+    """Fly steps one after the other."""
+
+    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
+        for step in steps:
+            step(fleet, say, wait)
+
+    return fly
+
+
+def pause(seconds: float) -> Step:
+    """Let time pass."""
+    return lambda _fleet, _say, wait: wait(seconds)
+
+
+def take_off(*names: str, height_m: float = 1.0) -> Step:
+    """Take off and wait until they fly; without names, everybody."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{', '.join(names) or 'all'}: take-off to {height_m:g} m")
+        fleet.take_off(names or None, height_m)
+
+    return fly
+
+
+def land(*names: str) -> Step:
+    """Land and wait for the floor; without names, everybody."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{', '.join(names) or 'all'}: landing")
+        fleet.land(names or None)
+
+    return fly
+
+
+def go_to(position_m: Three, yaw_deg: float = 0.0, name: str | None = None) -> Step:
+    """Send a vehicle, by default the leader, to a set point, wait until it is there, and rest a moment."""
+
+    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
+        who = name or leader_of(fleet)
+        say(f"{who}: set point {position_m} m, yaw {yaw_deg:g} deg")
+        fleet[who].go_to(position_m, math.radians(yaw_deg))
+        fleet[who].wait_for_arrival(SETTLED_M)
+        wait(REST_S)
+
+    return fly
+
+
+def follow(
+    name: str,
+    leader: str,
+    offset_m: Three,
+    frame: str = "inertial",
+    transition_s: float | None = None,
+    yaw_offset_deg: float = 0.0,
+) -> Step:
+    """Give a vehicle a leader and an offset; `formed` waits until it is there."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: follows {leader} at {offset_m} m, {frame} frame")
+        fleet[name].follow(leader, offset_m, math.radians(yaw_offset_deg), frame, transition_s)
+
+    return fly
+
+
+def follow_several(name: str, *links: Following) -> Step:
+    """Give a vehicle several leaders with weights."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: follows {', '.join(f'{link.leader} ({link.weight:g})' for link in links)}")
+        fleet[name].follow(links)
+
+    return fly
+
+
+def lead(name: str) -> Step:
+    """Let a vehicle follow nobody."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: leads")
+        fleet[name].lead()
+
+    return fly
+
+
+def promote(name: str) -> Step:
+    """Make a vehicle the leader of its formation; everybody keeps its place."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: leads the formation; {'; '.join(fleet.promote(name))}")
+
+    return fly
+
+
+def formed(tolerance_m: float = SETTLED_M) -> Step:
+    """Wait until every follower is at its place."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        fleet.wait_for_formation(tolerance_m=tolerance_m)
+        say("in formation")
+
+    return fly
+
+
+def refused(what: str, request: Callable[[Fleet], object]) -> Step:
+    """Ask for something that has to be refused.
+
+    Raises
+    ------
+    NotReachedError
+        It was accepted.
+    """
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        try:
+            request(fleet)
+        except RefusedError as error:
+            say(f"{what}: refused, {error}")
+            return
+        raise NotReachedError(f"{what} was not refused")
+
+    return fly
+
+
+def process_id(fleet: Fleet, process: str) -> int:
+    """Process id of a process that this program launched.
+
+    Raises
+    ------
+    NotReachedError
+        This program did not start the fleet, or the process does not run.
+    """
+    pid = None if fleet.launcher is None else fleet.launcher.supervisor.pid(process)
+    if pid is None:
+        raise NotReachedError(f"{process} does not run under this program; start the fleet with --up")
+    return pid
+
+
+def spare_ready(fleet: Fleet, _say: Say, _wait: Wait) -> None:
+    """Wait until a warm process could take over from an agent."""
+    launcher = fleet.launcher
+    if launcher is not None:
+        fleet.wait_until(lambda: launcher.supervisor.spare_ready, RESTART_LIMIT_S, "no spare process")
+
+
+def killed(process: str) -> Step:
+    """End a process without notice (SIGKILL) and wait until its successor runs."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        before = process_id(fleet, process)
+        say(f"{process}: killed")
+        os.kill(before, signal.SIGKILL)
+
+        def again() -> bool:
+            with suppress(NotReachedError):
+                return process_id(fleet, process) != before
+            return False
+
+        fleet.wait_until(again, RESTART_LIMIT_S, f"{process} was not started again")
+        say(f"{process}: runs again")
+
+    return fly
+
+
+def frozen(process: str, seconds: float) -> Step:
+    """Stop a process for a while (SIGSTOP), as a host that hangs does."""
+
+    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
+        pid = process_id(fleet, process)
+        say(f"{process}: frozen for {seconds:g} s")
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            wait(seconds)
+        finally:
+            os.kill(pid, signal.SIGCONT)
+
+    return fly
+
+
+def everybody_commanded(fleet: Fleet, say: Say, _wait: Wait) -> None:
+    """Wait until every transmitter obeys its agent and every agent flies."""
+
+    def settled(names: Sequence[str]) -> bool:
+        states = [fleet.state_of(name) for name in names]
+        return all(
+            state.phase == "flying"
+            and state.transmitter is not None
+            and state.transmitter.state == "armed"
+            and (state.agent_age_s or 1.0) < 0.5
+            for state in states
+        )
+
+    names = list(fleet.file.vehicles)
+    fleet.wait_until(lambda: settled(names), RESTART_LIMIT_S, "not everybody is commanded again", names)
+    say("everybody is commanded")

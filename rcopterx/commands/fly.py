@@ -1,0 +1,231 @@
+"""Flying manoeuvres: `fly`."""
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ground_station.fleet import Fleet
+from ground_station.waiting import NotReachedError, StoppedError
+from rcopterx.commands.launch import launched
+from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
+
+if TYPE_CHECKING:
+    from experiments.manoeuvres import Manoeuvre
+
+SLICE_S = 0.25
+"""Between two looks at the clock and at Ctrl-C."""
+
+
+def fly(
+    manoeuvre: Annotated[
+        str, typer.Argument(metavar="MANOEUVRE", help="Name of a manoeuvre, see --list.")
+    ] = "",
+    fleet: Annotated[
+        str | None,
+        typer.Option(
+            "--fleet",
+            "-f",
+            metavar="FLEET",
+            help="Fleet file (TOML), or name of a shipped one. Default: the fleet the manoeuvre is made for.",
+        ),
+    ] = None,
+    start: Annotated[bool, typer.Option("--up", help="Start the fleet first, stop it afterwards.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write report.json and index.html into this directory.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres.")] = False,
+) -> None:
+    """Fly a manoeuvre, judge it, and write a report. Exit code 1 if a check failed. Ctrl-C lands."""
+    from experiments.manoeuvres import MANOEUVRES
+
+    if show_list:
+        for row in MANOEUVRES.values():
+            typer.echo(f"{row.name:24} {row.title}")
+        return
+    if every and manoeuvre:
+        raise typer.BadParameter("either the name of a manoeuvre or --all", param_hint="MANOEUVRE")
+    if not every and manoeuvre not in MANOEUVRES:
+        raise typer.BadParameter(
+            f"unknown manoeuvre {manoeuvre!r}, known are {', '.join(MANOEUVRES)}", param_hint="MANOEUVRE"
+        )
+    rows = list(MANOEUVRES.values()) if every else [MANOEUVRES[manoeuvre]]
+    results = Results(report, several=every)
+    with user_errors():
+        try:
+            _fly_rows(rows, fleet, start, results)
+        finally:
+            results.write_page()
+    results.print(as_json)
+    if not results.passed:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _fly_rows(rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, results: "Results") -> None:
+    """Fly one after the other; fleets that are started here are started anew for every manoeuvre."""
+    if start:
+        for number, row in enumerate(rows, 1):
+            with launched(fleet or row.fleet, None) as (_, _, running, interrupts):
+                _fly_row(row, running, interrupts.event, Progress(row, number, len(rows)), results)
+        return
+    with running_fleet(fleet or rows[0].fleet) as running:
+        for number, row in enumerate(rows, 1):
+            _fly_row(row, running, threading.Event(), Progress(row, number, len(rows)), results)
+
+
+def _fly_row(
+    row: "Manoeuvre", fleet: Fleet, stop: threading.Event, progress: "Progress", results: "Results"
+) -> None:
+    from experiments.flight import FLIGHT_ERRORS, not_flown, reason_not_to_fly, report_of
+    from experiments.flight import fly as fly_manoeuvre
+
+    reason = reason_not_to_fly(row, fleet)
+    if reason is not None:
+        progress.say(f"not flown: {reason}")
+        results.add(not_flown(row, "not flown", reason))
+        return
+    started_s = time.monotonic()
+    try:
+        fleet.wait_ready()
+        flown = fly_manoeuvre(row, fleet, progress.say, lambda seconds: progress.wait(seconds, stop), stop)
+    except StoppedError:
+        results.add(not_flown(row, "failed", "interrupted"))
+        raise NotReachedError("interrupted") from None
+    except FLIGHT_ERRORS as error:
+        progress.say(f"failed: {error}")
+        results.add(not_flown(row, "failed", str(error)))
+        return
+    names = list(fleet.file.vehicles)
+    report, figures = report_of(row, flown, names, time.monotonic() - started_s)
+    progress.end(report["verdict"])
+    results.add(report, figures)
+
+
+class Progress:
+    """What is being done, on standard error; on a terminal with the time flown below it."""
+
+    def __init__(self, row: "Manoeuvre", number: int, count: int) -> None:
+        self._head = row.name if count == 1 else f"[{number}/{count}] {row.name}"
+        self._seconds = row.seconds
+        self._started_s = time.monotonic()
+        self._live = sys.stderr.isatty()
+
+    def say(self, text: str) -> None:
+        """Tell a step."""
+        self._clear()
+        typer.echo(f"{self._head}: {time.monotonic() - self._started_s:5.1f} s  {text}", err=True)
+        self._show()
+
+    def end(self, verdict: str) -> None:
+        """Tell the outcome."""
+        self.say(verdict)
+        self._clear()
+
+    def wait(self, seconds: float, stop: threading.Event) -> None:
+        """Let time pass.
+
+        Raises
+        ------
+        StoppedError
+            The user has asked to stop.
+        """
+        end_s = time.monotonic() + seconds
+        while (left_s := end_s - time.monotonic()) > 0:
+            if stop.wait(min(left_s, SLICE_S)):
+                raise StoppedError("interrupted")
+            self._clear()
+            self._show()
+
+    def _clear(self) -> None:
+        if self._live:
+            typer.echo("\r\x1b[K", err=True, nl=False)
+
+    def _show(self) -> None:
+        if self._live:
+            flown_s = time.monotonic() - self._started_s
+            typer.echo(f"{self._head}: {flown_s:.0f} s, about {self._seconds:.0f} s", err=True, nl=False)
+
+
+class Results:
+    """Reports of what was flown, and their files.
+
+    Parameters
+    ----------
+    directory
+        Where they are written, None for nowhere.
+    several
+        Every manoeuvre gets a directory of its own below it.
+    """
+
+    def __init__(self, directory: Path | None, several: bool) -> None:
+        self._directory = directory
+        self._several = several
+        self._reports: list[dict[str, Any]] = []
+        self._pictures: dict[str, str] = {}
+        self._draws = directory is not None and find_spec("matplotlib") is not None
+        if directory is not None and not self._draws:
+            typer.echo("the page has no pictures: pip install 'rcopterx[figures]' adds them", err=True)
+
+    @property
+    def passed(self) -> bool:
+        """Whether something was flown and nothing failed."""
+        verdicts = {report["verdict"] for report in self._reports}
+        return "passed" in verdicts and "failed" not in verdicts
+
+    def add(self, report: dict[str, Any], figures: Any = None) -> None:
+        """Keep a report, draw its picture, and write it."""
+        from experiments.flight import write_report
+
+        self._reports.append(report)
+        if self._directory is None or figures is None:
+            return
+        where = self._directory / report["manoeuvre"] if self._several else self._directory
+        typer.echo(f"report: {write_report(report, where)}", err=True)
+        if self._draws:
+            from experiments.flight_picture import svg_of
+
+            self._pictures[report["manoeuvre"]] = svg_of(report, figures)
+
+    def write_page(self) -> None:
+        """Write the page about everything that was flown."""
+        from experiments.flight_page import write_page
+
+        if self._directory is not None and self._reports:
+            typer.echo(f"page: {write_page(self._reports, self._pictures, self._directory)}", err=True)
+
+    def print(self, as_json: bool) -> None:
+        """Print what came out."""
+        if as_json:
+            typer.echo(json.dumps(self._reports if self._several else self._reports[0], indent=2))
+        elif self._several:
+            typer.echo("\n".join(_line(report) for report in self._reports))
+        else:
+            typer.echo(_readable(self._reports[0]))
+
+
+def _line(report: dict[str, Any]) -> str:
+    failed = [check["name"] for check in report["checks"] if not check["passed"]]
+    why = report["problem"] or "; ".join(failed)
+    return f"{report['verdict']:9} {report['manoeuvre']:24} {why}".rstrip()
+
+
+def _readable(report: dict[str, Any]) -> str:
+    lines = [f"{report['manoeuvre']}: {report['verdict']} ({report['seconds']} s)"]
+    if report["problem"] is not None:
+        lines.append(f"  {report['problem']}")
+    lines += [
+        f"  {'ok    ' if check['passed'] else 'FAILED'} {check['name']}: {check['figure']}"
+        for check in report["checks"]
+    ]
+    for figure in ("pose_to_command_ms", "frame_to_radio_ms"):
+        lines.append(f"  {figure}: {report[figure]}")
+    lines += [f"  {name}: {json.dumps(table)}" for name, table in report["vehicles"].items()]
+    return "\n".join(lines)

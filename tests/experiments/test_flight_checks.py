@@ -1,0 +1,214 @@
+"""Promises of the checks: each is passed by the flight it describes and failed by another one."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bus import channels
+from bus.codec import encode
+from bus.messages import (
+    AgentStatus,
+    Applied,
+    FloatArray,
+    Following,
+    LaboratoryState,
+    LaboratoryVehicle,
+    Plan,
+    Pose,
+    SetPoint,
+)
+from experiments import checks
+from experiments.checks import Check
+from ground_station.recorder import Record, Recording
+from ground_station.report import FlightFigures
+
+Three = tuple[float, float, float]
+NAMES = ("h1", "h2")
+
+
+class Flight:
+    """Two vehicles, a hundred frames; h2 follows h1. Change it before it is judged."""
+
+    def __init__(self, frames: int = 100) -> None:
+        self.positions: dict[str, list[Three]] = {
+            "h1": [(0.0, 0.0, 1.0)] * frames, "h2": [(-0.5, 0.0, 1.0)] * frames,
+        }  # fmt: skip
+        self.yaw_rad = 0.0
+        self.link = Following(leader="h1", offset_m=(-0.5, 0.0, 0.0))
+        self.on_floor = False
+        self.touchdown_speed_m_s = 0.3
+        self.states = ["armed"] * frames
+        self.processes = [1] * frames
+        self.phases = ["flying"] * frames
+        self.late_s = 0.0
+        self.truth = True
+
+    def records(self) -> list[Record]:
+        found = []
+        for frame in range(len(self.states)):
+            if self.truth:
+                found.append(self._laboratory(frame))
+            for name in NAMES:
+                found += self._of(name, frame)
+        return found
+
+    def _record(self, unit: str, channel: Any, message: Any) -> Record:
+        return Record(unit, channel.topic, encode(message), 0.0)
+
+    def _laboratory(self, frame: int) -> Record:
+        vehicles = {
+            name: LaboratoryVehicle(
+                position_m=self.positions[name][frame], yaw_rad=self.yaw_rad, velocity_m_s=(0.0, 0.0, 0.0),
+                on_floor=self.on_floor, outside=False, touchdown_speed_m_s=self.touchdown_speed_m_s,
+            )
+            for name in NAMES
+        }  # fmt: skip
+        state = LaboratoryState(frame=frame, sent_s=0.02 * frame, vehicles=vehicles)
+        return self._record(channels.SIMULATOR_UNIT, channels.LABORATORY, state)
+
+    def _of(self, name: str, frame: int) -> list[Record]:
+        half = self.yaw_rad / 2
+        quaternion = (0.0, 0.0, math.sin(half), math.cos(half))
+        pose = Pose(
+            epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=False,
+            position_m=self.positions[name][frame], quaternion_xyzw=quaternion,
+        )  # fmt: skip
+        following = (self.link,) if name == "h2" else ()
+        plan = Plan(
+            epoch=1, frame=frame, source=name, ancestors=(), period_s=0.02, start_s=0.02,
+            trajectory=FloatArray.of(np.zeros((2, 12))), reference=(0.0, 0.0, 1.0, 0.0), following=following,
+        )  # fmt: skip
+        late_s = self.late_s if frame >= 50 else 0.0
+        applied = Applied(
+            state=self.states[frame], input=(0.0, 0.0, 0.0, 0.0), pulse_width_us=(1500.0,) * 4, epoch=1,
+            frame=frame, sequence=frame, fresh=True, written_s=0.02 * frame + late_s,
+        )  # fmt: skip
+        status = AgentStatus(
+            phase=self.phases[frame], controller="cascade", estimator="kalman", horizon=50, epoch=1,
+            frame=frame, set_point=SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0), following=following,
+            ticks=frame, process=self.processes[frame],
+        )  # fmt: skip
+        return [
+            self._record(name, channels.POSE, pose),
+            self._record(name, channels.PLAN, plan),
+            self._record(name, channels.APPLIED, applied),
+            self._record(name, channels.AGENT_STATUS, status),
+        ]
+
+    def judged(self, check: Check) -> tuple[bool, Any]:
+        figures = FlightFigures(Recording(self.records()), NAMES)
+        result = check.run(figures, {name: figures.vehicle(name) for name in NAMES})
+        return result["passed"], result["figure"]
+
+
+def test_a_formation_is_held_within_its_limits() -> None:
+    flight = Flight()
+    passed, figure = flight.judged(checks.formation_held(10.0, 50.0))
+    assert (passed, figure) == (True, {"h2": {"rms": 0.0, "max": 0.0}})
+    flight.positions["h2"][7] = (-0.5, 0.06, 1.0)
+    assert not flight.judged(checks.formation_held(10.0, 50.0))[0]
+    assert flight.judged(checks.formation_held(10.0, 70.0))[0]
+
+
+@pytest.mark.parametrize("truth", [True, False])
+def test_offsets_in_the_heading_frame_are_judged_in_it(truth: bool) -> None:
+    flight = Flight()
+    flight.truth = truth
+    flight.yaw_rad = math.pi / 2
+    flight.link = Following(leader="h1", offset_m=(-0.5, 0.0, 0.0), frame="heading")
+    flight.positions["h2"] = [(0.0, -0.5, 1.0)] * 100
+    assert flight.judged(checks.formation_held(1.0, 1.0))[0]
+    flight.yaw_rad = 0.0
+    assert not flight.judged(checks.formation_held(1.0, 1.0))[0]
+
+
+def test_a_formation_nobody_flew_is_not_held() -> None:
+    assert Flight(0).judged(checks.formation_held()) == (False, {})
+
+
+def test_the_smallest_distance_counts() -> None:
+    flight = Flight()
+    assert flight.judged(checks.distance_kept(0.3)) == (True, 0.5)
+    flight.positions["h2"][3] = (-0.2, 0.0, 1.0)
+    assert flight.judged(checks.distance_kept(0.3)) == (False, 0.2)
+
+
+def test_the_last_place_and_heading_count() -> None:
+    flight = Flight()
+    flight.positions["h1"][0] = (1.0, 0.0, 1.0)
+    assert flight.judged(checks.ends_at("h1", (0.0, 0.0, 1.0))) == (True, 0.0)
+    assert flight.judged(checks.ends_at("h1", (0.0, 0.2, 1.0))) == (False, 200.0)
+    flight.yaw_rad = math.radians(175)
+    assert flight.judged(checks.heading_ends_at("h1", -180))[0]
+    assert flight.judged(checks.heading_ends_at("h1", 180 + 360)) == (True, -5.0)
+    assert not flight.judged(checks.heading_ends_at("h1", 160))[0]
+    assert Flight(0).judged(checks.ends_at("h1", (0.0, 0.0, 1.0))) == (False, None)
+    assert Flight(0).judged(checks.heading_ends_at("h1", 0)) == (False, None)
+
+
+def test_the_last_leaders_count() -> None:
+    flight = Flight()
+    assert flight.judged(checks.followed("h2", "h1")) == (True, ["h1"])
+    assert flight.judged(checks.followed("h1"))[0]
+    assert not flight.judged(checks.followed("h2"))[0]
+    assert not flight.judged(checks.followed("h1", "h2"))[0]
+    assert Flight(0).judged(checks.followed("h1")) == (False, None)
+
+
+def test_touching_down_needs_the_floor_and_little_speed() -> None:
+    flight = Flight()
+    assert not flight.judged(checks.touched_down_gently())[0]
+    flight.on_floor = True
+    assert flight.judged(checks.touched_down_gently()) == (True, [0.3, 0.3])
+    flight.touchdown_speed_m_s = 1.4
+    assert not flight.judged(checks.touched_down_gently())[0]
+
+
+def test_the_greatest_height_counts() -> None:
+    flight = Flight()
+    assert flight.judged(checks.reached_height(1.0))[0]
+    flight.positions["h2"][5] = (0.0, 0.0, 1.5)
+    assert flight.judged(checks.reached_height(1.0)) == (False, {"h1": 1.0, "h2": 1.5})
+
+
+def test_states_of_the_arbiter_count_by_radio_frame() -> None:
+    flight = Flight()
+    assert not flight.judged(checks.played_in_state("h1", "hold"))[0]
+    flight.states[40] = "hold"
+    assert flight.judged(checks.played_in_state("h1", "hold"))[0]
+
+
+def test_an_arbiter_that_flew_by_itself_is_a_disturbance() -> None:
+    check = checks.transmitters_undisturbed()
+    tables: dict[str, Any] = {"h1": {"safety": []}}
+    assert check.run(Flight(), tables)["passed"]  # type: ignore[arg-type]  # looks at the tables only
+    tables["h1"]["safety"].append("hold: late")
+    assert check.run(Flight(), tables) == {  # type: ignore[arg-type]  # same
+        "name": check.name, "passed": False, "figure": {"h1": ["hold: late"]},
+    }  # fmt: skip
+
+
+def test_agents_that_were_started_again_are_counted() -> None:
+    flight = Flight()
+    assert flight.judged(checks.agents_started_again("h1", 0)) == (True, 0)
+    assert not flight.judged(checks.agents_started_again("h1"))[0]
+    flight.processes[60:] = [2] * 40
+    assert flight.judged(checks.agents_started_again("h1")) == (True, 1)
+
+
+def test_the_longest_silence_is_that_between_fresh_commands() -> None:
+    flight = Flight()
+    assert flight.judged(checks.longest_silence("h1", 0.1)) == (True, 0.02)
+    flight.late_s = 0.2
+    assert flight.judged(checks.longest_silence("h1", 0.1)) == (False, 0.22)
+    assert Flight(0).judged(checks.longest_silence("h1", 0.1)) == (False, None)
+
+
+def test_the_greatest_distance_from_the_reference_counts() -> None:
+    flight = Flight()
+    assert flight.judged(checks.position_kept("h1", 10.0)) == (True, 0.0)
+    flight.positions["h1"][9] = (0.02, 0.0, 1.0)
+    assert flight.judged(checks.position_kept("h1", 10.0)) == (False, 20.0)
+    assert Flight(0).judged(checks.position_kept("h1", 10.0)) == (False, None)

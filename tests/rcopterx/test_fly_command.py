@@ -1,0 +1,205 @@
+"""Promises of `fly`: reports and a page about what was flown, and an exit code that sums it up."""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from click.testing import Result
+from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import wait_for
+from typer.testing import CliRunner
+
+from bus import channels
+from bus.session import BusAddress, Session
+from experiments.checks import Check
+from experiments.flight_page import page
+from experiments.manoeuvres import Manoeuvre
+from experiments.steps import Step, in_order, refused
+from ground_station.fleet import Fleet
+from ground_station.waiting import NotReachedError
+from rcopterx.cli import app
+
+Vehicles = dict[str, ScriptedVehicle]
+NAMES = ("h1", "h2", "h3")
+
+
+def run(*arguments: str) -> Result:
+    result = CliRunner().invoke(app, list(arguments), env={"COLUMNS": "200", "TERM": "dumb"})
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+def seen(fleet: Fleet, say: Callable[[str], None], wait: Callable[[float], None]) -> None:
+    """Wait until something has been recorded."""
+    say("<looking>")
+    fleet.wait_for_phase("flying")
+    fleet["h1"].go_to((0.0, 0.0, 1.0))
+    fleet["h1"].wait_for_arrival()
+    wait(0.05)
+
+
+def lost(fleet: Fleet, say: object, wait: object) -> None:
+    raise NotReachedError("lost & gone")
+
+
+def row(name: str, fly: Step, *checks: Check, launched: bool = False) -> Manoeuvre:
+    return Manoeuvre(name, f"Title of {name}", 1.0, fly, checks, launched=launched)
+
+
+GOOD = Check("good", lambda *_: (True, 1))
+BAD = Check("bad < worse", lambda *_: (False, {"h1": 2}))
+TABLE = {
+    "fine": row("fine", seen, GOOD),
+    "poor": row("poor", seen, GOOD, BAD),
+    "lost": row("lost", lost, GOOD),
+    "deadly": row("deadly", seen, GOOD, launched=True),
+}
+
+
+@pytest.fixture(autouse=True)
+def _quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
+    monkeypatch.setattr("experiments.flight.SETTLE_S", 0.0)
+
+
+@pytest.fixture
+def table(monkeypatch: pytest.MonkeyPatch) -> dict[str, Manoeuvre]:
+    rows = dict(TABLE)
+    monkeypatch.setattr("experiments.manoeuvres.MANOEUVRES", rows)
+    return rows
+
+
+@pytest.fixture
+def vehicles(join: Callable[..., Session]) -> Iterator[Vehicles]:
+    with scripted(join(), *NAMES) as running:
+        yield running
+
+
+@pytest.fixture
+def up(bus_address: BusAddress, vehicles: Vehicles, tmp_path: Path, join: Callable[..., Session]) -> str:
+    path = tmp_path / "up.toml"
+    path.write_text(fleet_file_text(bus_address, NAMES))
+    statuses = join().subscribe_all(channels.AGENT_STATUS)
+    wait_for(lambda: set(NAMES) <= set(statuses.inboxes), "the scripted vehicles do not speak")
+    return str(path)
+
+
+def test_a_manoeuvre_that_passes_ends_with_0_and_writes_report_and_page(
+    up: str, vehicles: Vehicles, table: object, tmp_path: Path
+) -> None:
+    result = run("fly", "fine", "-f", up, "--report", str(tmp_path / "out"))
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.startswith("fine: passed")
+    assert "take-off to 1 m" in result.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["verdict"] == "passed"
+    assert [line["text"] for line in report["journal"]] == ["<looking>"]
+    text = (tmp_path / "out" / "index.html").read_text()
+    assert "1 passed" in text
+    assert "&lt;looking&gt;" in text
+    assert {vehicle.phase for vehicle in vehicles.values()} == {"ground"}
+
+
+def test_a_check_that_fails_ends_with_1(up: str, table: object) -> None:
+    result = run("fly", "poor", "-f", up)
+    assert result.exit_code == 1
+    assert "ok     good: 1" in result.stdout
+    assert "FAILED bad < worse: {'h1': 2}" in result.stdout
+
+
+def test_the_report_is_printed_as_json(up: str, table: object) -> None:
+    assert json.loads(run("fly", "fine", "-f", up, "--json").stdout)["verdict"] == "passed"
+
+
+def test_all_manoeuvres_are_flown_whatever_fails_and_the_page_shows_all(
+    up: str, vehicles: Vehicles, table: object, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    result = run("fly", "--all", "-f", up, "--report", str(out))
+    assert result.exit_code == 1
+    assert [line.split()[:2] for line in result.stdout.splitlines()] == [
+        ["passed", "fine"], ["failed", "poor"], ["failed", "lost"], ["not", "flown"],
+    ]  # fmt: skip
+    assert "lost & gone" in result.stdout
+    assert "add --up" in result.stdout
+    assert {path.parent.name for path in out.rglob("report.json")} == {"fine", "poor", "lost"}
+    text = (out / "index.html").read_text()
+    for words in ("1 passed, 2 failed, 1 not flown", "lost &amp; gone", "bad &lt; worse", "Title of deadly"):
+        assert words in text
+    assert text.index("1 passed, 2 failed") < text.index("<svg"), "the summary comes first"
+    assert text.count("<svg") == 3
+
+
+def test_a_page_refers_to_nothing_outside_and_its_pictures_are_well_formed(
+    up: str, table: object, tmp_path: Path
+) -> None:
+    run("fly", "--all", "-f", up, "--report", str(tmp_path))
+    text = (tmp_path / "index.html").read_text()
+    assert not re.search(
+        r"""(?:src|href)=["'](?!#)[^"']*["']""", re.sub(r"<svg.*?</svg>", "", text, flags=re.S)
+    )
+    pictures = re.findall(r"<svg.*?</svg>", text, flags=re.S)
+    names: set[str] = set()
+    for picture in pictures:
+        ElementTree.fromstring(picture)
+        for used in re.findall(r'(?:xlink:href="#|url\(#)([^")]+)', picture):
+            assert f'id="{used}"' in picture
+            assert used not in names, "two pictures share a name"
+        names |= set(re.findall(r'<(?:clipPath|path) id="([^"]+)"', picture))
+
+
+def test_without_matplotlib_the_page_has_no_pictures_and_says_how_to_get_them(
+    up: str, table: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.commands.fly.find_spec", lambda name: None)
+    result = run("fly", "fine", "-f", up, "--report", str(tmp_path))
+    assert result.exit_code == 0
+    assert "pip install 'rcopterx[figures]'" in result.stderr
+    assert "<svg" not in (tmp_path / "index.html").read_text()
+
+
+def test_a_fleet_that_is_not_ready_is_a_failure_with_the_reason(
+    up: str, vehicles: Vehicles, table: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicles["h2"].ready = False
+    monkeypatch.setattr(Fleet.wait_ready, "__defaults__", (None, 0.5))
+    result = run("fly", "fine", "-f", up)
+    assert result.exit_code == 1
+    assert "not ready after 0.5 s: h2: transmitter not ready" in result.stdout
+
+
+def test_nothing_flown_is_no_success(up: str, table: dict[str, Manoeuvre]) -> None:
+    for name in ("fine", "poor", "lost"):
+        del table[name]
+    result = run("fly", "--all", "-f", up)
+    assert (result.exit_code, result.stdout.split()[:2]) == (1, ["not", "flown"])
+
+
+def test_a_name_and_all_exclude_each_other() -> None:
+    result = run("fly", "hover", "--all")
+    assert result.exit_code == 2
+    assert "either the name of a manoeuvre or --all" in result.stderr
+
+
+def test_what_has_to_be_refused_and_is_not_ends_the_manoeuvre(
+    up: str, vehicles: Vehicles, table: dict[str, Manoeuvre]
+) -> None:
+    table["fine"] = row("fine", in_order(refused("nonsense", lambda fleet: fleet["h1"].lead())), GOOD)
+    result = run("fly", "fine", "-f", up)
+    assert result.exit_code == 1
+    assert "nonsense was not refused" in result.stdout
+    vehicles["h1"].refusals["lead"] = "no"
+    assert run("fly", "fine", "-f", up).exit_code == 0
+
+
+def test_a_page_of_nothing_but_words_needs_no_figures() -> None:
+    report = {
+        "manoeuvre": "a<b", "title": "T", "seconds": 1.0, "verdict": "failed", "problem": "x < y", "checks": [],
+        "pose_to_command_ms": None, "frame_to_radio_ms": None, "vehicles": {}, "journal": [],
+    }  # fmt: skip
+    text = page([report], {})
+    assert "a&lt;b" in text
+    assert "x &lt; y" in text
