@@ -197,7 +197,8 @@ def test_what_has_to_be_refused_and_is_not_ends_the_manoeuvre(
 
 def test_a_page_of_nothing_but_words_needs_no_figures() -> None:
     report = {
-        "manoeuvre": "a<b", "title": "T", "seconds": 1.0, "verdict": "failed", "problem": "x < y", "checks": [],
+        "manoeuvre": "a<b", "title": "T", "seconds": 1.0, "verdict": "failed", "problem": "x < y",
+        "checks": [],
         "pose_to_command_ms": None, "frame_to_radio_ms": None, "vehicles": {}, "journal": [],
     }  # fmt: skip
     text = page([report], {})
