@@ -1,0 +1,63 @@
+"""Writes the calls of the scripting interface into its page: `python -m ground_station.scripting_reference`.
+
+Names, parameters and texts are read from the classes, so that the page cannot say anything else.
+"""
+
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from ground_station.fleet import Fleet, Vehicle
+from ground_station.launched import launched
+from ground_station.state import VehicleState
+
+BEGIN: Final = "<!-- begin: python -m ground_station.scripting_reference -->\n"
+END: Final = "<!-- end -->\n"
+PAGE: Final = Path(__file__).parents[1] / "docs" / "scripting.md"
+CLASSES: Final = (Fleet, Vehicle, VehicleState)
+INTERNAL: Final = frozenset({"statuses", "frame_period_s"})
+
+
+def reference() -> str:
+    """The generated part of the page."""
+    lines = ["### Functions", "", "| call | |", "| --- | --- |", f"| {_call('launched', launched)} |", ""]
+    for kind in CLASSES:
+        lines += [f"### {kind.__name__}", "", "| call or attribute | |", "| --- | --- |"]
+        lines += [f"| {row} |" for row in sorted(_rows(kind))]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def with_reference(page: str) -> str:
+    """The page with the generated part of now."""
+    head, rest = page.split(BEGIN)
+    return head + BEGIN + "\n" + reference() + "\n" + END + rest.split(END)[1]
+
+
+def _rows(kind: type) -> Iterator[str]:
+    for name, member in inspect.getmembers(kind):
+        if name.startswith("_") or name in INTERNAL:
+            continue
+        if inspect.isroutine(member):
+            yield _call(name, member)
+        elif isinstance(member, property):
+            yield f"`{name}` | {_purpose(member)}"
+
+
+def _call(name: str, function: object) -> str:
+    assert callable(function)
+    signature = inspect.signature(function)
+    kept = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
+    text = str(signature.replace(parameters=kept, return_annotation=inspect.Signature.empty))
+    text = re.sub(r"(?:[A-Za-z_]\w*\.)+(\w+)", r"\1", text).replace("'", "").replace("|", "\\|")
+    return f"`{name}{text}` | {_purpose(function)}"
+
+
+def _purpose(member: object) -> str:
+    return (inspect.getdoc(member) or "").splitlines()[0].replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(with_reference(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

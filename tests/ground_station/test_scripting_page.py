@@ -1,0 +1,49 @@
+"""Promises of the page about scripting: its examples run, its list of calls is that of the classes."""
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from support.scripted import fleet_file_text, scripted
+
+from bus.session import BusAddress, Session
+from ground_station.asynchronous import AsyncFleet
+from ground_station.fleet import Fleet, Vehicle
+from ground_station.scripting_reference import PAGE, reference, with_reference
+
+EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.fixture
+def trio(
+    bus_address: BusAddress, join: Callable[..., Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """A scripted fleet that answers to the name `trio`, whether it is joined or launched."""
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    path = tmp_path / "trio.toml"
+    path.write_text(fleet_file_text(bus_address, ("h1", "h2", "h3")))
+    monkeypatch.setattr("ground_station.fleet.fleet_path", lambda name: path)
+    monkeypatch.setattr("rcopterx.launched", Fleet.connect)
+    monkeypatch.setattr(AsyncFleet, "launched", AsyncFleet.connect)
+    with scripted(join(), "h1", "h2", "h3"):
+        yield
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
+def test_an_example_runs(example: str, trio: None) -> None:
+    exec(compile(example, "docs/scripting.md", "exec"), {})
+
+
+def test_the_list_of_calls_is_that_of_the_classes() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert text == with_reference(text), "run: python -m ground_station.scripting_reference"
+
+
+@pytest.mark.parametrize("kind", [Fleet, Vehicle])
+def test_every_public_call_is_listed(kind: type) -> None:
+    listed = reference()
+    for name, _ in inspect.getmembers(kind, inspect.isroutine):
+        if not name.startswith("_") and name not in ("statuses", "frame_period_s"):
+            assert f"| `{name}(" in listed

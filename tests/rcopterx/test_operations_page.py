@@ -1,0 +1,48 @@
+"""Promises of the page about operating a fleet: it speaks of what the software does."""
+
+import re
+from pathlib import Path
+
+import rcopterx
+from agents.phases import TRANSITIONS
+from bus.messages import SubjectState, TrackerStatus, TransmitterStatus
+from ground_station.state import VehicleState, tracker_problems
+from ground_station.table import COLUMNS
+from rcopterx.cli import COMMANDS
+
+TEXT = (Path(rcopterx.__file__).parents[1] / "docs" / "operations.md").read_text(encoding="utf-8")
+
+
+def rows_after(heading: str) -> list[list[str]]:
+    table = TEXT.split(heading, 1)[1].split("\n\n|", 1)[1].split("\n\n", 1)[0]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+
+
+def test_the_table_of_phases_is_that_of_the_agents() -> None:
+    wanted = [[phase.value, event.value, after.value] for (phase, event), after in TRANSITIONS.items()]
+    assert rows_after("## Flight phases") == wanted
+
+
+def test_every_problem_that_a_check_can_name_is_explained() -> None:
+    explained = "\n".join(row[0] for row in rows_after("names everything that speaks"))
+    subject = SubjectState(subject="heli2", vehicle="h2", listed=False)
+    tracker = TrackerStatus(state="up", trying="", address="", subjects=(subject,))
+    named = tracker_problems(None, None, []) + tracker_problems(tracker, 0.0, ["h2"])
+    named += VehicleState("h2", None, None, None, None, None).problems()
+    for state, ready in (("disarmed", False), ("killed", True)):
+        transmitter = TransmitterStatus(state=state, reason="", link="up", module="", ready=ready)
+        named += VehicleState("h2", None, transmitter, None, 0.0, None).problems()[1:]
+    assert len(named) == 6
+    for problem in named:
+        start = re.split(r" for |: \w*$| \(", problem)[0]
+        assert start in explained, problem
+
+
+def test_every_command_and_column_of_the_page_exists() -> None:
+    known = {command.__name__ for commands in COMMANDS.values() for command in commands}
+    for used in re.findall(r"rcopterx (\w+)", TEXT):
+        assert used in known, used
+    columns = " ".join(COLUMNS)
+    for row in rows_after("as a live table until q"):
+        for column in re.split(r", (?!rejections)", row[0]):
+            assert column in columns, column
