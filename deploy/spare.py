@@ -1,32 +1,38 @@
-"""A spare agent process: everything imported, every pilot built, waiting to replace an agent that died.
+"""A spare process: everything imported, every pilot built, waiting to replace a process that died in flight.
 
 Starting an interpreter and importing numerical libraries takes longer than a vehicle can be bridged by the
 inputs of its last plan; taking over in a warm process does not.
 """
 
+import importlib
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from agents.process import run_agent
 from deploy.fleet import load_fleet
 from deploy.role_settings import pilot_of
-from deploy.roles import end_with_parent, run_reporting
-from deploy.spare_agent import READY
+from deploy.roles import end_with_parent, run_reporting, run_role
+from deploy.spare_process import READY, Job
+
+MODULES = {"router": "bus.router", "tracker": "vicon_gateway.process"}
+"""What a role needs beyond what agents need."""
 
 
-def wait_for_job(fleet_path: Path, vehicles: list[str]) -> Callable[[], None] | None:
-    """Prepare the agents of these vehicles, wait for a job on standard input.
+def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | None:
+    """Prepare these jobs, wait for one of them on standard input.
 
     Returns
     -------
     callable or None
-        Runs the agent; None when the supervisor closed the pipe instead.
+        Does the job; None when the supervisor closed the pipe instead.
     """
     fleet = load_fleet(fleet_path)
-    prepared = {name: pilot_of(fleet, name) for name in vehicles}
+    pilots = {unit: pilot_of(fleet, unit) for role, unit in jobs if role == "agent"}
+    for role in {role for role, _ in jobs} & MODULES.keys():
+        importlib.import_module(MODULES[role])
     os.write(sys.stdout.fileno(), READY)
     line = sys.stdin.readline()
     if not line:
@@ -35,14 +41,17 @@ def wait_for_job(fleet_path: Path, vehicles: list[str]) -> Callable[[], None] | 
     log = os.open(order["log"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     for descriptor in (sys.stdout.fileno(), sys.stderr.fileno()):
         os.dup2(log, descriptor)
-    vehicle = order["vehicle"]
-    return lambda: run_agent(*prepared[vehicle])
+    role, unit = order["role"], order["unit"]
+    if role == "agent":
+        return lambda: run_agent(*pilots[unit])
+    return lambda: run_role(role, unit, fleet_path)
 
 
 def main() -> None:
-    """Entry point: `python -m deploy.spare FLEET_FILE VEHICLE...`."""
+    """Entry point: `python -m deploy.spare FLEET_FILE ROLE:UNIT...`."""
     end_with_parent()
-    run = wait_for_job(Path(sys.argv[1]), sys.argv[2:])
+    jobs = [(role, unit) for role, _, unit in (word.partition(":") for word in sys.argv[2:])]
+    run = wait_for_job(Path(sys.argv[1]), jobs)
     if run is not None:
         run_reporting(run)
 

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from deploy.processes import ProcessSpec
-from deploy.spare_agent import SpareAgent, child_environment
+from deploy.spare_process import SpareProcess, child_environment
 
 STABLE_AFTER_S = 2.0
 SETTLED_S = 1.0
+SPARE_ROLES = ("agent", "router", "tracker")
+"""What vehicles in the air cannot do without, and a spare process can take over."""
 QUICK_RESTARTS = 3
 MAX_PAUSE_S = 5.0
 STOP_LIMIT_S = 6.0
@@ -80,14 +82,14 @@ class Supervisor:
         self._logs = log_directory
         self._clock = clock
         self._selector = selectors.DefaultSelector()
-        agents = [spec.unit for spec in specs if spec.role == "agent"]
-        self._spare = SpareAgent(self._fleet_path, agents, log_directory / "spare.log")
+        jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
+        self._spare = SpareProcess(self._fleet_path, jobs, log_directory / "spare.log")
 
     def start(self, name: str) -> None:
-        """Start one process; an agent that restarts takes over the spare process if that is ready."""
+        """Start one process; the spare process takes its place if it can and is ready."""
         child = self.children[name]
         log_path = self._logs / f"{name}.log"
-        child.process = self._spare.take(child.spec.unit, log_path) if child.spec.role == "agent" else None
+        child.process = self._spare.take(child.spec.role, child.spec.unit, log_path)
         if child.process is None:
             with log_path.open("ab") as log:
                 child.process = subprocess.Popen(

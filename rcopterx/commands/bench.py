@@ -5,7 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
+from deploy.shipped import fleet_path
 from rcopterx.commands.numbers import different_numbers
+from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -40,6 +42,35 @@ def solver(
         lambda text: typer.echo(f"bench solver: {text}", err=True),
     )
     typer.echo(json.dumps(document, indent=2) if as_json else _readable(document))
+
+
+@app.command()
+def restart(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="How often each process is killed.")] = 5,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Kill agents, router and Vicon gateway in flight; how long until the vehicles are flown again?"""
+    from benchmarks.restart import run
+
+    with user_errors():
+        document = run(fleet_path(fleet), rounds, lambda text: typer.echo(f"bench restart: {text}", err=True))
+    typer.echo(json.dumps(document, indent=2) if as_json else _restarts(document))
+
+
+def _restarts(document: dict[str, Any]) -> str:
+    """The start-up of a cold agent, then one line per process and figure."""
+    start_up = ", ".join(
+        f"{name.removesuffix('_ms')} {ms:g} ms" for name, ms in document["start_up_ms"].items()
+    )
+    lines = [f"cold start: {start_up}", f"{'killed':12}{'figure':28}{'p50':>10}{'max':>10}"]
+    for process, figures in document["kills"].items():
+        lines += [
+            f"{process:12}{name:28}{row['p50']:>10.1f}{row['max']:>10.1f}"
+            for name, row in figures.items()
+            if name != "events"
+        ]
+    return "\n".join(lines)
 
 
 def _readable(document: dict[str, Any]) -> str:

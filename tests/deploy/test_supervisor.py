@@ -17,7 +17,7 @@ from support.waiting import FakeClock, wait_for
 
 import deploy.supervisor
 from deploy.processes import ProcessSpec
-from deploy.spare_agent import SpareAgent
+from deploy.spare_process import SpareProcess
 from deploy.supervisor import (
     MAX_PAUSE_S,
     QUICK_RESTARTS,
@@ -42,7 +42,7 @@ class Fake(ProcessSpec):
 
 
 def fake(name: str, shell: str = SLEEPS, stop_order: int = 0) -> Fake:
-    return Fake(name, "router", "main", stop_order, shell)
+    return Fake(name, "simulator", "main", stop_order, shell)
 
 
 Supervise = Callable[..., Supervisor]
@@ -214,26 +214,30 @@ def test_the_supervisor_tells_which_role_each_process_has() -> None:
 
 
 @pytest.fixture
-def spare(tmp_path: Path) -> Iterator[SpareAgent]:
+def spare(tmp_path: Path) -> Iterator[SpareProcess]:
     path = tmp_path / "lab.toml"
     path.write_text(PAIR.replace("[simulator]", '[bus]\nnamespace = "nobody"\n[simulator]'))
-    agent = SpareAgent(path, ["h1", "h2"], tmp_path / "spare.log")
+    agent = SpareProcess(
+        path,
+        [("agent", "h1"), ("agent", "h2"), ("router", "main"), ("tracker", "main")],
+        tmp_path / "spare.log",
+    )
     yield agent
     agent.close()
 
 
 def test_a_spare_takes_over_once_it_is_ready_and_writes_into_the_agents_log(
-    spare: SpareAgent, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    spare: SpareProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     log = tmp_path / "agent-h2.log"
-    assert spare.take("h2", log) is None
+    assert spare.take("agent", "h2", log) is None
     spare.prepare()
     spare.prepare()
     taken = []
 
     def took_over() -> bool:
-        process = spare.take("h2", log)
+        process = spare.take("agent", "h2", log)
         if process is not None:
             taken.append(process)
         return process is not None
@@ -242,28 +246,36 @@ def test_a_spare_takes_over_once_it_is_ready_and_writes_into_the_agents_log(
     (process,) = taken
     try:
         wait_for(log.exists, "the log of the agent is not used")
-        assert spare.take("h1", log) is None
+        assert spare.take("agent", "h1", log) is None
     finally:
         process.kill()
         process.wait(10)
         process.stdout.close()
 
 
-def test_a_spare_that_died_is_not_used(spare: SpareAgent, tmp_path: Path) -> None:
+def test_a_spare_takes_no_job_it_was_not_prepared_for(spare: SpareProcess, tmp_path: Path) -> None:
+    spare.prepare()
+    wait_for(spare.ready, "the spare is never ready", deadline_s=60)
+    assert spare.take("agent", "h9", tmp_path / "x.log") is None
+    assert spare.take("transmitters", "transmitters", tmp_path / "x.log") is None
+    assert spare.ready()
+
+
+def test_a_spare_that_died_is_not_used(spare: SpareProcess, tmp_path: Path) -> None:
     spare.prepare()
     process = spare._process
     assert process is not None
     process.kill()
     process.wait(10)
-    assert spare.take("h1", tmp_path / "x.log") is None
+    assert spare.take("agent", "h1", tmp_path / "x.log") is None
     spare.prepare()
     assert spare._process is not process
 
 
-def test_a_host_without_agents_has_no_spare(tmp_path: Path) -> None:
-    spare = SpareAgent(tmp_path / "lab.toml", [], tmp_path / "spare.log")
+def test_a_host_without_jobs_for_it_has_no_spare(tmp_path: Path) -> None:
+    spare = SpareProcess(tmp_path / "lab.toml", [], tmp_path / "spare.log")
     spare.prepare()
-    assert spare.take("h1", tmp_path / "x.log") is None
+    assert spare.take("agent", "h1", tmp_path / "x.log") is None
     assert not (tmp_path / "spare.log").exists()
     spare.close()
 

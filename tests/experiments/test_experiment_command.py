@@ -17,7 +17,12 @@ runner = CliRunner()
 def test_experiments_are_listed() -> None:
     result = runner.invoke(app, ["experiment", "--list"])
     assert result.exit_code == 0
-    assert [line.split()[0] for line in result.stdout.splitlines()] == ["hover", "horizon", "formation"]
+    assert [line.split()[0] for line in result.stdout.splitlines()] == [
+        "hover",
+        "horizon",
+        "formation",
+        "chain",
+    ]
 
 
 def test_hover_prints_its_document_and_draws_its_figure(
@@ -65,7 +70,7 @@ def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["tea"], "known are hover, horizon, formation"),
+        (["tea"], "known are hover, horizon, formation, chain"),
         (["hover", "--seeds", "1,x"], "different whole numbers"),
         (["hover", "--seeds", "1,1"], "different whole numbers"),
         (["hover", "--plot", "figure.doc"], "allowed endings"),

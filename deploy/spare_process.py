@@ -1,12 +1,16 @@
-"""The supervisor's side of the spare agent process."""
+"""The supervisor's side of the spare process."""
 
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 READY = b"ready\n"
+
+Job = tuple[str, str]
+"""Role and unit of a process."""
 
 
 def child_environment() -> dict[str, str]:
@@ -18,22 +22,22 @@ def child_environment() -> dict[str, str]:
     }
 
 
-class SpareAgent:
-    """At most one spare process for the agents of this host.
+class SpareProcess:
+    """At most one spare process for what must be back at once on this host.
 
     Parameters
     ----------
     fleet_path
         Fleet file handed to the spare.
-    vehicles
-        Vehicles it must be able to take over; none means that there is never a spare.
+    jobs
+        Roles and units it must be able to take over; none means that there is never a spare.
     log
         Log file of the spare until it takes over.
     """
 
-    def __init__(self, fleet_path: Path, vehicles: list[str], log: Path) -> None:
+    def __init__(self, fleet_path: Path, jobs: Sequence[Job], log: Path) -> None:
         self._fleet_path = fleet_path
-        self._vehicles = vehicles
+        self._jobs = tuple(jobs)
         self._log = log
         self._process: subprocess.Popen[bytes] | None = None
         self._heard = b""
@@ -42,13 +46,14 @@ class SpareAgent:
         """Start the spare if there is none."""
         if self._process is not None and self._process.poll() is None:
             return
-        if not self._vehicles:
+        if not self._jobs:
             return
         self.close()
         self._heard = b""
+        words = [f"{role}:{unit}" for role, unit in self._jobs]
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "deploy.spare", str(self._fleet_path), *self._vehicles],
+                [sys.executable, "-m", "deploy.spare", str(self._fleet_path), *words],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
@@ -58,13 +63,13 @@ class SpareAgent:
         if self._process.stdout is not None:
             os.set_blocking(self._process.stdout.fileno(), False)
 
-    def take(self, vehicle: str, log: Path) -> subprocess.Popen[bytes] | None:
-        """Let the spare take over a vehicle; None if it is not ready."""
+    def take(self, role: str, unit: str, log: Path) -> subprocess.Popen[bytes] | None:
+        """Let the spare take over a job; None if that is none of its jobs or it is not ready."""
         process = self._process
-        if process is None or process.stdin is None or not self.ready():
+        if (role, unit) not in self._jobs or process is None or process.stdin is None or not self.ready():
             return None
         try:
-            process.stdin.write((json.dumps({"vehicle": vehicle, "log": str(log)}) + "\n").encode())
+            process.stdin.write((json.dumps({"role": role, "unit": unit, "log": str(log)}) + "\n").encode())
             process.stdin.close()
         except BrokenPipeError:
             return None

@@ -1,0 +1,229 @@
+"""Kills processes of a flying fleet and measures how long it takes until the vehicles are flown again.
+
+The fleet hovers in formation in the simulated laboratory; one process after the other gets SIGKILL. Times are
+those of arrival in this process, which runs on the same host.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bus import channels
+from bus.messages import AgentStatus, TransmitterStatus
+from bus.session import Session
+from deploy.fleet import load_fleet
+from deploy.launcher import Launcher
+from deploy.role_settings import bus_address, pilot_of
+from ground_station.fleet import Fleet
+from ground_station.launched import launched
+from ground_station.recorder import Recorder, Recording
+from ground_station.report import percentiles
+from ground_station.waiting import NotReachedError
+
+SETTLE_S = 3.0
+WATCH_S = 4.0
+SPARE_LIMIT_S = 30.0
+HEIGHT_M = 1.0
+START_UP_RUNS = 5
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Victim:
+    """A process to kill.
+
+    Attributes
+    ----------
+    process
+        Name at the supervisor.
+    vehicles
+        Vehicles whose flight depends on it.
+    """
+
+    process: str
+    vehicles: tuple[str, ...]
+
+
+def victims_of(fleet: Fleet) -> list[Victim]:
+    """The agents of a leader and of a follower, the router and the Vicon gateway."""
+    names = tuple(fleet.file.vehicles)
+    leaders = [name for name in names if not fleet.file.vehicles[name].follow]
+    followers = [name for name in names if fleet.file.vehicles[name].follow]
+    agents = [*leaders[:1], *followers[:1]]
+    return [
+        *(Victim(f"agent-{name}", (name,)) for name in agents),
+        Victim("router", names),
+        Victim("tracker", names),
+    ]
+
+
+def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:
+    """Measure; returns the JSON document of `rcopterx bench restart`.
+
+    Raises
+    ------
+    NotReachedError
+        A vehicle did not come back.
+    """
+    start_up = measured_start_up(path, tell)
+    kills: dict[str, list[dict[str, Any]]] = {}
+    with launched(path) as fleet:
+        if fleet.launcher is None:
+            raise NotReachedError("the fleet was not started here")
+        start_up["open_ms"] = _open_ms(fleet)
+        fleet.take_off(height_m=HEIGHT_M)
+        fleet.wait_for_formation()
+        for number in range(rounds):
+            for victim in victims_of(fleet):
+                tell(f"round {number + 1} of {rounds}: {victim.process}")
+                row = _killed(fleet, fleet.launcher, victim)
+                kills.setdefault(victim.process, []).append(row)
+    return {
+        "fleet": fleet.file.name,
+        "rounds": rounds,
+        "start_up_ms": start_up,
+        "kills": {process: _summary(rows) for process, rows in kills.items()},
+    }
+
+
+def measured_start_up(path: Path, tell: Tell) -> dict[str, float]:
+    """What an agent that is not warm spends before it can open the bus [ms], medians of a few runs."""
+    tell("start-up of a cold agent")
+    code = "import agents.process, deploy.role_settings"
+    bare = _median_ms(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True))
+    imports = _median_ms(lambda: subprocess.run([sys.executable, "-c", code], check=True))
+    file = load_fleet(path)
+    name = next(iter(file.vehicles))
+    return {
+        "interpreter_ms": bare,
+        "imports_ms": round(imports - bare, 1),
+        "pilot_ms": _median_ms(lambda: pilot_of(load_fleet(path), name)),
+    }
+
+
+def _median_ms(work: Callable[[], object]) -> float:
+    times = []
+    for _ in range(START_UP_RUNS):
+        started_s = time.monotonic()
+        work()
+        times.append(1000 * (time.monotonic() - started_s))
+    return round(float(np.median(times)), 1)
+
+
+def _open_ms(fleet: Fleet) -> float:
+    address = bus_address(fleet.file, next(iter(fleet.file.hosts)))
+    return _median_ms(lambda: Session(address).close())
+
+
+def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
+    supervisor = launcher.supervisor
+    fleet.wait_until(lambda: supervisor.spare_ready, SPARE_LIMIT_S, "no spare process")
+    recorder = Recorder(fleet.session)
+    recorder.start()
+    _wait(fleet, SETTLE_S)
+    before = {name: _counts(fleet, name) for name in fleet.file.vehicles}
+    pid = supervisor.pid(victim.process)
+    if pid is None:
+        raise NotReachedError(f"{victim.process} does not run")
+    killed_s = fleet.session.clock()
+    os.kill(pid, signal.SIGKILL)
+    _wait(fleet, WATCH_S)
+    fleet.wait_until(
+        lambda: all(fleet.state_of(name).phase == "flying" for name in fleet.file.vehicles),
+        WATCH_S,
+        f"not flying after {victim.process} was killed",
+        fleet.file.vehicles,
+    )
+    recording = recorder.stop()
+    others = [name for name in fleet.file.vehicles if name not in victim.vehicles]
+    after = {name: _counts(fleet, name) for name in fleet.file.vehicles}
+    return {
+        "flown_again_ms": max(_flown_again_ms(recording, name, killed_s) for name in victim.vehicles),
+        "deviation_mm": _deviation_mm(recording, victim.vehicles, killed_s),
+        "deviation_before_mm": _deviation_mm(recording, victim.vehicles, killed_s, before=True),
+        "others_deviation_mm": _deviation_mm(recording, others, killed_s),
+        "others_deviation_before_mm": _deviation_mm(recording, others, killed_s, before=True),
+        "events": _difference(before, after),
+    }
+
+
+def _wait(fleet: Fleet, seconds: float) -> None:
+    with suppress(NotReachedError):
+        fleet.wait_until(lambda: False, seconds, "")
+
+
+def _flown_again_ms(recording: Recording, name: str, killed_s: float) -> float:
+    """From the kill to the first radio frame whose command was computed from a pose after it."""
+    poses = recording.messages(channels.POSE, name)
+    after = {(pose.epoch, pose.frame) for pose, arrived_s in poses if arrived_s > killed_s}
+    for applied, arrived_s in recording.messages(channels.APPLIED, name):
+        if applied.fresh and applied.state == "armed" and (applied.epoch, applied.frame) in after:
+            return round(1000 * (arrived_s - killed_s), 1)
+    raise NotReachedError(f"{name} is not flown any more")
+
+
+def _deviation_mm(
+    recording: Recording, names: Sequence[str], killed_s: float, *, before: bool = False
+) -> float | None:
+    """Largest distance of the vehicles from the middle of their true places before the kill [mm]."""
+    states = recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)
+    largest = None
+    for name in names:
+        early = [np.array(m.vehicles[name].position_m) for m, at_s in states if at_s <= killed_s]
+        chosen = (
+            early
+            if before
+            else [np.array(m.vehicles[name].position_m) for m, at_s in states if at_s > killed_s]
+        )
+        middle = np.mean(early, axis=0)
+        distance = max(1000 * float(np.linalg.norm(place - middle)) for place in chosen)
+        largest = distance if largest is None else max(largest, distance)
+    return None if largest is None else round(largest, 1)
+
+
+def _counts(fleet: Fleet, name: str) -> dict[str, int]:
+    """Counters of the agent and the transmitter that tell of something unusual."""
+    state = fleet.state_of(name)
+    found: dict[str, int] = {}
+    if isinstance(state.agent, AgentStatus):
+        found |= {f"agent {kind}": count for kind, count in state.agent.fallbacks.items()}
+    if isinstance(state.transmitter, TransmitterStatus):
+        found |= {
+            f"transmitter {kind}": count
+            for kind, count in state.transmitter.counters.items()
+            if kind.startswith("entered") or kind == "planned inputs played"
+        }
+    return found
+
+
+def _difference(
+    before: dict[str, dict[str, int]], after: dict[str, dict[str, int]]
+) -> dict[str, dict[str, int]]:
+    """What was counted in between; a process that started again counts from zero."""
+    return {
+        name: {
+            kind: count - was
+            for kind, count in after[name].items()
+            if count != (was := before[name].get(kind, 0) if count >= before[name].get(kind, 0) else 0)
+        }
+        for name in after
+    }
+
+
+def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    figures: dict[str, Any] = {}
+    for field in rows[0]:
+        values = [row[field] for row in rows if isinstance(row[field], float)]
+        if values:
+            figures[field] = percentiles(values)
+    return figures | {"events": [row["events"] for row in rows]}

@@ -1,0 +1,172 @@
+"""Chains, trees and formations with several leaders: how errors grow with the generations below the head.
+
+The head flies set points in laboratory conditions; the error of each follower is its distance from where its
+own leaders truly are plus the offset, so that what a chain adds up is told apart.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from agents.topology import ancestors, places
+from bus.messages import Following
+from experiments.events import Event, GoTo
+from experiments.record import rms
+from experiments.rig import Progress, Rig, RigVehicle
+from experiments.runner import Options, Result, Tell, Work, run_all
+from experiments.schemes import CASCADE
+from simulator.conditions import LABORATORY
+from simulator.plant import Pose
+from vehicles.state import Array
+from vehicles.types import COAXIAL
+
+SLOT_S: Final = 5.0
+SETTLED_S: Final = 5.0
+"""Errors count from here on: estimators start at rest without knowing trim and turbulence."""
+HORIZON: Final = 50
+QUICK_HORIZON: Final = 20
+HEAD: Final = "h1"
+START: Final = (0.4, 0.0, 1.0, 0.5)
+"""Where the head hovers at first: x, y, z [m], yaw [rad]."""
+STEPS_M: Final = ((0.0, 0.3, 0.2), (0.3, 0.0, 0.0), (-0.4, -0.2, -0.2), (0.0, 0.0, 0.3), (0.1, 0.1, -0.3))
+"""Set points of the head relative to its start, one after the other."""
+
+Links = dict[str, tuple[Following, ...]]
+
+
+def _behind(leader: str, x: float, y: float, frame: str, weight: float = 1.0) -> Following:
+    return Following(leader=leader, offset_m=(x, y, 0.0), frame=frame, weight=weight)
+
+
+def shapes() -> dict[str, Links]:
+    """Formations by name: a chain of five in both offset frames, a tree, and several leaders per vehicle."""
+    found: dict[str, Links] = {}
+    for frame in ("inertial", "heading"):
+        found[f"chain_{frame}"] = {HEAD: ()} | {
+            f"h{number}": (_behind(f"h{number - 1}", -0.4, 0.0, frame),) for number in range(2, 6)
+        }
+    found["tree"] = {HEAD: ()} | {
+        f"h{number}": (
+            _behind(f"h{number // 2}", -0.4, 1.2 / number * (1 if number % 2 else -1), "inertial"),
+        )
+        for number in range(2, 8)
+    }
+    found["several_leaders"] = {
+        HEAD: (),
+        "h2": (_behind(HEAD, -0.4, 0.4, "heading"),),
+        "h3": (_behind(HEAD, -0.4, -0.4, "heading"),),
+        "h4": (_behind("h2", -0.4, -0.4, "heading"), _behind("h3", -0.4, 0.4, "heading")),
+        "h5": (_behind("h4", -0.4, 0.0, "inertial", 2.0), _behind(HEAD, -1.0, 0.0, "inertial", 1.0)),
+    }
+    return found
+
+
+def vehicles(links: Links, horizon: int = HORIZON) -> list[RigVehicle]:
+    """Vehicles of a formation in the air, each at its place."""
+    where = places(links, {HEAD: np.array(START)})
+    found = []
+    for name, following in links.items():
+        x, y, z, yaw = where[name].tolist()
+        found.append(
+            RigVehicle(
+                name,
+                COAXIAL,
+                Pose((x, y, z), yaw),
+                CASCADE.controller,
+                CASCADE.settings,
+                horizon=horizon,
+                following=following,
+            )
+        )
+    return found
+
+
+def fly_shape(
+    links: Links, seed: int, quick: bool = False, progress: Progress | None = None
+) -> dict[str, Array]:
+    """Fly a formation.
+
+    Returns
+    -------
+    dict
+        Errors of every follower in every settled control period [m].
+    """
+    steps = STEPS_M[: 2 if quick else None]
+    x, y, z, yaw = START
+    events: Sequence[Event] = [
+        GoTo((number + 1) * SLOT_S, HEAD, (x + dx, y + dy, z + dz), yaw)
+        for number, (dx, dy, dz) in enumerate(steps)
+    ]
+    rig = Rig(vehicles(links, QUICK_HORIZON if quick else HORIZON), LABORATORY, seed)
+    record = rig.fly((len(steps) + 1) * SLOT_S, events, progress)
+    return {name: record[name].formation_error_m(SETTLED_S) for name, own in links.items() if own}
+
+
+def run(options: Options, tell: Tell) -> Result:
+    """Fly every formation on every seed.
+
+    Returns
+    -------
+    Result
+        Document: formation -> vehicle -> generation, root mean square and largest error.
+    """
+    formations = shapes()
+    cases = [(name, seed) for name in formations for seed in options.seeds]
+    works = [
+        Work(f"{name}, seed {seed}", partial(fly_shape, formations[name], seed, options.quick))
+        for name, seed in cases
+    ]
+    flights = run_all(works, options.processes, tell)
+    document = {
+        name: figures(links, [errors for (own, _), errors in zip(cases, flights, strict=True) if own == name])
+        for name, links in formations.items()
+    }
+    return Result(document, partial(draw_chain, document))
+
+
+def figures(links: Links, flights: Sequence[Mapping[str, Array]]) -> dict[str, dict[str, float]]:
+    """Table of a formation: by vehicle its generation, and the errors of all flights together."""
+    return {
+        name: {
+            "generation": generation(links, name),
+            "rms_mm": round(1000 * rms(np.concatenate([errors[name] for errors in flights])), 2),
+            "max_mm": round(1000 * max(float(errors[name].max()) for errors in flights), 2),
+        }
+        for name, own in links.items()
+        if own
+    }
+
+
+def generation(links: Links, name: str) -> int:
+    """Longest way up to a head; 0 for a head."""
+    own = [link.leader for link in links[name]]
+    return 0 if not ancestors(links, name) else 1 + max(generation(links, leader) for leader in own)
+
+
+def draw_chain(document: Mapping[str, Mapping[str, Mapping[str, float]]], figure: Any) -> None:
+    """Draw errors against the generation.
+
+    Parameters
+    ----------
+    document
+        As `run` returns it.
+    figure
+        Empty `matplotlib.figure.Figure`.
+    """
+    figure.set_size_inches(8, 4.5)
+    axes = figure.subplots()
+    for name, table in document.items():
+        rows = sorted((row["generation"], row["rms_mm"], row["max_mm"]) for row in table.values())
+        generations = [row[0] for row in rows]
+        (line,) = axes.plot(generations, [row[1] for row in rows], "o-", label=f"{name}, rms")
+        axes.plot(generations, [row[2] for row in rows], "^:", color=line.get_color(), label=f"{name}, max")
+    axes.set_xlabel("generation below the head")
+    axes.set_ylabel("distance from the place beside the own leaders [mm]")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xticks(sorted({int(row["generation"]) for table in document.values() for row in table.values()}))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small", ncols=2)
+    figure.suptitle("Errors along a chain, a tree and with several leaders, laboratory conditions")
+    figure.tight_layout()

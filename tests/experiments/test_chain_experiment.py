@@ -1,0 +1,43 @@
+"""Promises of long formations in the rig: nobody drifts away from its leaders, whatever the graph."""
+
+import numpy as np
+import pytest
+
+from agents.topology import ancestors, cycle
+from experiments.chain import draw_chain, figures, fly_shape, generation, shapes
+from experiments.record import rms
+
+SHAPES = shapes()
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_follower_stays_beside_its_leaders(name: str) -> None:
+    errors = fly_shape(SHAPES[name], 0, quick=True)
+    assert errors.keys() == {vehicle for vehicle, own in SHAPES[name].items() if own}
+    for vehicle, values in errors.items():
+        assert rms(values) < 0.02, vehicle
+        assert values.max() < 0.08, vehicle
+
+
+def test_the_shapes_are_chains_of_five_trees_and_several_leaders_in_both_frames() -> None:
+    assert all(cycle(links) == () for links in SHAPES.values())
+    for frame in ("inertial", "heading"):
+        chain = SHAPES[f"chain_{frame}"]
+        assert ancestors(chain, "h5") == ("h4", "h3", "h2", "h1")
+        assert {link.frame for own in chain.values() for link in own} == {frame}
+    assert [generation(SHAPES["tree"], f"h{number}") for number in range(1, 8)] == [0, 1, 1, 2, 2, 2, 2]
+    several = SHAPES["several_leaders"]
+    assert [len(several[name]) for name in ("h4", "h5")] == [2, 2]
+    assert generation(several, "h5") == 3
+
+
+def test_figures_are_those_of_all_flights_together() -> None:
+    from matplotlib.figure import Figure
+
+    links = SHAPES["chain_inertial"]
+    flights = [{name: np.array([0.003, 0.004]) for name in ("h2", "h3", "h4", "h5")} for _ in range(2)]
+    table = figures(links, flights)
+    assert table["h3"] == {"generation": 2, "rms_mm": 3.54, "max_mm": 4.0}
+    figure = Figure()
+    draw_chain({"chain_inertial": table}, figure)
+    assert len(figure.axes) == 1
