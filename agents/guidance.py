@@ -23,6 +23,8 @@ OFFSET_SPEED_M_S = 0.5
 SHORTEST_TRANSITION_S = 0.5
 """Of an offset, unless a request says otherwise: also a small error is not taken back at once."""
 FLOOR_TOLERANCE_M = 0.03
+BELOW_FLOOR_M = 0.1
+"""A vehicle at the height of the floor whose reference is so far below it stands there."""
 STUCK_DEPTH_M = 0.2
 """A landing vehicle that stays so far above its reference stands on something."""
 FLOOR_SPEED_M_S = 0.1
@@ -307,6 +309,9 @@ class Guidance:
         # An agent that restarted in flight does not know how high the floor is where the vehicle stood.
         reference_m = self.source.sample(time_s, 1.0, 1).position_m[0, 2]
         low = estimate.motion[2] < self._floor_m + FLOOR_TOLERANCE_M
+        if low and reference_m < self._floor_m - BELOW_FLOOR_M:
+            # Pushed against a floor that its model does not know, a vehicle may bounce and never be slow.
+            return self.on_event(Event.TOUCHED_DOWN, estimate)
         low = low or estimate.motion[2] > reference_m + STUCK_DEPTH_M
         slow = abs(estimate.motion[6]) < FLOOR_SPEED_M_S
         if not (low and slow):

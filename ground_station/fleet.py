@@ -35,6 +35,8 @@ from ground_station.waiting import NotReachedError
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1
 ARM_RETRY_S = 0.1
+DISARM_S = 1.0
+"""For the agents to tell that they are disarmed."""
 STAY_BEHIND_S = 5.0
 """How long everybody is waited for before those that are ready take off without the others."""
 
@@ -376,6 +378,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         for vehicle in told:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 vehicle.disarm()
+        # Whoever takes off next must not take the last words before disarming for the present.
+        self._bell.wait_until(lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S)
         if problems:
             raise problems[0]
 

@@ -189,8 +189,22 @@ def test_a_vehicle_that_passes_low_and_fast_has_not_landed() -> None:
     guidance = armed()
     guidance.take_off(FLOOR, 0.8, 0.0)
     guidance.land(at((0.2, 0.1, 0.3)), 0.5)
-    bounces = 0.06 + 0.02 * np.sin(0.6 * np.arange(100))
+    path = guidance.source.sample(0.5, PERIOD_S, 500).position_m[:, 2]
+    above = int(np.sum(path > FLOOR.motion[2]))
+    bounces = 0.06 + 0.02 * np.sin(0.6 * np.arange(above))
     assert land(guidance, bounces, 0.5) == []
+
+
+def test_a_vehicle_that_bounces_on_the_floor_has_landed_when_its_descent_ends_far_below() -> None:
+    guidance = armed()
+    guidance.take_off(FLOOR, 0.8, 0.0)
+    guidance.land(at((0.2, 0.1, 0.3)), 0.5)
+    path = guidance.source.sample(0.5, PERIOD_S, 500).position_m[:, 2]
+    floor_m = FLOOR.motion[2]
+    bounces = np.maximum(path, floor_m + np.abs(0.12 * np.sin(0.3 * np.arange(500))))
+    (touchdown_s,) = land(guidance, bounces, 0.5)
+    assert guidance.phase is Phase.ARMED
+    assert path[round((touchdown_s - 0.5) / PERIOD_S) - 1] < floor_m - 0.05
 
 
 def test_landing_asked_twice_goes_on() -> None:
