@@ -122,6 +122,7 @@ def _killed(vehicle: str) -> Step:
     """Kill an agent in flight, and fly on."""
     return in_order(
         steps.spare_ready,
+        pause(1.0),
         steps.killed(f"agent-{vehicle}"),
         steps.everybody_commanded,
         steps.formed(),
@@ -266,14 +267,27 @@ ROWS: Final = (
         (*always(), formation_held(), followed("h3", "h1"), distance_kept()),
     ),
     Manoeuvre(
-        "land-and-join",
-        "A follower lands while the others fly on, takes off again and joins the formation",
+        "land-and-return",
+        "A follower lands while the others fly on, takes off again and is back in formation",
         20.0,
         in_order(
             steps.land("h3"), go_to((0.2, 0.0, 1.0)), steps.take_off("h3"), steps.formed(),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
         (*controlled(), formation_held(), followed("h3", "h1"), ends_at("h3", (-0.4, -0.5, 1.0))),
+    ),
+    Manoeuvre(
+        "leave-and-join",
+        "A follower lands and its agent ends; it is started again, takes off and joins the formation",
+        25.0,
+        in_order(
+            steps.leave("h3"), go_to((0.2, 0.0, 1.0)), steps.join("h3"),
+            go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
+        ),
+        (
+            *controlled(), formation_held(), followed("h3", "h1"), agents_started_again("h3"),
+            ends_at("h3", (-0.4, -0.5, 1.0)),
+        ),
     ),
     Manoeuvre(
         "follower-killed",
@@ -302,7 +316,7 @@ ROWS: Final = (
         "An agent hangs for 150 ms: its plan's inputs bridge, then the transmitter gateway holds",
         6.0,
         in_order(
-            steps.frozen("agent-h2", 0.15), steps.everybody_commanded, steps.formed(), pause(1.0),
+            pause(1.0), steps.frozen("agent-h2", 0.15), steps.everybody_commanded, steps.formed(), pause(1.0),
         ),
         (*in_the_air(), played_in_state("h2", "hold"), agents_started_again("h2", 0), distance_kept()),
         launched=True,
@@ -312,7 +326,7 @@ ROWS: Final = (
         "The Vicon gateway hangs for 200 ms: agents predict, transmitter gateways hold, then all fly on",
         6.0,
         in_order(
-            steps.frozen("tracker", 0.2), steps.everybody_commanded, steps.formed(), pause(1.0),
+            pause(1.0), steps.frozen("tracker", 0.2), steps.everybody_commanded, steps.formed(), pause(1.0),
         ),
         (*in_the_air(), played_in_state("h1", "hold"), distance_kept()),
         launched=True,

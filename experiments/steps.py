@@ -120,6 +120,25 @@ def promote(name: str) -> Step:
     return fly
 
 
+def leave(name: str) -> Step:
+    """Let a vehicle leave: it lands and its agent ends."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: leaves")
+        fleet.leave(name)
+
+    return fly
+
+
+def join(name: str) -> Step:
+    """Let a vehicle that has left come back: its agent starts, it takes off and follows its leaders."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: joins; {fleet.join(name)}")
+
+    return fly
+
+
 def formed(tolerance_m: float = SETTLED_M) -> Step:
     """Wait until every follower is at its place."""
 

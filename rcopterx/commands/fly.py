@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ground_station.fleet import Fleet
-from ground_station.waiting import NotReachedError, StoppedError
+from ground_station.waiting import NotReachedError, StoppedError, stopped_by
 from rcopterx.commands.launch import launched
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 
@@ -94,7 +94,8 @@ def _fly_row(
         return
     started_s = time.monotonic()
     try:
-        fleet.wait_ready()
+        with stopped_by(stop):
+            fleet.wait_ready()
         flown = fly_manoeuvre(row, fleet, progress.say, lambda seconds: progress.wait(seconds, stop), stop)
     except StoppedError:
         results.add(not_flown(row, "failed", "interrupted"))

@@ -64,6 +64,7 @@ def launched(
         signal.signal(number, interrupts)
     with launcher:
         fleet = Fleet(file, this_host, timeout_s=FIRST_STATUS_S)
+        fleet.launcher = launcher
         try:
             yield file, launcher, fleet, interrupts
         finally:
