@@ -309,7 +309,8 @@ class Guidance:
         # An agent that restarted in flight does not know how high the floor is where the vehicle stood.
         reference_m = self.source.sample(time_s, 1.0, 1).position_m[0, 2]
         low = estimate.motion[2] < self._floor_m + FLOOR_TOLERANCE_M
-        if low and reference_m < self._floor_m - BELOW_FLOOR_M:
+        at_floor = abs(estimate.motion[2] - self._floor_m) < FLOOR_TOLERANCE_M
+        if at_floor and reference_m < self._floor_m - BELOW_FLOOR_M:
             # Pushed against a floor that its model does not know, a vehicle may bounce and never be slow.
             return self.on_event(Event.TOUCHED_DOWN, estimate)
         low = low or estimate.motion[2] > reference_m + STUCK_DEPTH_M

@@ -207,6 +207,14 @@ def test_a_vehicle_that_bounces_on_the_floor_has_landed_when_its_descent_ends_fa
     assert path[round((touchdown_s - 0.5) / PERIOD_S) - 1] < floor_m - 0.05
 
 
+def test_a_vehicle_that_goes_on_below_the_floor_it_took_off_from_has_not_landed_there() -> None:
+    guidance = armed()
+    guidance.take_off(FLOOR, 0.8, 0.0)
+    guidance.land(at((0.9, 0.9, 0.8)), 0.5)
+    path = guidance.source.sample(0.5, PERIOD_S, 500).position_m[:, 2]
+    assert land(guidance, path[path > FLOOR.motion[2] - 0.25], 0.5) == []
+
+
 def test_landing_asked_twice_goes_on() -> None:
     guidance = flying()
     guidance.land(ALOFT, 0.0)
