@@ -128,6 +128,13 @@ class RecallReply(Reply, frozen=True, kw_only=True):
     age_s: Seconds = 0.0
 
 
+class SetRadio(Request, frozen=True, kw_only=True):
+    """Break or mend a radio module of the simulated laboratory."""
+
+    condition: Annotated[str, Meta(pattern="^(ready|unplugged|off|refusing)$")]
+    """Cable pulled; module without power; firmware without DSM2."""
+
+
 @dataclass(frozen=True)
 class Verb:
     """One row of the table: who serves the verb, and the types that travel."""
@@ -162,6 +169,7 @@ VERBS: Final = {
         Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part"),
         Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave"),
         Verb("recall", "launcher", Recall, "last status of the vehicle's previous agent", RecallReply),
+        Verb("set_radio", "simulator", SetRadio, "break or mend a simulated radio module"),
     )
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""

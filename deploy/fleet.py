@@ -101,6 +101,8 @@ class Transmitter(Table, frozen=True, kw_only=True):
     gateway: Name = "transmitters"
     protocol: Literal["multi", "dsm2_serial", "dsmp", "ppm"] = "multi"
     model_match: Annotated[int, Meta(ge=0, le=63)] = 0
+    low_power: bool = False
+    """Ask the radio for low power."""
     settings: dict[str, Any] = {}
     """Settings of the protocol."""
     calibration: dict[str, Any] = {}

@@ -13,7 +13,7 @@ from deploy.run_directory import router_socket, run_directory, serial_path
 from deploy.tables import dataclass_from, replaced
 from simulator.conditions import Conditions, conditions_from
 from simulator.plant import Pose
-from simulator.settings import SimulatedVehicle, SimulatorSettings
+from simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
 from transmitter_gateway.calibration import Calibration
 from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
 from transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
 """What a radio protocol calls the number of the model match; the others have none on the wire."""
-SIMULATED_PROTOCOLS: Final = ("multi",)
 
 
 def bus_address(fleet: Fleet, host: str) -> BusAddress:
@@ -138,16 +137,16 @@ def protocol_of(fleet: Fleet, name: str) -> RadioProtocol:
     transmitter = fleet.vehicles[name].transmitter
     where = f"vehicles.{name}.transmitter"
     protocol = transmitter.protocol
-    if fleet.simulator is not None and protocol not in SIMULATED_PROTOCOLS:
-        allowed = ", ".join(SIMULATED_PROTOCOLS)
-        raise FleetError(f"{where}.protocol: the simulator has no {protocol!r} radio, allowed are {allowed}")
     option = MODEL_MATCH_OPTIONS.get(protocol)
     own: dict[str, Any] = {} if option is None else {option: transmitter.model_match}
     line = None if fleet.simulator is None else replace(default_line(protocol), parity="N")
     try:
-        return create_protocol(protocol, own | transmitter.settings, line)
+        radio = create_protocol(protocol, own | transmitter.settings, line)
     except ProtocolError as error:
         raise FleetError(f"{where}.settings: {error}") from None
+    if transmitter.low_power and "low_power" not in radio.offers:
+        raise FleetError(f"{where}.low_power: cannot be asked for with protocol {protocol!r}")
+    return radio
 
 
 def limits_of(fleet: Fleet, name: str) -> ArbiterLimits:
@@ -178,6 +177,7 @@ def gateway_settings(fleet: Fleet, gateway: str, directory: Path) -> GatewaySett
                 protocol=protocol_of(fleet, name),
                 calibration=calibration_of(vehicle, name),
                 limits=limits_of(fleet, name),
+                low_power=vehicle.transmitter.low_power,
             )
             for name, vehicle in fleet.vehicles.items()
             if vehicle.transmitter.gateway == gateway
@@ -271,8 +271,7 @@ def _simulated(fleet: Fleet, name: str, directory: Path) -> SimulatedVehicle:
         model=model_of(fleet, name),
         start=Pose(place[:3], place[3]),
         port=str(serial_path(vehicle.transmitter.port, directory)),
-        protocol=vehicle.transmitter.protocol,
-        model_match=vehicle.transmitter.model_match,
+        radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
         calibration=calibration_of(vehicle, name),
     )
 

@@ -8,7 +8,9 @@ import time
 from bus import channels
 from bus.messages import LaboratoryState, LaboratoryVehicle
 from bus.realtime import request_realtime, settle
-from bus.session import Session
+from bus.requests import Reply, SetRadio
+from bus.session import Incoming, Session
+from simulator.radio_kinds import set_condition
 from simulator.room import Room
 from simulator.settings import SimulatedVehicle, SimulatorSettings
 from simulator.tracker import TrackerServer
@@ -31,6 +33,8 @@ class Simulator:
         self._room = Room(settings.vehicles, settings.conditions, settings.seed, start_s)
         self._frame = 0
         self._frame_at_s = start_s + self._period_s
+        for name in self._room.radios:
+            session.serve(name, ["set_radio"])
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
     def wait(self) -> None:
@@ -44,6 +48,8 @@ class Simulator:
         """Everything that is due now."""
         self._tracker.poll()
         now_s = self._clock()
+        for incoming in self._session.pending():
+            incoming.answer(self._obey(incoming, now_s))
         self._room.advance(min(now_s, self._frame_at_s))
         if now_s >= self._frame_at_s:
             published = self._tracker.publish(self._room.capture(self._frame))
@@ -52,6 +58,13 @@ class Simulator:
             )
             self._frame += 1
             self._frame_at_s += self._period_s
+
+    def _obey(self, incoming: Incoming, now_s: float) -> Reply:
+        request = incoming.request
+        if not isinstance(request, SetRadio):
+            return Reply(accepted=False, reason=f"the simulator does not serve {incoming.verb}")
+        refusal = set_condition(self._room.radios[incoming.unit], request.condition, now_s)
+        return Reply(accepted=refusal is None, reason=refusal or "")
 
     def close(self) -> None:
         """Switch the laboratory off."""

@@ -81,6 +81,7 @@ class RadioPty:
         self._serviced_s: float | None = None
         self._fed_s = 0.0
         self._exclusive_cleared = False
+        self._powered = True
         self._open()
 
     def _open(self) -> None:
@@ -109,7 +110,7 @@ class RadioPty:
         """Take the bytes written, let the time pass, and write the answers."""
         if self.is_open:
             self._read(now_s)
-        answers = self.link.advance(now_s)
+        answers = self.link.advance(now_s) if self._powered else b""
         if answers and self.is_open:
             try:
                 os.write(self._master, answers)
@@ -124,6 +125,9 @@ class RadioPty:
             self._clear_exclusive(now_s)
             return
         self._fed_s, self._exclusive_cleared = now_s, False
+        if not self._powered:
+            self.counters["bytes for a module without power"] += len(data)
+            return
         for start_s, frame in self._separated(data, now_s):
             self.link.feed(frame, start_s)
 
@@ -159,9 +163,10 @@ class RadioPty:
         return self.link.output(now_s)
 
     def unplug(self) -> None:
-        """Pull the cable: the device vanishes for whoever has it open."""
+        """Pull the cable, which also feeds the module: the device vanishes for whoever has it open."""
         if not self.is_open:
             return
+        self._powered = False
         target = os.ttyname(self._slave)
         os.close(self._master)
         os.close(self._slave)
@@ -170,9 +175,19 @@ class RadioPty:
             self.path.unlink()
 
     def replug(self, now_s: float) -> None:
-        """Plug the cable in again; the module loses its power meanwhile and boots."""
+        """Plug the cable in again; the module was without power and boots."""
         if not self.is_open:
             self._open()
+            self.switch_on(now_s)
+
+    def switch_off(self) -> None:
+        """Take the module's power away; the serial adapter stays."""
+        self._powered = False
+
+    def switch_on(self, now_s: float) -> None:
+        """Give the module its power back; it boots."""
+        if not self._powered:
+            self._powered = True
             self.link.module.power_cycle(now_s)
 
     def close(self) -> None:

@@ -79,7 +79,7 @@ class MultiModule(RadioModule):
     ) -> None:
         super().__init__(BYTE_S, END_OF_FRAME_S, FRAME_LENGTH)
         self._inverted_wiring = inverted_wiring
-        self._knows_dsm2 = knows_dsm2
+        self.knows_dsm2 = knows_dsm2
         self.rf_channels = 0
         self.power_cycle(powered_s)
 
@@ -204,7 +204,7 @@ class MultiModule(RadioModule):
 
     def _valid(self) -> bool:
         frame = self._frame
-        return frame is not None and frame.protocol == DSM and frame.sub_protocol <= 3 and self._knows_dsm2
+        return frame is not None and frame.protocol == DSM and frame.sub_protocol <= 3 and self.knows_dsm2
 
     def _send_channels(self, now_s: float) -> None:
         frame = self._frame

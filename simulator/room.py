@@ -4,7 +4,7 @@ from simulator.conditions import Conditions
 from simulator.laboratory import Laboratory
 from simulator.plant import Pose
 from simulator.radio import RadioLink, RadioPty
-from simulator.radio_multi import MultiModule
+from simulator.radio_kinds import module_of
 from simulator.radio_receiver import Receiver
 from simulator.settings import SimulatedVehicle
 from simulator.tracker_frame import TrackedBody, TrackerFrame
@@ -38,7 +38,8 @@ class Room:
         )
         self.radios = {
             vehicle.name: RadioPty(
-                vehicle.port, RadioLink(MultiModule(start_s), Receiver(vehicle.model_match))
+                vehicle.port,
+                RadioLink(module_of(vehicle.radio, start_s), Receiver(vehicle.radio.model_match)),
             )
             for vehicle in vehicles
         }

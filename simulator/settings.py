@@ -6,7 +6,24 @@ from bus.session import BusAddress
 from simulator.conditions import Conditions
 from simulator.plant import Pose
 from transmitter_gateway.calibration import Calibration
+from transmitter_gateway.protocols.base import RadioProtocol
 from vehicles.model import Model
+
+
+@dataclass(frozen=True)
+class SimulatedRadio:
+    """A radio module and the receiver bound to it.
+
+    Attributes
+    ----------
+    protocol
+        What the vehicle's transmitter gateway speaks; the module is set up to understand it.
+    model_match
+        Number the receiver was bound with.
+    """
+
+    protocol: RadioProtocol
+    model_match: int
 
 
 @dataclass(frozen=True)
@@ -19,8 +36,6 @@ class SimulatedVehicle:
         Name in the emulated Tracker.
     port
         Path of the pseudo-terminal that stands for its radio module.
-    protocol
-        Radio protocol of the module.
     calibration
         How the vehicle's electronics read pulse widths.
     """
@@ -30,8 +45,7 @@ class SimulatedVehicle:
     model: Model
     start: Pose
     port: str
-    protocol: str
-    model_match: int
+    radio: SimulatedRadio
     calibration: Calibration
 
 

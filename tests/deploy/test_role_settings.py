@@ -84,8 +84,8 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
             r"^vehicles\.h1\.transmitter\.settings: multi\.channels: 'a'",
         ),
         (
-            radio('protocol = "ppm"'),
-            r"^vehicles\.h1\.transmitter\.protocol: the simulator has no 'ppm' radio",
+            radio('protocol = "ppm", low_power = true'),
+            r"^vehicles\.h1\.transmitter\.low_power: cannot be asked for with protocol 'ppm'",
         ),
         (PAIR + "[safety.settings]\nbrake = 1", r"^safety\.settings\.brake: unknown field"),
         (PAIR + "[safety.settings]\nhold_after_s = -1.0", r"^safety\.settings: hold_after_s: -1\.0"),

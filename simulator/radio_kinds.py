@@ -1,0 +1,74 @@
+"""Emulated radio modules by the name of their protocol, and what can be wrong with them."""
+
+from collections.abc import Callable
+from typing import Final
+
+from simulator.radio import RadioPty
+from simulator.radio_dsm2 import Dsm2Board
+from simulator.radio_dsmp import DsmpModule
+from simulator.radio_module import RadioModule
+from simulator.radio_multi import MultiModule
+from simulator.radio_ppm import TrainerTransmitter
+from simulator.settings import SimulatedRadio
+from transmitter_gateway.protocols.multi import MultiProtocol
+from transmitter_gateway.protocols.ppm import PpmGenProtocol
+
+
+def _multi(radio: SimulatedRadio, start_s: float) -> RadioModule:
+    wired_inverted = not isinstance(radio.protocol, MultiProtocol) or radio.protocol.settings.inverted_line
+    return MultiModule(start_s, inverted_wiring=wired_inverted)
+
+
+def _trainer(radio: SimulatedRadio, start_s: float) -> RadioModule:
+    settings = radio.protocol.settings if isinstance(radio.protocol, PpmGenProtocol) else None
+    return TrainerTransmitter(settings, model_match=radio.model_match, powered_s=start_s)
+
+
+_MODULES: Final[dict[str, Callable[[SimulatedRadio, float], RadioModule]]] = {
+    "multi": _multi,
+    "dsm2_serial": lambda _, start_s: Dsm2Board(start_s),
+    "dsmp": lambda _, start_s: DsmpModule(start_s),
+    "ppm": _trainer,
+}
+
+
+def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
+    """Module that a vehicle's transmitter protocol talks to, switched on at `start_s` [s].
+
+    It is wired and set as the protocol expects: the faults of a laboratory are asked for separately.
+    """
+    return _MODULES[radio.protocol.name](radio, start_s)
+
+
+def set_condition(radio: RadioPty, condition: str, now_s: float) -> str | None:
+    """Break or mend a radio module while the laboratory runs.
+
+    Parameters
+    ----------
+    radio
+        The module behind its pseudo-terminal.
+    condition
+        `ready`; `unplugged`: the cable is pulled; `off`: the adapter is there, the module has no power;
+        `refusing`: a Multiprotocol module whose firmware knows no DSM2.
+    now_s
+        Clock of the simulator [s].
+
+    Returns
+    -------
+    str or None
+        Why it cannot be done.
+    """
+    module = radio.link.module
+    if condition == "refusing" and not isinstance(module, MultiModule):
+        return "only a Multiprotocol module tells that it does not know the protocol"
+    if isinstance(module, MultiModule):
+        module.knows_dsm2 = condition != "refusing"
+    if condition == "unplugged":
+        radio.unplug()
+        return None
+    radio.replug(now_s)
+    if condition == "off":
+        radio.switch_off()
+    else:
+        radio.switch_on(now_s)
+    return None
