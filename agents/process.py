@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 
+from agents.authority import Authority, share_above
 from agents.controllers.registry import build_controller
 from agents.desk import VERBS, Desk, link_of
 from agents.estimators.registry import build_estimator
@@ -30,8 +31,6 @@ STATUS_PERIOD_S = 0.2
 IDLE_S = 0.1
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
-LEADER_SHARE = 0.8
-"""Share of its input range a leader plans with, once for every level of followers below it."""
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
@@ -49,7 +48,7 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         {"horizon": settings.horizon, **settings.controller_settings},
     )
     if isinstance(controller, SharesAuthority) and "input_range" not in settings.controller_settings:
-        controller.set_input_range(LEADER_SHARE**settings.generations_below)
+        controller.set_input_range(share_above(settings.generations_below))
     estimator = build_estimator(
         settings.estimator, settings.model, settings.period_s, settings.estimator_settings
     )
@@ -77,6 +76,7 @@ class Agent:
         self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
         self._desk = Desk(settings, pilot, self._leaders, self._neighbours, self._clock)
         self._lost = LostLeaders(settings, pilot, self._leaders, self._neighbours, self._clock)
+        self._authority = Authority(vehicle, settings.controller_settings)
         self._pacing = Pacing(settings.period_s)
         self._solve = SolveTimer()
         # Sequences continue over restarts because they start from the wall clock.
@@ -175,6 +175,8 @@ class Agent:
     def _report(self) -> None:
         now_s = self._clock()
         self._status_at_s = now_s + STATUS_PERIOD_S
+        others = {name: status.following for name, status in self._neighbours.statuses().items()}
+        self._authority.tend(self._pilot.controller, others)
         rejected = {f"pose.{kind}": count for kind, count in self._poses.rejected.items()}
         rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
         rejected |= self._leaders.counts()

@@ -42,6 +42,17 @@ def followers(links: Links, name: str) -> tuple[str, ...]:
     return tuple(other for other in links if name in ancestors(links, other))
 
 
+def levels_below(links: Links, name: str) -> int:
+    """Longest line of followers below a vehicle; at most the number of vehicles, should there be a cycle."""
+    level, levels = {name}, 0
+    while levels < len(links):
+        level = {other for other in links if level & set(leaders_of(links, other))}
+        if not level:
+            break
+        levels += 1
+    return levels
+
+
 def roots(links: Links, name: str) -> tuple[str, ...]:
     """Vehicles at the head of the formation a vehicle flies in: itself if it follows nobody."""
     line = ancestors(links, name) or (name,)

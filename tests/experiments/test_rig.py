@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.process import LEADER_SHARE
+from agents.authority import LEADER_SHARE
 from bus.messages import Following
 from experiments.events import Event, Follow, GoTo, Lead, Switch
 from experiments.record import FlightRecord, rms
