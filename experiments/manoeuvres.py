@@ -118,12 +118,12 @@ def _place(second_m: steps.Three, third_m: steps.Three, frame: str = "inertial")
     )
 
 
-def _killed(vehicle: str) -> Step:
-    """Kill an agent in flight, and fly on."""
+def _broken(process: str) -> Step:
+    """Kill a process in flight, and fly on."""
     return in_order(
         steps.spare_ready,
         pause(1.0),
-        steps.killed(f"agent-{vehicle}"),
+        steps.killed(process),
         steps.everybody_commanded,
         steps.formed(),
         go_to((0.2, 0.0, 1.1)),
@@ -293,7 +293,7 @@ ROWS: Final = (
         "follower-killed",
         "The agent of a follower is killed in flight; its successor flies on",
         8.0,
-        _killed("h2"),
+        _broken("agent-h2"),
         (
             *in_the_air(), agents_started_again("h2"), agents_started_again("h3", 0),
             longest_silence("h2", 0.2), position_kept("h2", 150.0), distance_kept(),
@@ -304,7 +304,7 @@ ROWS: Final = (
         "leader-killed",
         "The agent of the leader is killed in flight; its followers do not notice",
         8.0,
-        _killed("h1"),
+        _broken("agent-h1"),
         (
             *in_the_air(), agents_started_again("h1"), agents_started_again("h2", 0),
             longest_silence("h1", 0.2), position_kept("h2", 150.0), distance_kept(),
@@ -329,6 +329,22 @@ ROWS: Final = (
             pause(1.0), steps.frozen("tracker", 0.2), steps.everybody_commanded, steps.formed(), pause(1.0),
         ),
         (*in_the_air(), played_in_state("h1", "hold"), distance_kept()),
+        launched=True,
+    ),
+    Manoeuvre(
+        "vicon-gateway-killed",
+        "The Vicon gateway is killed in flight; its successor continues and everybody flies on",
+        8.0,
+        _broken("tracker"),
+        (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
+        launched=True,
+    ),
+    Manoeuvre(
+        "router-killed",
+        "The bus router is killed in flight; its successor continues and everybody flies on",
+        8.0,
+        _broken("router"),
+        (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
         launched=True,
     ),
     Manoeuvre(

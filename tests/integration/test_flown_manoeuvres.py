@@ -1,0 +1,88 @@
+"""Manoeuvres of the table, flown by the command on fleets of real processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from integration_support import fleet_text, free_port
+
+from ground_station.fleet import Fleet
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+DEPENDS_ON_THE_MACHINE = {
+    "no control period was missed",
+    "h2 was never without a fresh command for more than",
+}
+CASCADE = 'controller = "cascade"\nhorizon = 30'
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "lab.toml"
+    path.write_text(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, control=CASCADE))
+    return path
+
+
+@pytest.fixture
+def environment(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
+    # A short path, because the router's socket lives in it.
+    with TemporaryDirectory(prefix="rcopterx-") as run:
+        monkeypatch.setenv("RCOPTERX_RUN", run)
+        yield os.environ | {"RCOPTERX_RUN": run}
+
+
+def command(path: Path, *arguments: str) -> list[str]:
+    return [sys.executable, "-m", "rcopterx", "fly", *arguments, "--up", "--fleet", str(path)]
+
+
+@pytest.mark.parametrize("name", ["leave-and-join", "follower-killed"])
+def test_a_manoeuvre_is_flown_judged_and_reported(
+    name: str, path: Path, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    done = subprocess.run(
+        command(path, name, "--report", str(tmp_path / "out")),
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert "Traceback" not in done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["problem"] is None, done.stderr
+    failed = [check for check in report["checks"] if not check["passed"]]
+    assert [check for check in failed if not check["name"].startswith(tuple(DEPENDS_ON_THE_MACHINE))] == []
+    assert done.returncode == (1 if failed else 0)
+    assert "<svg" in (tmp_path / "out" / "index.html").read_text()
+
+
+def test_ctrl_c_during_a_manoeuvre_lands_and_stops_everything(
+    path: Path, environment: dict[str, str]
+) -> None:
+    process = subprocess.Popen(
+        command(path, "hover"), env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        assert process.stderr is not None
+        said = []
+        for line in process.stderr:
+            said.append(line)
+            if "take-off" in line:
+                break
+        with Fleet.connect(path, timeout_s=10) as watching:
+            watching.wait_for_phase("takeoff", timeout_s=30)
+        process.send_signal(signal.SIGINT)
+        said += process.stderr.readlines()
+        assert process.wait(60) == 1
+    finally:
+        process.kill()
+        process.wait()
+    text = "".join(said)
+    assert "landing; Ctrl-C again cuts the motors" in text
+    assert "error: interrupted" in text
+    assert "Traceback" not in text
