@@ -28,9 +28,9 @@ SETTLED_S: Final = 5.0
 HORIZON: Final = 50
 QUICK_HORIZON: Final = 20
 HEAD: Final = "h1"
-START: Final = (0.4, 0.0, 1.0, 0.5)
+START: Final = (0.8, 0.0, 1.0, 0.5)
 """Where the head hovers at first: x, y, z [m], yaw [rad]."""
-STEPS_M: Final = ((0.0, 0.3, 0.2), (0.3, 0.0, 0.0), (-0.4, -0.2, -0.2), (0.0, 0.0, 0.3), (0.1, 0.1, -0.3))
+STEPS_M: Final = ((0.0, 0.3, 0.2), (0.3, 0.0, 0.0), (-0.3, -0.2, -0.2), (0.0, 0.0, 0.3), (0.1, 0.1, -0.3))
 """Set points of the head relative to its start, one after the other."""
 
 Links = dict[str, tuple[Following, ...]]
