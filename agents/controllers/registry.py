@@ -10,8 +10,9 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, Protocol
 
-from agents.controllers.settings import ControllerSettings, SettingsError, parse_settings
+from agents.controllers.settings import ControllerSettings
 from agents.interfaces import Controller
+from agents.plain_settings import SettingsError, parse_settings
 from vehicles.model import Model
 
 ENTRY_POINT_GROUP: Final = "rcopterx.controllers"

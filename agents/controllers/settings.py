@@ -1,17 +1,17 @@
-"""Settings every controller shares, and how they are read from plain data.
+"""Settings every controller shares.
 
 A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a request's body becomes one
-through `parse_settings`, which names the field and what is allowed when something is wrong.
+through `agents.plain_settings`, which names the field and what is allowed when something is wrong.
 """
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 import msgspec
 import numpy as np
 
+from agents.plain_settings import SettingsError
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, Array
 
@@ -36,10 +36,6 @@ ElevenWeights = tuple[
 
 INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
 BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
-
-
-class SettingsError(ValueError):
-    """A setting is missing, of the wrong type, or outside what is allowed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,48 +109,3 @@ def _check_intervals(kind: str, names: Iterable[str], lower: Array, upper: Array
     for name, low, high in zip(names, lower, upper, strict=True):
         if not low < high:
             raise SettingsError(f"{kind}_min of {name} must be below {kind}_max, got {low:g} and {high:g}")
-
-
-Settings = TypeVar("Settings", bound=ControllerSettings)
-
-
-def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settings:
-    """Read settings from plain data.
-
-    Parameters
-    ----------
-    kind
-        The controller's settings type.
-    values
-        Names and values as a fleet file or a request gives them.
-
-    Returns
-    -------
-    ControllerSettings
-        Settings of that type.
-
-    Raises
-    ------
-    SettingsError
-        Unknown name, wrong type, value outside its range or not finite.
-    """
-    unknown = sorted(set(values) - set(kind.__struct_fields__))
-    if unknown:
-        raise SettingsError(
-            f"unknown setting {unknown[0]!r}; allowed are {', '.join(kind.__struct_fields__)}"
-        )
-    for name, value in values.items():
-        if not _all_finite(value):
-            raise SettingsError(f"{name}: every number must be finite, got {value}")
-    try:
-        return msgspec.convert(dict(values), kind)
-    except msgspec.ValidationError as error:
-        raise SettingsError(str(error)) from error
-
-
-def _all_finite(value: object) -> bool:
-    if isinstance(value, float):
-        return math.isfinite(value)
-    if isinstance(value, list | tuple):
-        return all(_all_finite(item) for item in value)
-    return True

@@ -12,8 +12,8 @@ from typing import Any, Final, Protocol
 
 import msgspec
 
-from agents.estimators.settings import parse_settings
 from agents.interfaces import Estimator
+from agents.plain_settings import parse_settings
 from vehicles.model import Model
 
 ENTRY_POINT_GROUP: Final = "rcopterx.estimators"

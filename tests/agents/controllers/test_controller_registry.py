@@ -8,7 +8,7 @@ import pytest
 
 from agents.controllers import registry
 from agents.controllers.registry import available_controllers, build_controller, load_controller
-from agents.controllers.settings import SettingsError
+from agents.plain_settings import SettingsError
 from vehicles.types import COAXIAL
 
 

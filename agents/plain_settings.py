@@ -1,0 +1,56 @@
+"""How controllers and estimators read their settings from plain data: a fleet file's table, a request's body."""
+
+import math
+from collections.abc import Mapping
+from typing import TypeVar
+
+import msgspec
+
+
+class SettingsError(ValueError):
+    """A setting is missing, of the wrong type, or outside what is allowed."""
+
+
+Settings = TypeVar("Settings", bound=msgspec.Struct)
+
+
+def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settings:
+    """Read settings from plain data.
+
+    Parameters
+    ----------
+    kind
+        Settings type of a controller or an estimator.
+    values
+        Names and values; what is left out keeps its default.
+
+    Returns
+    -------
+    msgspec.Struct
+        Settings of that type.
+
+    Raises
+    ------
+    SettingsError
+        Unknown name (the message lists what is allowed), wrong type, value outside its range or not finite.
+    """
+    unknown = sorted(set(values) - set(kind.__struct_fields__))
+    if unknown:
+        raise SettingsError(
+            f"unknown setting {unknown[0]!r}; allowed are {', '.join(kind.__struct_fields__)}"
+        )
+    for name, value in values.items():
+        if not _all_finite(value):
+            raise SettingsError(f"{name}: every number must be finite, got {value}")
+    try:
+        return msgspec.convert(dict(values), kind)
+    except msgspec.ValidationError as error:
+        raise SettingsError(str(error)) from error
+
+
+def _all_finite(value: object) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, list | tuple):
+        return all(_all_finite(item) for item in value)
+    return True
