@@ -26,26 +26,26 @@ class Authority:
     ----------
     vehicle
         Own name.
-    controller_settings
-        The controller's settings; a fixed `input_range` among them is left alone.
     """
 
-    def __init__(self, vehicle: str, controller_settings: Mapping[str, object]) -> None:
+    def __init__(self, vehicle: str) -> None:
         self._vehicle = vehicle
-        self._fixed = "input_range" in controller_settings
         self._told: tuple[Controller, float] | None = None
 
-    def tend(self, controller: Controller, links: Links) -> None:
+    def tend(self, controller: Controller, settings: Mapping[str, object], links: Links) -> None:
         """Tell the controller its share if that, or the controller, is another one than before.
 
         Parameters
         ----------
         controller
             Present controller.
+        settings
+            Its settings; a fixed `input_range` among them is left alone.
         links
             Who follows whom; where nobody is heard of, nothing is known and nothing changes.
         """
-        if self._fixed or not isinstance(controller, SharesAuthority) or not links.keys() - {self._vehicle}:
+        fixed = "input_range" in settings
+        if fixed or not isinstance(controller, SharesAuthority) or not links.keys() - {self._vehicle}:
             return
         share = share_of(links, self._vehicle)
         if self._told is None or self._told[0] is not controller or self._told[1] != share:

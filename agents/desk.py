@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from agents.configuration import Configuration
 from agents.formation import FormationOffset
 from agents.guidance import Link
 from agents.leaders import Leaders
@@ -15,6 +16,7 @@ from agents.placement import Room, offset_problem, place_problem
 from agents.regrouping import Regrouping
 from agents.settings import AgentSettings
 from agents.topology import in_words
+from agents.tuning import Tuning
 from bus.messages import AgentStatus, Following
 from bus.requests import (
     CommitLeaders,
@@ -25,12 +27,14 @@ from bus.requests import (
     PrepareLeaders,
     Reply,
     TakeOff,
+    Tune,
     WithdrawLeaders,
 )
 from bus.session import Incoming
 
 VERBS = [
-    "take_off", "land", "go_to", "follow", "lead", "prepare_leaders", "commit_leaders", "withdraw_leaders",
+    "take_off", "land", "go_to", "follow", "lead", "tune",
+    "prepare_leaders", "commit_leaders", "withdraw_leaders",
 ]  # fmt: skip
 FIRST_PLAN_LIMIT_S = 0.3
 
@@ -78,7 +82,7 @@ class Desk:
 
     Parameters
     ----------
-    settings, pilot, leaders, neighbours
+    settings, pilot, leaders, neighbours, tuning
         The agent's own.
     clock
         Monotonic clock [s].
@@ -90,12 +94,15 @@ class Desk:
         pilot: Pilot,
         leaders: Leaders,
         neighbours: Neighbours,
+        tuning: Tuning,
         clock: Callable[[], float],
     ) -> None:
         self._settings = settings
         self._pilot = pilot
         self._leaders = leaders
         self._neighbours = neighbours
+        self._tuning = tuning
+        self._tuned_by: Incoming | None = None
         self._clock = clock
         self._room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
         self.regrouping = Regrouping(clock)
@@ -114,6 +121,11 @@ class Desk:
                 self._waiting.append(_Waiting(incoming, request, deadline_s))
                 self.keep_leaders()
                 self.settle_waiting()
+                return
+        elif isinstance(request, Tune):
+            refusal = self._tune(request)
+            if refusal is None:
+                self._tuned_by = incoming
                 return
         elif isinstance(request, CommitLeaders):
             refusal = self.regrouping.commit(
@@ -155,6 +167,17 @@ class Desk:
             waiting.incoming.answer(_reply(refusal, accepted))
         self.keep_leaders()
 
+    def settle_tuning(self) -> bool:
+        """Let what was prepared take over, and answer who asked for it; True if there was something."""
+        outcome = self._tuning.finish()
+        if outcome is None:
+            return False
+        if self._tuned_by is not None:
+            refused = isinstance(outcome, ValueError)
+            self._tuned_by.answer(_reply(str(outcome) if refused else None, "" if refused else str(outcome)))
+            self._tuned_by = None
+        return True
+
     def begin_due(self) -> None:
         """Take the prepared leaders if their frame has come."""
         pilot = self._pilot
@@ -183,6 +206,7 @@ class Desk:
 
     def resume(self, status: AgentStatus) -> None:
         """Take over the task of an earlier process of this agent."""
+        self._restore(status)
         guidance = self._pilot.guidance
         guidance.assigned = tuple(link_of(following) for following in status.assigned or status.following)
         # An offset on its way to its target begins its way anew, from where the vehicle is then.
@@ -192,6 +216,26 @@ class Desk:
             guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
         elif not guidance.assigned:
             guidance.go_to(np.array(status.set_point.position_m), status.set_point.yaw_rad)
+
+    def _restore(self, status: AgentStatus) -> None:
+        """Go on with what was tuned before."""
+        wanted = Configuration(
+            status.controller, status.estimator, status.controller_settings, status.estimator_settings
+        )
+        if wanted != self._tuning.configuration and not self._tuning.busy:
+            self._tuning.begin(wanted)
+
+    def _tune(self, request: Tune) -> str | None:
+        if self._tuning.busy:
+            return "another change is being prepared"
+        present = self._tuning.configuration
+        wanted = present.changed(
+            request.controller, request.controller_settings, request.estimator, request.estimator_settings
+        )
+        if wanted == present:
+            return f"nothing changes: it flies with {present.controller} and {present.estimator} like this"
+        self._tuning.begin(wanted)
+        return None
 
     def _take_off(self, request: TakeOff) -> str | None:
         floor_m = float(self._pilot.estimate.motion[2])

@@ -46,6 +46,10 @@ class Estimator(Protocol):
         """Start at rest at a measured pose."""
         ...
 
+    def take_over(self, estimate: Estimate) -> None:
+        """Start from another estimator's estimate, in flight."""
+        ...
+
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Move the estimate on by one period during which `applied_input`, shape (4,), acted."""
         ...

@@ -25,6 +25,9 @@ BRIDGE_STAGES = 6
 SPOOL_UP_S = 0.5
 SPOOL_UP_SHARE = 0.85
 BLIND_LIMIT_S = 0.3
+TRANSFER_DECAY = 0.8
+"""What is left, after a period, of the difference that another controller or estimator makes to the input."""
+TRANSFER_END = 1e-3
 
 _EVENT_OF_STATE = {
     "armed": Event.ARM,
@@ -98,6 +101,8 @@ class Pilot:
         self._spool_up_until_s = 0.0
         self._blind_s = 0.0
         self._flown_by_controller = False
+        self._transfer_pending = False
+        self._transfer = np.zeros(INPUT_SIZE)
 
     @property
     def estimate(self) -> Estimate:
@@ -170,6 +175,19 @@ class Pilot:
             self._spool_up_until_s = start_s
         return refusal
 
+    def use_controller(self, controller: Controller) -> None:
+        """Fly with another controller from the next period on; it starts from the input applied last."""
+        self.controller = controller
+        self._transfer_pending = self._flown_by_controller
+        self._flown_by_controller = False
+
+    def use_estimator(self, estimator: Estimator) -> None:
+        """Estimate with another estimator from now on; it starts from the present estimate."""
+        if self.clock.started:
+            estimator.take_over(self.estimate)
+        self.estimator = estimator
+        self._transfer_pending = self._flown_by_controller
+
     def control(self, plans: Mapping[str, LeaderPlan]) -> Flight:
         """Compute the command and plan of the present control period.
 
@@ -198,14 +216,26 @@ class Pilot:
         step = self.controller.step(estimate, reference, self.inputs.newest)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
-        self.inputs.append(time_s + delay_s, self.sequence, step.inputs[0])
+        inputs = self._transferred(step.inputs[: 1 + BRIDGE_STAGES])
+        self.inputs.append(time_s + delay_s, self.sequence, inputs[0])
         return Flight(
-            step.inputs[0],
-            step.inputs[1 : 1 + BRIDGE_STAGES],
+            inputs[0],
+            inputs[1:],
             step.plan,
             delay_s,
             reference.samples[0, :4],
         )
+
+    def _transferred(self, inputs: Array) -> Array:
+        """Inputs without the bump of a switch: their first difference fades away (control.md section 8)."""
+        if self._transfer_pending:
+            self._transfer_pending = False
+            self._transfer = self.inputs.newest - inputs[0]
+        if not self._transfer.any():
+            return inputs
+        fading = self._transfer * TRANSFER_DECAY ** np.arange(1, len(inputs) + 1)[:, None]
+        self._transfer = fading[0] if np.abs(fading[0]).max() > TRANSFER_END else np.zeros(INPUT_SIZE)
+        return np.clip(inputs + fading, self.model.u_min, self.model.u_max)
 
     @property
     def _spooling(self) -> bool:

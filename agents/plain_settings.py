@@ -1,4 +1,4 @@
-"""How controllers and estimators read their settings from plain data: a fleet file's table, a request's body."""
+"""Settings of controllers and estimators from plain data: a fleet file's table, a request's body."""
 
 import math
 from collections.abc import Mapping

@@ -7,12 +7,10 @@ import time
 
 import numpy as np
 
-from agents.authority import Authority, share_above
-from agents.controllers.registry import build_controller
+from agents.authority import Authority
 from agents.desk import VERBS, Desk, link_of
-from agents.estimators.registry import build_estimator
 from agents.guidance import Guidance
-from agents.interfaces import Measurement, SharesAuthority
+from agents.interfaces import Measurement
 from agents.leaders import Leaders
 from agents.lost_leaders import LostLeaders
 from agents.neighbours import Neighbours
@@ -21,6 +19,7 @@ from agents.phases import AIRBORNE
 from agents.pilot import Flight, Frame, Pilot
 from agents.settings import AgentSettings
 from agents.telemetry import command_message, plan_message, status_message
+from agents.tuning import Tuning
 from bus import channels
 from bus.messages import AgentStatus, Pose
 from bus.realtime import request_realtime, settle
@@ -41,19 +40,12 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     ValueError
         Unknown controller or estimator, or a setting it does not accept.
     """
-    controller = build_controller(
-        settings.controller,
-        settings.model,
-        settings.period_s,
-        {"horizon": settings.horizon, **settings.controller_settings},
-    )
-    if isinstance(controller, SharesAuthority) and "input_range" not in settings.controller_settings:
-        controller.set_input_range(share_above(settings.generations_below))
-    estimator = build_estimator(
-        settings.estimator, settings.model, settings.period_s, settings.estimator_settings
-    )
+    configuration = settings.configuration
     return Pilot(
-        settings.model, controller, estimator, Guidance([link_of(link) for link in settings.following])
+        settings.model,
+        configuration.controller_for(settings.model, settings.period_s, settings.generations_below),
+        configuration.estimator_for(settings.model, settings.period_s),
+        Guidance([link_of(link) for link in settings.following]),
     )
 
 
@@ -74,9 +66,10 @@ class Agent:
         # Statuses are looked up when they are needed; they wake nobody.
         statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
         self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
-        self._desk = Desk(settings, pilot, self._leaders, self._neighbours, self._clock)
+        self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.generations_below)
+        self._desk = Desk(settings, pilot, self._leaders, self._neighbours, self._tuning, self._clock)
         self._lost = LostLeaders(settings, pilot, self._leaders, self._neighbours, self._clock)
-        self._authority = Authority(vehicle, settings.controller_settings)
+        self._authority = Authority(vehicle)
         self._pacing = Pacing(settings.period_s)
         self._solve = SolveTimer()
         # Sequences continue over restarts because they start from the wall clock.
@@ -94,7 +87,11 @@ class Agent:
         if self._pilot.informed or self._clock() >= self._answer_from_s:
             for incoming in self._session.pending():
                 self._desk.handle(incoming)
+                self._status_at_s = self._clock()
         self._desk.settle_waiting()
+        if self._desk.settle_tuning():
+            # Whoever restarts this agent a moment later must know of it.
+            self._status_at_s = self._clock()
         self._observe()
         if self._control_by_s is not None and (
             self._clock() >= self._control_by_s or self._leaders.complete(self._pilot.clock, self._followed())
@@ -176,12 +173,12 @@ class Agent:
         now_s = self._clock()
         self._status_at_s = now_s + STATUS_PERIOD_S
         others = {name: status.following for name, status in self._neighbours.statuses().items()}
-        self._authority.tend(self._pilot.controller, others)
+        self._authority.tend(self._pilot.controller, self._tuning.configuration.controller_settings, others)
         rejected = {f"pose.{kind}": count for kind, count in self._poses.rejected.items()}
         rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
         rejected |= self._leaders.counts()
         status = status_message(
-            self._settings, self._pilot, self._pacing, self._solve,
+            self._tuning.configuration, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
             self._realtime, self._lost.stance,
         )  # fmt: skip

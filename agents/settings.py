@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from agents.configuration import Configuration
 from bus.messages import Following
 from bus.session import BusAddress
 from vehicles.model import Model
@@ -72,3 +73,13 @@ class AgentSettings:
     leader_wait_s: float = 0.002
     minimum_distance_m: float | None = 0.3
     succession: Succession = field(default_factory=Succession)
+
+    @property
+    def configuration(self) -> Configuration:
+        """Controller and estimator at start."""
+        return Configuration(
+            self.controller,
+            self.estimator,
+            {"horizon": self.horizon, **self.controller_settings},
+            self.estimator_settings,
+        )

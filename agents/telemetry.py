@@ -3,12 +3,15 @@
 import os
 from collections.abc import Mapping
 
+import msgspec
+
+from agents.configuration import Configuration
 from agents.desk import following_at_rest, following_of
 from agents.leaders import Leaders
 from agents.pacing import Pacing, SolveTimer
 from agents.pilot import Flight, Pilot
 from agents.settings import AgentSettings
-from bus.messages import AgentStatus, Command, FloatArray, Following, Plan, SetPoint
+from bus.messages import AgentStatus, Command, FloatArray, Following, Plan, SetPoint, Setting
 from vehicles.state import YAW, Array, heading_matrix
 
 
@@ -52,7 +55,7 @@ def _following(pilot: Pilot) -> tuple[Following, ...]:
 
 
 def status_message(
-    settings: AgentSettings,
+    configuration: Configuration,
     pilot: Pilot,
     pacing: Pacing,
     solve: SolveTimer,
@@ -70,8 +73,10 @@ def status_message(
     events = getattr(pilot.estimator, "events", {})
     return AgentStatus(
         phase=pilot.guidance.phase.value,
-        controller=settings.controller,
-        estimator=settings.estimator,
+        controller=configuration.controller,
+        estimator=configuration.estimator,
+        controller_settings=in_message(configuration.controller_settings),
+        estimator_settings=in_message(configuration.estimator_settings),
         horizon=pilot.controller.horizon,
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
@@ -95,6 +100,11 @@ def status_message(
         assigned=tuple(following_at_rest(link) for link in pilot.guidance.assigned),
         stance=stance,
     )
+
+
+def in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
+    """Settings as they travel: numbers, words and rows of numbers."""
+    return msgspec.convert(dict(settings), dict[str, Setting])
 
 
 def _three(values: Array) -> tuple[float, float, float]:

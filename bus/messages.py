@@ -18,6 +18,7 @@ MAX_NEXT_INPUTS = 16
 MAX_POSITION_M = 100.0
 MAX_MAGNITUDE = 1e6
 """Of any number of a trajectory, and of headings, which count turns; more would overflow in a controller."""
+MAX_SETTINGS = 40
 MAX_RATE_HZ = 2000.0
 """Of the motion capture."""
 
@@ -28,6 +29,10 @@ Seconds = Annotated[float, Meta(ge=0)]
 ArbiterState = Annotated[str, Meta(pattern="^(disarmed|armed|hold|descend|cut|killed)$")]
 Heading = Annotated[float, Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
 Stick = Annotated[float, Meta(ge=-1, le=1)]
+SettingName = Annotated[str, Meta(pattern=r"^[a-zA-Z][a-zA-Z0-9_]{0,40}$")]
+Setting = bool | int | float | Annotated[str, Meta(max_length=60)] | tuple[float, ...] | None
+Settings = Annotated[dict[SettingName, Setting], Meta(max_length=MAX_SETTINGS)]
+"""Settings of a controller or an estimator; its own type says what is allowed."""
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 Coordinate = Annotated[float, Meta(ge=-MAX_POSITION_M, le=MAX_POSITION_M)]
@@ -239,6 +244,9 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     stance: Name = "follow"
     """What is done about the assigned leaders: `follow`, and while they are lost `ride_out`, `hold`, `lead`,
     `follow_successor` or `land`."""
+    controller_settings: Settings = {}
+    """Settings that the fleet file or a request has given; all others have their defaults."""
+    estimator_settings: Settings = {}
 
 
 class TransmitterStatus(Message, frozen=True, kw_only=True):

@@ -16,6 +16,7 @@ from bus.messages import (
     Name,
     Seconds,
     SetPoint,
+    Settings,
     Text,
 )
 
@@ -81,6 +82,16 @@ class Follow(Request, frozen=True, kw_only=True):
 
 class Lead(Request, frozen=True, kw_only=True):
     """Follow nobody: hold the place where the vehicle is."""
+
+
+class Tune(Request, frozen=True, kw_only=True):
+    """Fly with another controller, estimator or other settings; answered when they have taken over."""
+
+    controller: Name | None = None
+    controller_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+    """Weights, limits, horizon and other settings; they are added to the present ones."""
+    estimator: Name | None = None
+    estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
 
 
 class PrepareLeaders(Request, frozen=True, kw_only=True):
@@ -158,6 +169,7 @@ VERBS: Final = {
         Verb("go_to", "agent", GoTo, "new set point"),
         Verb("follow", "agent", Follow, "follow another vehicle's plan"),
         Verb("lead", "agent", Lead, "follow nobody"),
+        Verb("tune", "agent", Tune, "change controller, estimator or their settings"),
         Verb(
             "prepare_leaders",
             "agent",

@@ -1,13 +1,13 @@
 """The scripting interface: one object per fleet, one per vehicle; every call is a request on the bus."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 
 from bus import channels
-from bus.messages import Following, Kill, Plan, SetPoint
+from bus.messages import Following, Kill, Plan, SetPoint, Setting
 from bus.requests import (
     Arm,
     Disarm,
@@ -21,6 +21,7 @@ from bus.requests import (
     StartVehicle,
     StopVehicle,
     TakeOff,
+    Tune,
 )
 from bus.session import RequestFailedError
 from deploy.fleet import Fleet as FleetFile
@@ -37,6 +38,8 @@ KILL_REPEAT_S = 0.1
 ARM_RETRY_S = 0.1
 DISARM_S = 1.0
 """For the agents to tell that they are disarmed."""
+TUNING_LIMIT_S = 10.0
+"""Longest time to build a controller; the vehicle flies on with the present one."""
 STAY_BEHIND_S = 5.0
 """How long everybody is waited for before those that are ready take off without the others."""
 
@@ -116,6 +119,44 @@ class Vehicle:
         """Follow nobody any more; hold the present place."""
         self._ask(Lead())
 
+    def tune(
+        self,
+        /,
+        controller: str | None = None,
+        estimator: str | None = None,
+        estimator_settings: Mapping[str, Setting] | None = None,
+        **controller_settings: Setting,
+    ) -> str:
+        """Fly with another controller, another estimator or other settings, without a bump.
+
+        Parameters
+        ----------
+        controller, estimator
+            Names; by default the present ones.
+        estimator_settings
+            Settings of the estimator by name.
+        **controller_settings
+            Settings of the controller: `horizon`, `state_weights`, `input_min` and so on. They are added to
+            the present ones; another controller takes only the horizon over.
+
+        Returns
+        -------
+        str
+            What flies now, and since which frame.
+
+        Raises
+        ------
+        RefusedError
+            A name or a value is not allowed; the text says which, and what is.
+        """
+        request = Tune(
+            controller=controller,
+            controller_settings=controller_settings,
+            estimator=estimator,
+            estimator_settings=dict(estimator_settings or {}),
+        )
+        return self._ask(request, TUNING_LIMIT_S)
+
     def wait_for_phase(self, phase: str, timeout_s: float = 15.0) -> None:
         """Wait for a flight phase; see `Fleet.wait_for_phase`."""
         self._fleet.wait_for_phase(phase, [self.name], timeout_s)
@@ -144,8 +185,8 @@ class Vehicle:
         """Let the vehicle leave: its agent ends. It must be on the floor."""
         return self._ask(StopVehicle())
 
-    def _ask(self, request: Request) -> str:
-        reply = self._fleet.session.request(self.name, request)
+    def _ask(self, request: Request, timeout_s: float = 1.0) -> str:
+        reply = self._fleet.session.request(self.name, request, timeout_s)
         if not reply.accepted:
             raise RefusedError(f"{self.name}: {reply.reason}")
         return reply.reason

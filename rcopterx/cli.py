@@ -19,7 +19,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.demo, fly.fly),
     "Watch a running fleet": (watch.status, watch.check, watch.top),
     "Steer a running fleet": (
-        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
+        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote, steer.tune,
         steer.join, steer.leave, steer.land, steer.disarm, steer.kill, steer.reset,
     ),
     "Experiment": (experiment.experiment,),

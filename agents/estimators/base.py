@@ -75,6 +75,22 @@ class PoseEstimator(ABC):
         self._gate.open()
         self._start(pose, np.zeros(INPUT_SIZE))
 
+    def take_over(self, estimate: Estimate) -> None:
+        """Start from another estimator's estimate.
+
+        Parameters
+        ----------
+        estimate
+            Motion and actuators of the present moment.
+        """
+        motion = estimate.motion
+        c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
+        rates = np.array([c * motion[4] - s * motion[5], s * motion[4] + c * motion[5], *motion[6:8]])
+        self._yaw_known = self._actuators_known = True
+        self._settle(estimate.actuator)
+        self._gate.open()
+        self._start(motion[:INPUT_SIZE].copy(), rates)
+
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Move the estimate on by one period.
 

@@ -117,6 +117,11 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._standing = not rates.any()
         self._stood_at_m = pose[:YAW]
 
+    def take_over(self, estimate: Estimate) -> None:
+        """Start from another estimator's estimate, its disturbance included."""
+        super().take_over(estimate)
+        self._disturbance = np.clip(estimate.disturbance, -self._limit, self._limit)
+
     def _thrust_carries(self) -> bool:
         thrust = self._model.input_gain[U_THRUST] * float(self._actuator[U_THRUST])
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2

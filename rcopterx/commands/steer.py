@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from bus.messages import Setting
 from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, running_fleet
 
 Vehicles = Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.")]
@@ -104,6 +105,39 @@ def promote(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
         typer.echo("\n".join(running.promote(vehicle)))
 
 
+def tune(
+    vehicle: Vehicle,
+    settings: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME=VALUE]...",
+            help="Settings of the controller, those of the estimator as estimator.NAME=VALUE. "
+            "Rows of numbers are separated by commas.",
+        ),
+    ] = None,
+    controller: Annotated[str | None, typer.Option(metavar="NAME", help="Fly with this controller.")] = None,
+    estimator: Annotated[str | None, typer.Option(metavar="NAME", help="Estimate with this one.")] = None,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Change controller, estimator, weights, limits or horizon in flight: tune h2 horizon=30."""
+    of_controller: dict[str, Setting] = {}
+    of_estimator: dict[str, Setting] = {}
+    for text in settings or ():
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise typer.BadParameter(f"{text!r} must look like horizon=30", param_hint="[NAME=VALUE]...")
+        if name.startswith("estimator."):
+            of_estimator[name.removeprefix("estimator.")] = _setting(value)
+        else:
+            of_controller[name] = _setting(value)
+    if not (settings or controller or estimator):
+        raise typer.BadParameter("nothing to change: give settings, --controller or --estimator")
+    with running_fleet(fleet) as running:
+        known_vehicles(running.file.vehicles, [vehicle])
+        now = running[vehicle].tune(controller, estimator, of_estimator, **of_controller)
+        typer.echo(f"{vehicle}: {now}")
+
+
 def join(
     vehicle: Vehicle,
     height: Annotated[
@@ -171,3 +205,21 @@ def _three(text: str) -> tuple[float, float, float]:
             f"{text!r}: three numbers separated by commas", param_hint="--offset"
         ) from None
     return x, y, z
+
+
+def _setting(text: str) -> Setting:
+    """Value of a setting as it is typed: 30, 0.5, true, none, 1,2,3 or a word."""
+    words: dict[str, Setting] = {"true": True, "false": False, "none": None}
+    if text.lower() in words:
+        return words[text.lower()]
+    if "," in text:
+        parts = [_setting(part.strip()) for part in text.split(",")]
+        if all(isinstance(part, int | float) for part in parts):
+            return tuple(float(part) for part in parts if isinstance(part, int | float))
+        return text
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

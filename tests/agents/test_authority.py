@@ -31,24 +31,24 @@ def test_every_level_of_followers_below_takes_a_share() -> None:
 
 
 def test_the_share_changes_with_the_leader_and_is_told_once() -> None:
-    authority, controller = Authority("h4", {}), Sharing()
-    authority.tend(controller, TREE)
-    authority.tend(controller, TREE)
+    authority, controller = Authority("h4"), Sharing()
+    authority.tend(controller, {}, TREE)
+    authority.tend(controller, {}, TREE)
     promoted = TREE | exchanged(TREE, places(TREE, {"h1": np.zeros(4)}), "h1", "h4")
-    authority.tend(controller, promoted)
+    authority.tend(controller, {}, promoted)
     assert controller.shares == pytest.approx([1.0, LEADER_SHARE**2])
 
 
 def test_another_controller_is_told_too() -> None:
-    authority, first, second = Authority("h2", {}), Sharing(), Sharing()
-    authority.tend(first, TREE)
-    authority.tend(second, TREE)
+    authority, first, second = Authority("h2"), Sharing(), Sharing()
+    authority.tend(first, {}, TREE)
+    authority.tend(second, {}, TREE)
     assert first.shares == second.shares == pytest.approx([LEADER_SHARE])
 
 
 def test_a_fixed_range_and_an_unknown_formation_change_nothing() -> None:
     controller = Sharing()
-    Authority("h1", {"input_range": 0.5}).tend(controller, TREE)
-    Authority("h1", {}).tend(controller, {"h1": ()})
-    Authority("h1", {}).tend(NotedController(np.zeros((1, 4))), TREE)
+    Authority("h1").tend(controller, {"input_range": 0.5}, TREE)
+    Authority("h1").tend(controller, {}, {"h1": ()})
+    Authority("h1").tend(NotedController(np.zeros((1, 4))), {}, TREE)
     assert controller.shares == []

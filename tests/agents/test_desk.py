@@ -18,6 +18,7 @@ from agents.phases import Event, Phase
 from agents.pilot import Frame, Pilot
 from agents.regrouping import PREPARED_S
 from agents.settings import AgentSettings
+from agents.tuning import Tuning
 from bus import channels
 from bus.codec import encode
 from bus.messages import AgentStatus, Following, Plan, SetPoint
@@ -80,7 +81,8 @@ class Office:
         self.leaders = Leaders("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         neighbours = Neighbours("h9", self.statuses, self.clock)
-        self.desk = Desk(SETTINGS, self.pilot, self.leaders, neighbours, self.clock)
+        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, 0)
+        self.desk = Desk(SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, self.clock)
         self.frame = 10
 
     def see(self, position_m: tuple[float, float, float] = UP) -> None:

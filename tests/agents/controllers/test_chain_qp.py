@@ -216,7 +216,7 @@ def test_multipliers_of_a_farther_set_point_do_not_bend_the_solution_of_a_nearer
 
 
 def test_cruise_along_a_speed_bound_is_solved_as_from_scratch() -> None:
-    """With nearly all stages on the bound and noise in the state, guesses of active bounds often fail."""
+    """Nearly all stages lie on the bound, and noise makes the guess of the active ones wrong."""
     problem = case(40, lag=True, yaw_rate=0.0)
     far = problem.target(np.zeros(2))
     far.rows[:, :2] = far.terminal[:2] = (6.0, -4.0)

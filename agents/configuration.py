@@ -1,0 +1,91 @@
+"""Which controller and estimator fly a vehicle, and with what settings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from agents.authority import share_above
+from agents.controllers.registry import build_controller
+from agents.estimators.registry import build_estimator
+from agents.interfaces import Controller, Estimator, SharesAuthority
+from vehicles.model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """Names and settings; what is left out of the settings keeps its default.
+
+    Attributes
+    ----------
+    controller, controller_settings
+        Name and settings of the controller, the horizon among them.
+    estimator, estimator_settings
+        Name and settings of the estimator.
+    """
+
+    controller: str
+    estimator: str
+    controller_settings: Mapping[str, object] = field(default_factory=dict)
+    estimator_settings: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # Rows of numbers are lists in a fleet file and tuples in a message; here they are tuples.
+        for name in ("controller_settings", "estimator_settings"):
+            settings = getattr(self, name).items()
+            plain = {key: tuple(value) if isinstance(value, list) else value for key, value in settings}
+            object.__setattr__(self, name, plain)
+
+    def changed(
+        self,
+        controller: str | None,
+        controller_settings: Mapping[str, object],
+        estimator: str | None,
+        estimator_settings: Mapping[str, object],
+    ) -> "Configuration":
+        """The configuration after a change.
+
+        Settings are added to the present ones. Another controller takes only the horizon over, another
+        estimator nothing, because settings mean something else to each of them.
+        """
+        kept = dict(self.controller_settings)
+        if controller not in (None, self.controller):
+            kept = {name: value for name, value in kept.items() if name == "horizon"}
+        kept_by_estimator = self.estimator_settings if estimator in (None, self.estimator) else {}
+        return replace(
+            self,
+            controller=controller or self.controller,
+            controller_settings={**kept, **controller_settings},
+            estimator=estimator or self.estimator,
+            estimator_settings={**kept_by_estimator, **estimator_settings},
+        )
+
+    def controller_for(self, model: Model, period_s: float, generations_below: int) -> Controller:
+        """Build the controller.
+
+        Parameters
+        ----------
+        model
+            The vehicle.
+        period_s
+            Control period.
+        generations_below
+            Levels of followers below the vehicle, which leaves them authority.
+
+        Raises
+        ------
+        ValueError
+            Unknown controller, or a setting it does not accept.
+        """
+        built = build_controller(self.controller, model, period_s, self.controller_settings)
+        if isinstance(built, SharesAuthority) and "input_range" not in self.controller_settings:
+            built.set_input_range(share_above(generations_below))
+        return built
+
+    def estimator_for(self, model: Model, period_s: float) -> Estimator:
+        """Build the estimator.
+
+        Raises
+        ------
+        ValueError
+            Unknown estimator, or a setting it does not accept.
+        """
+        return build_estimator(self.estimator, model, period_s, self.estimator_settings)

@@ -1,0 +1,146 @@
+"""Changes of controller, estimator and settings in flight.
+
+What is new is built and warmed up in a thread beside the control loop and swapped in between two control
+periods, so that no period is late (control.md section 8).
+"""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.configuration import Configuration
+from agents.interfaces import Controller, Estimate, Estimator
+from agents.pilot import Pilot
+from agents.trajectory import hold
+from vehicles.model import Model
+from vehicles.state import YAW, Array
+
+WARM_UP_STEPS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Replacement:
+    """What takes over: only what changes is there."""
+
+    configuration: Configuration
+    controller: Controller | None
+    estimator: Estimator | None
+
+
+@dataclass(frozen=True, slots=True)
+class Occasion:
+    """State of the vehicle when a change was asked for; what is new is warmed up with it."""
+
+    estimate: Estimate
+    last_input: Array
+    frame_period_s: float
+
+
+def prepare(
+    present: Configuration,
+    wanted: Configuration,
+    model: Model,
+    period_s: float,
+    generations_below: int,
+    occasion: Occasion,
+) -> Replacement:
+    """Build what differs between two configurations and let it run a few steps.
+
+    Raises
+    ------
+    ValueError
+        A name or a setting of the wanted configuration is not allowed; the message says what is.
+    """
+    controller = estimator = None
+    if (wanted.controller, wanted.controller_settings) != (present.controller, present.controller_settings):
+        controller = wanted.controller_for(model, period_s, generations_below)
+        motion = occasion.estimate.motion
+        reference = hold(motion[:3], float(motion[YAW]), period_s, controller.horizon)
+        controller.reset(occasion.estimate, occasion.last_input)
+        for _ in range(WARM_UP_STEPS):
+            controller.step(occasion.estimate, reference, occasion.last_input)
+    if (wanted.estimator, wanted.estimator_settings) != (present.estimator, present.estimator_settings):
+        estimator = wanted.estimator_for(model, period_s)
+        estimator.take_over(occasion.estimate)
+        for _ in range(WARM_UP_STEPS):
+            estimator.predict(occasion.last_input, occasion.frame_period_s)
+    return Replacement(wanted, controller, estimator)
+
+
+class Tuning:
+    """The present configuration of a pilot and at most one change under way.
+
+    Parameters
+    ----------
+    configuration
+        What the pilot was built with.
+    pilot
+        The vehicle's pilot.
+    period_s
+        Control period.
+    generations_below
+        Levels of followers below the vehicle.
+    """
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        pilot: Pilot,
+        period_s: float,
+        generations_below: int,
+    ) -> None:
+        self.configuration = configuration
+        self._pilot = pilot
+        self._period_s = period_s
+        self._generations_below = generations_below
+        self._thread: threading.Thread | None = None
+        self._result: Replacement | ValueError | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a change is under way."""
+        return self._thread is not None
+
+    def begin(self, wanted: Configuration) -> None:
+        """Begin to prepare another configuration; only while not `busy`."""
+        pilot = self._pilot
+        motion = np.zeros(8) if not pilot.clock.started else pilot.estimate.motion.copy()
+        estimate = Estimate(motion, pilot.inputs.newest.copy(), np.zeros(4))
+        frame_period_s = pilot.clock.period_s or self._period_s
+        occasion = Occasion(estimate, pilot.inputs.newest.copy(), frame_period_s)
+        self._result = None
+        self._thread = threading.Thread(target=self._prepare, args=(wanted, occasion), name="tuning")
+        self._thread.start()
+
+    def _prepare(self, wanted: Configuration, occasion: Occasion) -> None:
+        try:
+            model = self._pilot.model
+            self._result = prepare(
+                self.configuration, wanted, model, self._period_s, self._generations_below, occasion
+            )
+        except ValueError as error:
+            self._result = error
+
+    def finish(self) -> str | ValueError | None:
+        """Swap in what is ready; to be called between two control periods.
+
+        Returns
+        -------
+        str or ValueError or None
+            What flies from now on, why nothing changed, or None while nothing is ready.
+        """
+        if self._thread is None or self._result is None:
+            return None
+        self._thread.join()
+        result, self._thread, self._result = self._result, None, None
+        if isinstance(result, ValueError):
+            return result
+        if result.controller is not None:
+            self._pilot.use_controller(result.controller)
+        if result.estimator is not None:
+            self._pilot.use_estimator(result.estimator)
+        self.configuration = result.configuration
+        now = result.configuration
+        horizon, frame = self._pilot.controller.horizon, self._pilot.clock.current_frame
+        return f"{now.controller}, {now.estimator}, horizon {horizon}, from frame {frame}"

@@ -1,0 +1,174 @@
+"""Another controller, estimator or setting takes over in flight: without a bump, or with a clear refusal."""
+
+from collections.abc import Mapping
+from itertools import permutations
+
+import numpy as np
+import pytest
+from support.waiting import wait_for
+
+from agents.configuration import Configuration
+from agents.guidance import Guidance
+from agents.interfaces import Measurement
+from agents.phases import Event
+from agents.pilot import Flight, Frame, Pilot
+from agents.tuning import Tuning
+from simulator.conditions import LABORATORY
+from simulator.laboratory import Laboratory
+from simulator.plant import Pose
+from vehicles.types import COAXIAL
+
+PERIOD_S = 0.02
+BUMP = 0.3
+"""Largest step of any input at a switch, of a range from -1 to 1; gusts alone make steps of 0.1."""
+CONTROLLERS = ("cascade", "paper", "lqr", "pid")
+ESTIMATORS = ("extended_kalman", "kalman", "finite_difference")
+
+
+class HoveringFlight:
+    """A pilot that hovers in a simulated laboratory with gusts, mismatch, lag and noise."""
+
+    def __init__(self, controller: str, estimator: str = "extended_kalman") -> None:
+        configuration = Configuration(controller, estimator, {"horizon": 20})
+        self.pilot = Pilot(
+            COAXIAL,
+            configuration.controller_for(COAXIAL, PERIOD_S, 0),
+            configuration.estimator_for(COAXIAL, PERIOD_S),
+            Guidance(),
+        )
+        self.tuning = Tuning(configuration, self.pilot, PERIOD_S, 0)
+        self.laboratory = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, 1.0))}, LABORATORY, 4)
+        self.frame = 0
+        self.flown: list[Flight] = []
+        self._see()
+        self.pilot.note_applied("armed", 0, COAXIAL.hover_input)
+
+    def _see(self) -> None:
+        pose = self.laboratory.measured_pose("h1")
+        measurement = Measurement(np.array(pose.position_m), pose.yaw_rad)
+        self.pilot.observe(Frame(1, self.frame, PERIOD_S, measurement))
+
+    def fly(self, periods: int) -> None:
+        for _ in range(periods):
+            self.laboratory.advance(PERIOD_S)
+            self.frame += 1
+            self._see()
+            self.flown.append(self.pilot.control({}))
+            self.laboratory.set_input("h1", self.flown[-1].input)
+
+    def change(self, **wanted: object) -> str | ValueError:
+        """Prepare a change beside the flight, and let it take over."""
+        present = self.tuning.configuration
+        settings = wanted.get("controller_settings", {})
+        assert isinstance(settings, Mapping)
+        controller, estimator = wanted.get("controller"), wanted.get("estimator")
+        assert controller is None or isinstance(controller, str)
+        assert estimator is None or isinstance(estimator, str)
+        self.tuning.begin(present.changed(controller, settings, estimator, {}))
+        outcomes: list[str | ValueError] = []
+
+        def ready() -> bool:
+            outcome = self.tuning.finish()
+            if outcome is not None:
+                outcomes.append(outcome)
+            return bool(outcomes)
+
+        wait_for(ready, "the change is prepared", 20.0)
+        return outcomes[0]
+
+    def bump(self) -> float:
+        """Step of the inputs in the last period."""
+        return float(np.abs(self.flown[-1].input - self.flown[-2].input).max())
+
+    def error_m(self) -> float:
+        return float(np.linalg.norm(self.laboratory.plant("h1").motion[:3] - np.array([0.0, 0.0, 1.0])))
+
+
+@pytest.mark.parametrize(("before", "after"), list(permutations(CONTROLLERS, 2)))
+def test_another_controller_takes_over_without_a_bump(before: str, after: str) -> None:
+    flight = HoveringFlight(before)
+    flight.fly(150)
+    outcome = flight.change(controller=after)
+    assert isinstance(outcome, str)
+    assert outcome.startswith(after)
+    flight.fly(1)
+    assert flight.bump() < BUMP
+    flight.fly(150)
+    assert flight.error_m() < 0.25
+    assert flight.tuning.configuration.controller == after
+
+
+@pytest.mark.parametrize(("before", "after"), list(permutations(ESTIMATORS, 2)))
+def test_another_estimator_takes_over_without_a_bump(before: str, after: str) -> None:
+    flight = HoveringFlight("cascade", before)
+    flight.fly(150)
+    assert isinstance(flight.change(estimator=after), str)
+    flight.fly(1)
+    assert flight.bump() < BUMP
+    flight.fly(150)
+    assert flight.error_m() < 0.25
+
+
+@pytest.mark.parametrize("horizon", [10, 80])
+def test_another_horizon_takes_over_without_a_bump(horizon: int) -> None:
+    flight = HoveringFlight("cascade")
+    flight.fly(150)
+    assert isinstance(flight.change(controller_settings={"horizon": horizon}), str)
+    flight.fly(1)
+    assert flight.bump() < BUMP
+    assert len(flight.flown[-1].plan.samples) == horizon
+    flight.fly(100)
+    assert flight.error_m() < 0.1
+
+
+def test_weights_add_up_over_changes_and_another_controller_takes_only_the_horizon_over() -> None:
+    configuration = Configuration("cascade", "kalman", {"horizon": 20}, {"position_gate_m": 0.1})
+    changed = configuration.changed(None, {"input_weights": [1, 1, 1, 1]}, None, {})
+    changed = changed.changed(None, {"soft_weight": 1e4}, None, {})
+    assert changed.controller_settings == {
+        "horizon": 20, "input_weights": (1, 1, 1, 1), "soft_weight": 1e4,
+    }  # fmt: skip
+    assert changed.changed("pid", {}, None, {}).controller_settings == {"horizon": 20}
+    assert changed.changed(None, {}, "extended_kalman", {}).estimator_settings == {}
+    assert changed.changed(None, {}, "kalman", {}).estimator_settings == {"position_gate_m": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"input_weights": (1.0, 1.0, 0.0, 1.0)}, r"> 0"),
+        ({"state_weights": (1.0,)}, "length 8"),
+        ({"horizon": 1}, ">= 2"),
+        ({"horizon": 100000}, "<= 200"),
+        ({"colour": 3}, "unknown setting 'colour'; allowed are"),
+        ({"input_max": (3.0, 1.0, 1.0, 1.0)}, "leaves the vehicle's range"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_with_what_is_and_the_flight_goes_on(
+    settings: dict[str, object], reason: str
+) -> None:
+    flight = HoveringFlight("cascade")
+    flight.fly(50)
+    controller = flight.pilot.controller
+    outcome = flight.change(controller_settings=settings)
+    assert isinstance(outcome, ValueError)
+    assert reason in str(outcome)
+    assert flight.pilot.controller is controller
+    assert flight.tuning.configuration.controller_settings == {"horizon": 20}
+    flight.fly(1)
+    assert flight.bump() < BUMP
+
+
+def test_unknown_controllers_are_refused_by_name() -> None:
+    flight = HoveringFlight("cascade")
+    outcome = flight.change(controller="autopilot")
+    assert isinstance(outcome, ValueError)
+    assert "no controller is called 'autopilot'; allowed are cascade" in str(outcome)
+
+
+def test_on_the_floor_a_change_takes_over_before_the_take_off() -> None:
+    flight = HoveringFlight("cascade")
+    flight.pilot.guidance.on_event(Event.DISARM, None)
+    assert isinstance(flight.change(controller="lqr"), str)
+    flight.fly(1)
+    assert not flight.flown[-1].input.any()
