@@ -17,7 +17,7 @@ app = typer.Typer(
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.demo, fly.fly),
-    "Watch a running fleet": (watch.status, watch.check, watch.top),
+    "Watch a running fleet": (watch.status, watch.check, watch.top, watch.view),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote, steer.tune,
         steer.join, steer.leave, steer.land, steer.disarm, steer.kill, steer.reset,

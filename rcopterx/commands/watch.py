@@ -1,4 +1,4 @@
-"""Watching a running fleet: `status`, `check` and `top`."""
+"""Watching a running fleet: `status`, `check`, `top` and `view`."""
 
 import json
 import os
@@ -6,9 +6,11 @@ import select
 import sys
 import termios
 import threading
+import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from typing import Annotated
 
 import typer
@@ -23,6 +25,8 @@ from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, runni
 
 QUIT_KEYS = b"qQ\x04"
 """q and Ctrl-D; Ctrl-C comes as a signal."""
+
+VIEW_PERIOD_S = 0.05
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 
@@ -71,6 +75,33 @@ def top(
         with suppress(KeyboardInterrupt), picture, keys() as quit_within:
             while not quit_within(period):
                 picture.update(fleet_view(running), refresh=True)
+
+
+def view(
+    port: Annotated[
+        int, typer.Option(metavar="PORT", min=1, max=65535, help="Port of the web page on this computer.")
+    ] = 8080,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Show the fleet in the browser until Ctrl-C; set points of leaders can be dragged."""
+    if find_spec("viser") is None:
+        typer.echo("error: the browser view needs viser: pip install 'rcopterx[ground]'", err=True)
+        raise typer.Exit(EXIT_FAILED)
+    import viser
+
+    from ground_station.view import FleetView
+
+    with running_fleet(fleet) as running:
+        server = viser.ViserServer("127.0.0.1", port, label=f"rcopterx {running.file.name}", verbose=False)
+        try:
+            picture = FleetView(running, server)
+            typer.echo(f"http://127.0.0.1:{server.get_port()}  (Ctrl-C ends the view, the fleet goes on)")
+            with suppress(KeyboardInterrupt):
+                while True:
+                    picture.update()
+                    time.sleep(VIEW_PERIOD_S)
+        finally:
+            server.stop()
 
 
 @contextmanager

@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import Result
-from support.bus import own_address
+from support.bus import free_port, own_address
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 from typer.testing import CliRunner
@@ -125,3 +126,28 @@ def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -
         process.wait()
         os.close(outside)
         os.close(inside)
+
+
+def test_the_browser_view_says_what_it_needs(up: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rcopterx.commands.watch.find_spec", lambda name: None)
+    result = run("view", "-f", up)
+    assert result.exit_code == 1
+    assert "pip install 'rcopterx[ground]'" in result.stderr
+
+
+def test_the_browser_view_serves_a_page_until_ctrl_c(up: str) -> None:
+    port = free_port()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rcopterx", "view", "-f", up, "--port", str(port)],
+        stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        assert any(line.startswith(f"http://127.0.0.1:{port} ") for line in process.stdout)
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=20) as answer:
+            assert b"<html" in answer.read().lower()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+        process.wait()
