@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from bus.messages import (
     AgentStatus,
+    Applied,
     Following,
     InvalidMessageError,
     Message,
@@ -139,6 +140,20 @@ class RecallReply(Reply, frozen=True, kw_only=True):
     age_s: Seconds = 0.0
 
 
+class RecallTransmitter(Request, frozen=True, kw_only=True):
+    """What was last written to this vehicle's radio? Asked by a transmitter gateway that restarts."""
+
+
+class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
+    """Last words of the previous gateway process."""
+
+    applied: Applied | None = None
+    age_s: Seconds = 0.0
+    """Time since the last frame it wrote became known."""
+    lease: Name | None = None
+    """Source whose commands it accepted."""
+
+
 class SetRadio(Request, frozen=True, kw_only=True):
     """Break or mend a radio module of the simulated laboratory."""
 
@@ -181,6 +196,13 @@ VERBS: Final = {
         Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part"),
         Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave"),
         Verb("recall", "launcher", Recall, "last status of the vehicle's previous agent", RecallReply),
+        Verb(
+            "recall_transmitter",
+            "launcher",
+            RecallTransmitter,
+            "what the previous transmitter gateway last wrote",
+            RecallTransmitterReply,
+        ),
         Verb("set_radio", "simulator", SetRadio, "break or mend a simulated radio module"),
     )
 }

@@ -124,10 +124,16 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def __enter__(self) -> "Launcher":
         self._thread.start()
-        own = [name for name, vehicle in self._fleet.vehicles.items() if vehicle.host == self._host]
+        vehicles = self._fleet.vehicles.items()
+        agents = [name for name, vehicle in vehicles if vehicle.host == self._host]
+        transmitters = [
+            name
+            for name, vehicle in vehicles
+            if self._fleet.gateways[vehicle.transmitter.gateway].host == self._host
+        ]
         try:
             address = bus_address(self._fleet, self._host)
-            self._memory = Memory(address, own)
+            self._memory = Memory(address, agents, transmitters)
             self._staffing = Staffing(address, self._host, self.supervisor)
         except BusUnreachableError:
             self.stop()

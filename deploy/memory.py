@@ -1,32 +1,44 @@
-"""The launcher remembers what each agent last said, for its successor after a restart."""
+"""The launcher remembers what agents last said and gateways last wrote, for their successors."""
 
 import threading
+from typing import TypeVar
 
 from bus import channels
-from bus.requests import Recall, RecallReply
+from bus.messages import Message
+from bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from bus.session import BusAddress, Session
+from bus.subscription import Inbox, Received
+
+M = TypeVar("M", bound=Message)
 
 
 class Memory:
-    """Answers `recall` for the vehicles of a host in a thread of its own.
+    """Answers `recall` and `recall_transmitter` for the vehicles of a host in a thread of its own.
 
     Parameters
     ----------
     address
         The bus.
-    vehicles
+    agents
         Vehicles whose agents run on this host.
+    transmitters
+        Vehicles whose transmitter gateways run on this host.
     """
 
-    def __init__(self, address: BusAddress, vehicles: list[str]) -> None:
+    def __init__(self, address: BusAddress, agents: list[str], transmitters: list[str]) -> None:
         self._wake = threading.Event()
         self._stopping = False
         self._session = Session(address, wake=self._wake.set)
         self._statuses = {
-            vehicle: self._session.subscribe(channels.AGENT_STATUS, vehicle) for vehicle in vehicles
+            vehicle: self._session.subscribe(channels.AGENT_STATUS, vehicle) for vehicle in agents
         }
-        for vehicle in vehicles:
+        # Fifty messages a second and vehicle: they wake nobody and are read only when somebody asks.
+        self._applied = self._session.subscribe_all(channels.APPLIED, waking=False)
+        self._transmitters = self._session.subscribe_all(channels.TRANSMITTER_STATUS, waking=False)
+        for vehicle in agents:
             self._session.serve(vehicle, ["recall"])
+        for vehicle in transmitters:
+            self._session.serve(vehicle, ["recall_transmitter"])
         self._thread = threading.Thread(target=self._run, name="memory", daemon=True)
         self._thread.start()
 
@@ -37,6 +49,8 @@ class Memory:
             for incoming in self._session.pending():
                 if isinstance(incoming.request, Recall):
                     incoming.answer(self._recall(incoming.unit))
+                elif isinstance(incoming.request, RecallTransmitter):
+                    incoming.answer(self._recall_transmitter(incoming.unit))
 
     def _recall(self, vehicle: str) -> RecallReply:
         received = self._statuses[vehicle].latest()
@@ -45,9 +59,25 @@ class Memory:
         age_s = max(0.0, self._session.clock() - received.arrived_s)
         return RecallReply(accepted=True, status=received.message, age_s=age_s)
 
+    def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
+        applied = _newest(self._applied.inboxes.get(vehicle))
+        if applied is None:
+            return RecallTransmitterReply(accepted=False, reason=f"nothing was written to {vehicle} yet")
+        status = _newest(self._transmitters.inboxes.get(vehicle))
+        return RecallTransmitterReply(
+            accepted=True,
+            applied=applied.message,
+            age_s=max(0.0, self._session.clock() - applied.arrived_s),
+            lease=None if status is None else status.message.lease,
+        )
+
     def close(self) -> None:
         """Forget."""
         self._stopping = True
         self._wake.set()
         self._thread.join()
         self._session.close()
+
+
+def _newest(inbox: Inbox[M] | None) -> Received[M] | None:
+    return None if inbox is None else inbox.latest()

@@ -19,6 +19,7 @@ from transmitter_gateway.inputs import (
     ArbiterOutput,
     CommandInput,
     Input,
+    LastWords,
     LinkState,
     PoseInput,
     Request,
@@ -167,6 +168,40 @@ class Arbiter:
             f"{c}: {self._details[c]}" if c in self._details else str(c) for c in ARMING.unless & conditions
         )
         return "; ".join(missing + present)
+
+    def take_over(self, words: LastWords, now_s: float) -> Answer:
+        """Go on with the flight of an earlier process, or say why not and stay as after any start.
+
+        The vehicle is taken over descending; fresh commands of the source that had the lease then count
+        again. A descent goes on to its end, because why it was begun is not known any more.
+        """
+        self.step(now_s)
+        problem = self._take_over_problem(words, now_s)
+        if problem is None:
+            self.holder = words.holder if words.state in (State.ARMED, State.HOLD) else None
+            self._u = words.u
+            self._take(Condition.TAKE_OVER, "this gateway", now_s)
+            if self.state is State.DESCEND:
+                return Answer(True, f"{self.state}: {self.reason}")
+            problem = "serial link lost"
+        self.holder = None
+        self.counters["refused: take over"] += 1
+        return Answer(False, problem)
+
+    def _take_over_problem(self, words: LastWords, now_s: float) -> str | None:
+        limits = self.limits
+        track = self.surveillance.own_track
+        if self.state is not State.DISARMED or words.state not in FLYING:
+            return f"{words.state} before, {self.state} now"
+        if now_s >= words.written_s + limits.take_over_s:
+            return f"no frames for {now_s - words.written_s:.2f} s, longer than {limits.take_over_s:g} s"
+        if not words.u[THRUST] > limits.low_thrust:
+            return "the thrust was low"
+        if track is None or track.position_m is None:
+            return "own pose not seen"
+        if track.position_m[2] < limits.floor_m + limits.airborne_m:
+            return f"at {track.position_m[2]:.2f} m it may stand on the floor"
+        return None
 
     def _hand_over(self, source: str, now_s: float) -> str | None:
         if self.holder is None:

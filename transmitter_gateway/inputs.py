@@ -106,6 +106,28 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
+class LastWords:
+    """What an earlier process of this gateway wrote last.
+
+    Parameters
+    ----------
+    state : State
+        State of its arbiter.
+    u : tuple of float
+        Inputs it applied.
+    written_s : float
+        When it wrote them, on the local clock [s]; never later than the truth by more than the bus takes.
+    holder : str or None
+        Source with the control lease.
+    """
+
+    state: State
+    u: Input
+    written_s: float
+    holder: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
     """Whether a request or a command was accepted, and why in words."""
 

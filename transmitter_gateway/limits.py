@@ -117,6 +117,11 @@ class ArbiterLimits:
         DESCEND lowers the thrust at this rate to this much below hover.
     longest_period_s : float
         Longest command period accepted [s].
+    take_over_s : float
+        Longest silence on the serial line after which a restarted gateway takes over a flying vehicle [s];
+        well under the time for which receivers hold their outputs.
+    floor_m, airborne_m : float
+        Height of the floor in the inertial frame, and how far above it a vehicle certainly flies [m].
     operators : frozenset of str
         Names whose requests count as an operator's.
     surveillance : SurveillanceLimits
@@ -137,6 +142,9 @@ class ArbiterLimits:
     descend_below_hover: float = 0.05
     descend_rate_per_s: float = 0.5
     longest_period_s: float = 0.1
+    take_over_s: float = 0.7
+    floor_m: float = 0.0
+    airborne_m: float = 0.1
     operators: frozenset[str] = frozenset({"operator"})
     surveillance: SurveillanceLimits = SurveillanceLimits()
 
@@ -152,6 +160,8 @@ class ArbiterLimits:
             "descend_below_hover",
             "descend_rate_per_s",
             "longest_period_s",
+            "take_over_s",
+            "airborne_m",
         ):
             _positive(name, getattr(self, name))
         if not self.hold_after_s < self.descend_after_s < self.cut_after_s:
@@ -161,6 +171,8 @@ class ArbiterLimits:
             )
         if self.bridge_steps < 0:
             raise LimitsError(f"bridge_steps: {self.bridge_steps} must not be negative")
+        if not math.isfinite(self.floor_m):
+            raise LimitsError(f"floor_m: {self.floor_m} must be a finite number")
         if self.tolerance < 0:
             raise LimitsError(f"tolerance: {self.tolerance} must not be negative")
         for name, lower, upper in zip(

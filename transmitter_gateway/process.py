@@ -2,7 +2,10 @@
 
 import math
 import signal
+import sys
 import time
+import traceback
+from collections.abc import Callable
 
 from bus import channels
 from bus.messages import Pose
@@ -10,8 +13,10 @@ from bus.realtime import request_realtime, settle
 from bus.session import Session
 from bus.subscription import Subscription
 from transmitter_gateway.inputs import Action, PoseInput, Request
+from transmitter_gateway.kill_keys import KillKeys
 from transmitter_gateway.settings import GatewaySettings
 from transmitter_gateway.station import Station
+from transmitter_gateway.transmitter import Transmitter
 from transmitter_gateway.wakeup import Wakeup
 
 STATUS_PERIOD_S = 0.2
@@ -25,9 +30,12 @@ surveillance are counted in tenths of a second."""
 class Gateway:
     """All transmitters of one process."""
 
-    def __init__(self, settings: GatewaySettings, session: Session, wakeup: Wakeup, realtime: bool) -> None:
+    def __init__(
+        self, settings: GatewaySettings, session: Session, wakeup: Wakeup, keys: KillKeys, realtime: bool
+    ) -> None:
         self._session = session
         self._wakeup = wakeup
+        self._keys = keys
         self._clock = session.clock
         self._stations = {
             transmitter.vehicle: Station(transmitter, session, realtime)
@@ -37,7 +45,9 @@ class Gateway:
             name: session.subscribe(channels.POSE, name, depth=8) for name in settings.vehicles
         }
         self._kill = session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=4)
-        self._report_at_s = 0.0
+        self._report_at_s = self._clock() + STATUS_PERIOD_S
+        for station in self._stations.values():
+            station.recall()
 
     def wait(self) -> None:
         """Wait for a message, an answer of a module or the next deadline."""
@@ -48,9 +58,12 @@ class Gateway:
         )
         timeout_s = min(LONGEST_WAIT_S, deadline_s - self._clock())
         ports = {station.transmitter.port.fileno(): station for station in self._stations.values()}
-        ready = self._wakeup.wait((port for port in ports if port is not None), timeout_s)
-        for descriptor in ready:
-            ports[descriptor].transmitter.on_readable(self._clock())
+        descriptors = [port for port in ports if port is not None]
+        for descriptor in self._wakeup.wait([*descriptors, *self._keys.descriptors], timeout_s):
+            if descriptor in ports:
+                ports[descriptor].transmitter.on_readable(self._clock())
+            elif self._keys.pressed():
+                self.kill("key press")
 
     def step(self) -> None:
         """Everything that is due now; commands first, for they are written on arrival."""
@@ -70,8 +83,13 @@ class Gateway:
             station.announce_write()
         self._report()
 
-    def shut_down(self) -> None:
-        """Bring every vehicle down, end on throttle-low frames, close the ports."""
+    def kill(self, by: str) -> None:
+        """Cut the motors of every vehicle of this gateway, latching."""
+        for station in self._stations.values():
+            station.transmitter.request(Request(Action.KILL, by=by), self._clock())
+
+    def shut_down(self, meanwhile: Callable[[], None] = lambda: None) -> None:
+        """Bring every vehicle down, end on throttle-low frames, close the ports; kills still count."""
         transmitters = [station.transmitter for station in self._stations.values()]
         for transmitter in transmitters:
             transmitter.request(Request(Action.SHUTDOWN, by="gateway"), self._clock())
@@ -79,8 +97,22 @@ class Gateway:
         while not all(transmitter.finished for transmitter in transmitters) and self._clock() < limit_s:
             self.wait()
             self.step()
+            meanwhile()
         for transmitter in transmitters:
             transmitter.close()
+
+    def bring_down(self) -> None:
+        """After an error: as `shut_down`, without the bus; a broken transmitter does not stop the others."""
+        working = {name: station.transmitter for name, station in self._stations.items()}
+        request = Request(Action.SHUTDOWN, by="an error in the gateway")
+        _each(working, lambda transmitter: transmitter.request(request, self._clock()))
+        limit_s = self._clock() + SHUTDOWN_LIMIT_S
+        while not all(transmitter.finished for transmitter in working.values()) and self._clock() < limit_s:
+            due_s = min(transmitter.next_deadline_s() for transmitter in working.values())
+            self._wakeup.wait((), min(LONGEST_WAIT_S, due_s - self._clock()))
+            _each(working, lambda transmitter: transmitter.on_readable(self._clock()))
+        for station in self._stations.values():
+            station.transmitter.close()
 
     def _poses_at_s(self) -> float:
         waiting = (poses.waiting_since_s() for poses in self._poses.values())
@@ -101,8 +133,23 @@ class Gateway:
                 station.report(now_s)
 
 
+def _each(working: dict[str, Transmitter], act: Callable[[Transmitter], object]) -> None:
+    """Do something with every transmitter; one that fails is told of and given up."""
+    for name, transmitter in list(working.items()):
+        try:
+            act(transmitter)
+        except Exception:  # noqa: BLE001 - whatever is wrong with it, the others must come down
+            traceback.print_exc()
+            print(f"{name}: cannot be brought down", file=sys.stderr, flush=True)
+            del working[name]
+
+
 def run_gateway(settings: GatewaySettings) -> None:
     """Run a transmitter gateway until SIGTERM or SIGINT, then bring its vehicles down.
+
+    SIGUSR1 and a key on the gateway's terminal kill all of them. When the bus is lost, the arbiters bring the
+    vehicles down because their commands are silent; the gateway goes on sending throttle low and serves again
+    when the bus is back.
 
     Raises
     ------
@@ -110,22 +157,47 @@ def run_gateway(settings: GatewaySettings) -> None:
         No router answers.
     """
     wakeup = Wakeup()
-    stopping: list[int] = []
+    caught: set[int] = set()
 
-    def stop(number: int, _frame: object) -> None:
-        stopping.append(number)
+    def catch(number: int, _frame: object) -> None:
+        caught.add(number)
         wakeup.notify()
 
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, stop)
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1):
+        signal.signal(number, catch)
     realtime = request_realtime(settings.realtime_priority)
-    with Session(settings.bus, wake=wakeup.notify, clock=time.monotonic) as session:
-        gateway = Gateway(settings, session, wakeup, realtime)
+    with (
+        Session(settings.bus, wake=wakeup.notify, clock=time.monotonic) as session,
+        KillKeys(sys.stdin.fileno()) as keys,
+    ):
+        gateway = Gateway(settings, session, wakeup, keys, realtime)
         settle()
         try:
-            while not stopping:
-                gateway.wait()
-                gateway.step()
-        finally:
-            gateway.shut_down()
+            run_until_stopped(gateway, caught)
+        except BaseException:
+            gateway.bring_down()
+            raise
     wakeup.close()
+
+
+def run_until_stopped(gateway: Gateway, caught: set[int]) -> None:
+    """Serve until a signal asks to end, then bring the vehicles down.
+
+    Parameters
+    ----------
+    gateway
+        The gateway.
+    caught
+        Signals that have arrived; SIGUSR1 is taken out when it has been obeyed.
+    """
+    while not caught & {signal.SIGTERM, signal.SIGINT}:
+        gateway.wait()
+        gateway.step()
+        _obey_kill(gateway, caught)
+    gateway.shut_down(lambda: _obey_kill(gateway, caught))
+
+
+def _obey_kill(gateway: Gateway, caught: set[int]) -> None:
+    if signal.SIGUSR1 in caught:
+        caught.discard(signal.SIGUSR1)
+        gateway.kill("SIGUSR1")

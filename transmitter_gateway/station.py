@@ -4,14 +4,23 @@ from collections.abc import Callable
 
 from bus import channels
 from bus.messages import Applied, Command, Kill, TransmitterStatus
-from bus.requests import Arm, Disarm, KillVehicle, Reply, ResetKill
-from bus.session import Incoming, Session
+from bus.requests import (
+    Arm,
+    Disarm,
+    KillVehicle,
+    RecallTransmitter,
+    RecallTransmitterReply,
+    Reply,
+    ResetKill,
+)
+from bus.session import Incoming, RequestFailedError, Session
 from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, CommandInput, PoseInput, Request
+from transmitter_gateway.inputs import Action, CommandInput, LastWords, PoseInput, Request, State
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from transmitter_gateway.settings import TransmitterSettings
 from transmitter_gateway.transmitter import Transmitter, Write
 
+RECALL_LIMIT_S = 0.2
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
@@ -68,6 +77,22 @@ class Station:
                 self._accepted_s = received.arrived_s
                 self._last_sequence = message.sequence
             self.announce_write()
+
+    def recall(self) -> None:
+        """Ask the launcher what an earlier process of this gateway wrote last, if there was one."""
+        asked_s = self._session.clock()
+        try:
+            reply = self._session.request(
+                self.vehicle, RecallTransmitter(), timeout_s=RECALL_LIMIT_S, patience_s=0.0
+            )
+        except RequestFailedError:
+            return
+        if isinstance(reply, RecallTransmitterReply) and reply.applied is not None:
+            applied = reply.applied
+            words = LastWords(
+                State(applied.state.upper()), applied.input, asked_s - reply.age_s, holder=reply.lease
+            )
+            self.transmitter.recall(words, self._session.clock())
 
     def take_pose(self, pose: PoseInput, now_s: float) -> None:
         """Hand a raw pose of any vehicle to the arbiter."""

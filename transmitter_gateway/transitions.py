@@ -19,6 +19,7 @@ class Condition(StrEnum):
     ARM = "arming requested"
     DISARM = "disarming requested"
     SHUTDOWN = "shutting down"
+    TAKE_OVER = "found flying after a restart"
     LINK_LOST = "serial link lost"
     READY = "transmitter ready"
     FRESH = "commands fresh"
@@ -86,6 +87,7 @@ TRANSITIONS: tuple[Transition, ...] = (
         "commands fresh again",
         unless={_C.SHUTDOWN, *CAUSES},
     ),
+    _row({_S.DISARMED}, {_C.TAKE_OVER}, _S.DESCEND, "taken over", unless={_C.SHUTDOWN, _C.LINK_LOST}),
     _row(
         {_S.DISARMED, _S.CUT},
         {_C.ARM, _C.READY, _C.FRESH, _C.LOW_COMMANDED},

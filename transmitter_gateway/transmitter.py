@@ -8,7 +8,7 @@ repeated (dsm2_transmitters.md section 8.2).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from transmitter_gateway.arbiter import Arbiter
@@ -19,6 +19,7 @@ from transmitter_gateway.inputs import (
     Answer,
     ArbiterOutput,
     CommandInput,
+    LastWords,
     LinkState,
     PoseInput,
     Request,
@@ -28,9 +29,12 @@ from transmitter_gateway.limits import ArbiterLimits
 from transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError, RadioProtocol
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 
-THROTTLE_LOW_FRAMES = 25
+THROTTLE_LOW_FRAMES = 30
+"""At least 25 are to arrive."""
 LONGEST_BIND_S = 7.0
 AFTER_BIND_S = 5.0
+FIRST_POSE_S = 0.1
+"""How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +151,10 @@ class Transmitter:
         self._range_check = False
         self._shutdown = False
         self._low_frames = 0
+        self._shown: tuple[float, ...] = ()
+        self._shown_until_s = -math.inf
+        self._words: LastWords | None = None
+        self._decide_by_s = -math.inf
 
     # What arrives -------------------------------------------------------------------------------------
 
@@ -177,6 +185,33 @@ class Transmitter:
         self._run(now_s)
         return answer
 
+    def recall(self, words: LastWords, now_s: float) -> None:
+        """Hear what an earlier process wrote last, before the first `tick`.
+
+        A kill stays a kill. A flight goes on if it can: nothing is written, and so nothing switched off,
+        until the own pose has been seen, for at most `FIRST_POSE_S`.
+        """
+        if words.state is State.KILLED:
+            self.arbiter.request(Request(Action.KILL, by="an earlier process"), now_s)
+        elif words.state in FLYING:
+            self._words, self._decide_by_s = words, now_s + FIRST_POSE_S
+
+    def _undecided(self, now_s: float) -> bool:
+        """Whether it is still open if the vehicle flies; decides it when the own pose is there."""
+        words = self._words
+        if words is None:
+            return False
+        track = self.arbiter.surveillance.own_track
+        seen = track is not None and track.position_m is not None
+        if not seen and now_s < self._decide_by_s and self.arbiter.state is State.DISARMED:
+            return True
+        self._words = None
+        if self.port.service(now_s):
+            self.protocol.link_opened(now_s)
+        self.arbiter.link(self._link(self.protocol.status(now_s), now_s))
+        self.arbiter.take_over(words, now_s)
+        return False
+
     def bind(self, now_s: float) -> Answer:
         """Start binding: bind frames until the module is done, then 5 s of neutral frames (section 3.4)."""
         if self.arbiter.state is not State.DISARMED:
@@ -199,6 +234,45 @@ class Transmitter:
         self._run(now_s, urgent=True)
         return Answer(True, "range check on" if wanted else "range check off")
 
+    def show(
+        self,
+        u: Sequence[float] | None,
+        now_s: float,
+        *,
+        throttle_us: float | None = None,
+        until_s: float = math.inf,
+    ) -> Answer:
+        """Send these inputs while DISARMED, for calibration; the throttle is low or as given [us].
+
+        Parameters
+        ----------
+        u : sequence of float, shape (4,), or None
+            Inputs; None ends it. Meanwhile arming is refused.
+        now_s, until_s : float
+            Now, and when it ends by itself [s].
+        throttle_us : float, optional
+            Throttle pulse width, between throttle low and full throttle of the calibration.
+        """
+        if self.arbiter.state is not State.DISARMED:
+            return Answer(False, f"calibration is only possible while DISARMED, not {self.arbiter.state}")
+        throttle = self._calibration.throttle
+        if throttle_us is not None and not throttle.low_us <= throttle_us <= throttle.us1:
+            return Answer(
+                False, f"throttle {throttle_us:g} us is outside {throttle.low_us:g} .. {throttle.us1:g}"
+            )
+        self._shown_until_s = -math.inf if u is None else until_s
+        if u is not None:
+            pulses = list(self._calibration.pulses_us(u, throttle_low=True))
+            pulses[throttle.index] = throttle.low_us if throttle_us is None else throttle_us
+            self._shown = tuple(pulses)
+        self._run(now_s, urgent=True)
+        return Answer(True, "shown")
+
+    def busy(self, now_s: float) -> bool:
+        """Whether binding, a range check or a calibration speaks against arming."""
+        binding = self._bind_since_s is not None or now_s < self._settled_s
+        return binding or self._range_check or now_s < self._shown_until_s
+
     # Time ---------------------------------------------------------------------------------------------
 
     def tick(self, now_s: float) -> None:
@@ -207,6 +281,8 @@ class Transmitter:
 
     def next_deadline_s(self) -> float:
         """When `tick` must be called at the latest [s]."""
+        if self._words is not None:
+            return self._decide_by_s
         return min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
 
     @property
@@ -220,6 +296,8 @@ class Transmitter:
         self.port.close()
 
     def _run(self, now_s: float, *, urgent: bool = False) -> None:
+        if self._undecided(now_s):
+            return
         if self.port.service(now_s):
             self.protocol.link_opened(now_s)
             self._bind_since_s = None
@@ -246,6 +324,8 @@ class Transmitter:
         low = output.throttle_low or (self._shutdown and not flying)
         pulses = self._calibration.pulses_us(output.u, throttle_low=low)
         disarmed = output.state is State.DISARMED
+        if disarmed and now_s < self._shown_until_s:
+            pulses = self._shown
         flags = FrameFlags(
             bind=disarmed and self._bind_since_s is not None,
             range_check=disarmed and self._range_check and self._bind_since_s is None,
@@ -265,8 +345,7 @@ class Transmitter:
     def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
         if not self.port.is_open:
             return LinkState.LOST
-        busy = self._bind_since_s is not None or self._range_check or now_s < self._settled_s
-        return LinkState.READY if module.ready and not busy else LinkState.UP
+        return LinkState.READY if module.ready and not self.busy(now_s) else LinkState.UP
 
     def _follow_bind(self, module: ModuleStatus, now_s: float) -> None:
         if self._bind_since_s is None:

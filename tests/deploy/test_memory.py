@@ -25,7 +25,7 @@ STATUS = AgentStatus(
 def test_recall_gives_the_last_status_of_each_vehicle_and_its_age(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    memory = Memory(bus_address, ["h1", "h2"])
+    memory = Memory(bus_address, ["h1", "h2"], ["h1"])
     agent = join()
 
     def recalled() -> RecallReply:

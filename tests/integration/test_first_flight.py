@@ -182,30 +182,6 @@ def _offset(flying: Flying, name: str) -> tuple[float, float, float] | None:
     return status.following[0].offset_m if status is not None and status.following else None
 
 
-def test_killed_transmitter_gateway_comes_back_disarmed_and_flies_after_arming_again(launch: Launch) -> None:
-    flying = launch()
-    truth = Truth(flying)
-    flying.fleet.take_off(height_m=0.6)
-    flying.kill("transmitters")
-    flying.fleet.wait_until(
-        lambda: all(
-            _on_floor(truth, name) and transmitter_state(flying, name) == "disarmed" for name in NAMES
-        ),
-        15,
-        "not disarmed on the floor",
-    )
-    flying.fleet.wait_until(
-        lambda: all(flying.fleet.state_of(name).phase == "ground" for name in NAMES), 5, "agents unaware"
-    )
-    flying.fleet.take_off(height_m=0.6)
-    flying.fleet.wait_until(lambda: all(truth.height_m(name) > 0.4 for name in NAMES), 10, "not flying again")
-
-
-def _on_floor(truth: Truth, name: str) -> bool:
-    vehicle = truth(name)
-    return vehicle is not None and vehicle.on_floor
-
-
 def test_killed_laboratory_is_found_again_and_the_fleet_takes_off_anew(launch: Launch) -> None:
     flying = launch()
     truth = Truth(flying)

@@ -1,17 +1,29 @@
 """Radios of every kind fly, and whatever happens to a transmitter leaves no vehicle uncontrolled."""
 
-from collections.abc import Callable
+import os
+import pty
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from integration_support import NAMES, Flying, Truth, fleet_text, free_port, transmitter_state
 
+import deploy.supervisor
+from bus import channels
 from deploy.fleet import load_fleet
+from ground_station.fleet import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
 
+GENTLE_M_S = 1.7
+THROTTLE_LOW_US = 1100
 RADIOS = {"h1": "dsm2_serial", "h2": "dsmp", "h3": "ppm"}
 
 
@@ -58,3 +70,181 @@ def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
         assert vehicle.on_floor
         assert vehicle.touchdown_speed_m_s < 1.0
         assert transmitter_state(flying, name) in ("disarmed", "armed")
+
+
+class RadioLog:
+    """Frames that reached the radio modules, with the time of their arrival."""
+
+    def __init__(self, flying: Flying) -> None:
+        self._inbox = flying.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=4096)
+        self._frames: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
+
+    def frames(self, name: str) -> list[tuple[float, float]]:
+        """Arrival time [s] and throttle [us] of all frames so far."""
+        for received in self._inbox.drain():
+            for unit, vehicle in received.message.vehicles.items():
+                self._frames[unit] += [(frame[0], frame[1]) for frame in vehicle.radio]
+        return self._frames[name]
+
+    def longest_gap_s(self, name: str) -> float:
+        return max(b[0] - a[0] for a, b in pairwise(self.frames(name)))
+
+
+def landed_gently(truth: Truth, name: str) -> bool:
+    vehicle = truth(name)
+    return vehicle is not None and vehicle.on_floor and vehicle.touchdown_speed_m_s < GENTLE_M_S
+
+
+def counter(flying: Flying, name: str, what: str) -> int:
+    status = flying.fleet.state_of(name).transmitter
+    return 0 if status is None else status.counters.get(what, 0)
+
+
+def all_states(flying: Flying, *states: str) -> bool:
+    return all(transmitter_state(flying, name) in states for name in NAMES)
+
+
+def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(launch: Launch) -> None:
+    flying = launch()
+    truth, log = Truth(flying), RadioLog(flying)
+    flying.fleet.take_off(height_m=0.8)
+    truth.start_watch()
+    flying.kill("transmitters")
+    flying.fleet.wait_until(
+        lambda: all(
+            counter(flying, name, "openings") == 1
+            and counter(flying, name, "entered DESCEND") == counter(flying, name, "entered ARMED") == 1
+            and flying.fleet.state_of(name).phase == "flying"
+            for name in NAMES
+        ),
+        10,
+        "not taken over",
+    )
+    assert flying.restarts("transmitters") == 1
+    flying.fleet["h1"].go_to((0.2, 0.1, 0.9))
+    flying.fleet.wait_until(lambda: at(truth, "h1", (0.2, 0.1, 0.9)), 15, "h1 does not obey any more")
+    truth.assert_nobody_touched_down()
+    for name in NAMES:
+        assert all(throttle > THROTTLE_LOW_US + 100 for _, throttle in log.frames(name)[-100:])
+
+
+def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
+    launch: Launch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flying = launch()
+    truth = Truth(flying)
+    flying.fleet.take_off(height_m=0.6)
+    monkeypatch.setattr(deploy.supervisor, "restart_pause_s", lambda _: 1.5)
+    flying.kill("transmitters")
+    flying.fleet.wait_until(
+        lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "disarmed"),
+        15,
+        "not disarmed on the floor",
+    )
+    flying.fleet.wait_until(
+        lambda: all(flying.fleet.state_of(name).phase == "ground" for name in NAMES), 5, "agents unaware"
+    )
+    flying.fleet.take_off(height_m=0.6)
+    flying.fleet.wait_until(lambda: all(truth.height_m(name) > 0.4 for name in NAMES), 10, "not flying again")
+
+
+def on_floor(truth: Truth, name: str) -> bool:
+    vehicle = truth(name)
+    return vehicle is not None and vehicle.on_floor
+
+
+def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(launch: Launch) -> None:
+    flying = launch()
+    truth, log = Truth(flying), RadioLog(flying)
+    flying.fleet.take_off(height_m=0.8)
+    os.kill(flying.pid("transmitters"), signal.SIGTERM)
+    flying.fleet.wait_until(
+        lambda: all(landed_gently(truth, name) for name in NAMES) and all_states(flying, "disarmed"),
+        15,
+        "not landed",
+    )
+    for name in NAMES:
+        frames = log.frames(name)
+        gap = max(range(1, len(frames)), key=lambda n: frames[n][0] - frames[n - 1][0])
+        assert [round(throttle) for _, throttle in frames[gap - 25 : gap]] == [THROTTLE_LOW_US] * 25
+
+
+def test_sigusr1_kills_all_vehicles_of_the_gateway_and_latches(launch: Launch) -> None:
+    flying = launch()
+    flying.fleet.take_off(["h1", "h2"], height_m=0.3)
+    os.kill(flying.pid("transmitters"), signal.SIGUSR1)
+    flying.fleet.wait_until(lambda: all_states(flying, "killed"), 3, "not killed")
+    with pytest.raises(RefusedError):
+        flying.fleet["h3"].arm()
+    flying.kill("transmitters")
+    flying.fleet.wait_until(
+        lambda: flying.restarts("transmitters") == 1 and all_states(flying, "killed"), 10, "kill forgotten"
+    )
+
+
+@contextmanager
+def gateway_on_a_terminal(flying: Flying) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
+    """The gateway as a user starts it by hand, in place of the supervised one."""
+    flying.launcher_of("transmitters").supervisor.children["transmitters"].wanted = False
+    flying.fleet.wait_until(
+        lambda: "transmitters" not in flying.launcher_of("transmitters").supervisor.running(),
+        10,
+        "still runs",
+    )
+    master, slave = pty.openpty()
+    command = [sys.executable, "-m", "rcopterx", "transmitters", "--fleet", str(flying.path)]
+    # `setsid -c` makes the terminal the controlling one, as a shell in a window does.
+    process = subprocess.Popen(["setsid", "-c", "-w", *command], stdin=slave, stdout=slave, stderr=slave)
+    os.close(slave)
+    try:
+        yield master, process
+    finally:
+        os.close(master)
+        process.terminate()
+        process.wait(10)
+
+
+def test_key_on_the_gateways_terminal_kills_and_is_explained(launch: Launch) -> None:
+    flying = launch()
+    with gateway_on_a_terminal(flying) as (terminal, process):
+        assert "space or k" in os.read(terminal, 4096).decode()
+        flying.fleet.take_off(["h1"], height_m=0.3)
+        os.write(terminal, b"x")
+        os.write(terminal, b" ")
+        flying.fleet.wait_until(lambda: all_states(flying, "killed"), 3, "not killed")
+        os.write(terminal, b"\x03")
+        assert process.wait(10) == 0
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
+    launch: Launch, how: signal.Signals
+) -> None:
+    flying = launch()
+    flying.fleet.take_off(height_m=0.8)
+    supervisor = flying.launcher_of("router").supervisor
+    pid = flying.pid("router")
+    gateway, simulator = flying.pid("transmitters"), flying.pid("simulator")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(deploy.supervisor, "restart_pause_s", lambda _: 4.0)
+        os.kill(pid, how)
+        if how is signal.SIGSTOP:
+            flying.fleet.wait_until(lambda: not heard_lately(flying, 4.0), 10, "the bus is not lost")
+            os.kill(pid, signal.SIGCONT)
+        else:
+            flying.fleet.wait_until(lambda: supervisor.children["router"].restarts == 1, 10, "no new router")
+    truth = Truth(flying)
+    flying.fleet.wait_until(
+        lambda: all(landed_gently(truth, name) for name in NAMES), 20, "not landed gently"
+    )
+    flying.fleet.wait_until(lambda: all_states(flying, "cut", "disarmed"), 10, "gateway not back on the bus")
+    assert (flying.pid("transmitters"), flying.pid("simulator")) == (gateway, simulator)
+    flying.fleet.wait_until(
+        lambda: all(flying.fleet.state_of(name).phase == "ground" for name in NAMES), 10, "agents unaware"
+    )
+    flying.fleet.take_off(height_m=0.6)
+
+
+def heard_lately(flying: Flying, limit_s: float) -> bool:
+    ages = [flying.fleet.state_of(name).agent_age_s for name in NAMES]
+    return any(age is not None and age < limit_s for age in ages)

@@ -1,0 +1,257 @@
+"""A restarted gateway and vehicles that are still in the air."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from arbiter_bench import SLEW, U_HOVER
+
+from simulator.radio import RadioLink, RadioPty
+from simulator.radio_multi import MultiModule
+from simulator.radio_receiver import Receiver, ReceiverState
+from transmitter_gateway.arbiter import Arbiter
+from transmitter_gateway.calibration import Calibration
+from transmitter_gateway.inputs import (
+    Action,
+    Answer,
+    CommandInput,
+    LastWords,
+    LinkState,
+    PoseInput,
+    Request,
+    State,
+)
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.protocols.base import SerialLine
+from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from transmitter_gateway.serial_port import SerialPort
+from transmitter_gateway.transmitter import FIRST_POSE_S, Transmitter
+
+LINE = SerialLine(100_000, "N", 2)
+FLYING_WORDS = LastWords(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, holder="agent")
+NOW_S = 10.0
+
+
+def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -> Arbiter:
+    arbiter = Arbiter("h1", ArbiterLimits(), U_HOVER, SLEW)
+    arbiter.link(link)
+    if height_m is not None:
+        arbiter.pose(PoseInput("h1", 7, 100, (0.0, 0.0, height_m), 0.02), NOW_S)
+    return arbiter
+
+
+def take_over(arbiter: Arbiter, **changes: object) -> Answer:
+    fields = {name: getattr(FLYING_WORDS, name) for name in ("state", "u", "written_s", "holder")}
+    return arbiter.take_over(LastWords(**{**fields, **changes}), NOW_S)  # type: ignore[arg-type]  # test data
+
+
+def command(arbiter: Arbiter, source: str, now_s: float, sequence: int = 1) -> None:
+    arbiter.command(CommandInput(source, 7, sequence, 100, (0.0, 0.0, 0.55, 0.0)), now_s)
+    arbiter.step(now_s)
+
+
+def test_a_flying_vehicle_is_taken_over_descending_from_the_thrust_that_acts() -> None:
+    arbiter = restarted()
+    answer = take_over(arbiter, u=(0.3, -0.2, 0.52, 0.1))
+    assert answer == Answer(True, "DESCEND: taken over: by this gateway")
+    output = arbiter.step(NOW_S + 0.01)
+    assert output.state is State.DESCEND
+    assert output.u == pytest.approx((0.0, 0.0, 0.515, 0.0))
+    assert arbiter.holder == "agent"
+
+
+def test_more_thrust_than_needed_to_hover_is_not_taken_over() -> None:
+    arbiter = restarted()
+    take_over(arbiter, u=(0.0, 0.0, 1.0, 0.0))
+    assert arbiter.step(NOW_S).u[2] == U_HOVER
+
+
+def test_the_earlier_source_flies_on_with_its_next_command_and_nobody_else_does() -> None:
+    arbiter = restarted()
+    take_over(arbiter)
+    command(arbiter, "stranger", NOW_S + 0.01)
+    assert arbiter.state is State.DESCEND
+    command(arbiter, "agent", NOW_S + 0.02)
+    assert arbiter.state is State.ARMED
+
+
+def test_a_taken_over_vehicle_nobody_commands_comes_down_and_is_cut_in_time() -> None:
+    arbiter = restarted()
+    take_over(arbiter)
+    limits = arbiter.limits
+    over_s = NOW_S + limits.cut_after_s - limits.descend_after_s
+    assert arbiter.step(over_s - 0.01).state is State.DESCEND
+    assert arbiter.step(over_s + 0.01).state is State.CUT
+
+
+def test_a_descent_goes_on_to_its_end() -> None:
+    arbiter = restarted()
+    assert take_over(arbiter, state=State.DESCEND).accepted
+    command(arbiter, "agent", NOW_S + 0.02)
+    assert arbiter.state is State.DESCEND
+    assert arbiter.holder is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"written_s": NOW_S - 0.7}, "no frames for 0.70 s, longer than 0.7 s"),
+        ({"u": (0.0, 0.0, 0.05, 0.0)}, "the thrust was low"),
+        ({"state": State.DISARMED}, "DISARMED before"),
+        ({"state": State.CUT}, "CUT before"),
+    ],
+)
+def test_what_is_not_certainly_a_flight_stays_disarmed(changes: dict[str, object], words: str) -> None:
+    arbiter = restarted()
+    answer = take_over(arbiter, **changes)
+    assert not answer.accepted
+    assert answer.reason.startswith(words)
+    assert arbiter.state is State.DISARMED
+    assert arbiter.holder is None
+    take_over(arbiter, **changes)
+    assert arbiter.counters["refused: take over"] == 2
+
+
+@pytest.mark.parametrize(
+    ("height_m", "link", "words"),
+    [
+        (None, LinkState.READY, "own pose not seen"),
+        (0.09, LinkState.READY, "at 0.09 m it may stand on the floor"),
+        (0.1, LinkState.LOST, "serial link lost"),
+        (0.8, LinkState.LOST, "serial link lost"),
+    ],
+)
+def test_poses_and_port_have_to_agree(height_m: float | None, link: LinkState, words: str) -> None:
+    arbiter = restarted(height_m, link)
+    answer = take_over(arbiter)
+    assert (answer.accepted, answer.reason) == (False, words)
+    assert arbiter.state is State.DISARMED
+    assert arbiter.holder is None
+
+
+def test_an_armed_vehicle_cannot_be_taken_over_a_second_time() -> None:
+    arbiter = restarted()
+    take_over(arbiter)
+    command(arbiter, "agent", NOW_S + 0.02)
+    assert not take_over(arbiter).accepted
+    assert arbiter.state is State.ARMED
+
+
+class Restart:
+    """A gateway that is killed in flight and its successor, on one emulated radio, in virtual time."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.now_s = 0.0
+        self.sequence = 0
+        self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
+        self.start()
+
+    def start(self) -> None:
+        protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
+        port = SerialPort(str(self.path), LINE)
+        self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, port)
+
+    def run(self, seconds: float, thrust: float = 0.55, *, poses: bool = True) -> list[ReceiverState]:
+        states = []
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            self.now_s += 0.02
+            self.sequence += 1
+            if poses:
+                self.transmitter.on_pose(PoseInput("h1", 1, self.sequence, (0.0, 0.0, 0.8), 0.02), self.now_s)
+            command = CommandInput("agent", 1, self.sequence, self.sequence, (0.0, 0.0, thrust, 0.0))
+            self.transmitter.on_command(command, self.now_s)
+            self.radio.service(self.now_s + 0.005)
+            self.transmitter.on_readable(self.now_s + 0.005)
+            states.append(self.radio.output(self.now_s).state)
+        return states
+
+    def fly(self) -> None:
+        self.run(1.5, thrust=0.0)
+        assert self.transmitter.request(Request(Action.ARM, "operator", "agent"), self.now_s).accepted
+        self.run(1.0)
+        assert self.state is State.ARMED
+
+    @property
+    def state(self) -> State:
+        return self.transmitter.arbiter.state
+
+    def die(self, silence_s: float) -> LastWords:
+        write = self.transmitter.last_write
+        assert write is not None
+        words = LastWords(write.output.state, write.output.u, write.time_s, self.transmitter.arbiter.holder)
+        self.transmitter.close()
+        end_s = self.now_s + silence_s
+        while self.now_s < end_s:
+            self.now_s += 0.02
+            self.radio.service(self.now_s)
+        self.start()
+        return words
+
+    def throttle_us(self) -> list[float]:
+        return [frame.pulses_us[0] for frame in self.radio.link.take_frames()]
+
+
+@pytest.fixture
+def restart(tmp_path: Path) -> Iterator[Restart]:
+    bench = Restart(tmp_path / "h1")
+    yield bench
+    bench.transmitter.close()
+    bench.radio.close()
+
+
+def test_a_killed_and_restarted_gateway_never_switches_a_flying_vehicle_off(restart: Restart) -> None:
+    restart.fly()
+    words = restart.die(0.4)
+    restart.throttle_us()
+    restart.transmitter.recall(words, restart.now_s)
+    states = restart.run(1.0)
+    assert restart.state is State.ARMED
+    assert min(restart.throttle_us()) > 1480
+    assert set(states) <= {ReceiverState.HOLD, ReceiverState.LINKED}
+
+
+def test_a_gateway_that_is_back_too_late_starts_disarmed(restart: Restart) -> None:
+    restart.fly()
+    words = restart.die(0.8)
+    restart.throttle_us()
+    restart.transmitter.recall(words, restart.now_s)
+    restart.run(1.0)
+    assert restart.state is State.DISARMED
+    assert set(map(round, restart.throttle_us())) == {1100}
+
+
+def test_nothing_is_written_before_the_own_pose_is_seen_and_only_for_a_moment(restart: Restart) -> None:
+    restart.fly()
+    words = restart.die(0.3)
+    restart.throttle_us()
+    restart.transmitter.recall(words, restart.now_s)
+    decide_s = restart.now_s + FIRST_POSE_S
+    assert restart.transmitter.next_deadline_s() == pytest.approx(decide_s)
+    restart.run(0.06, poses=False)
+    assert not restart.throttle_us()
+    restart.run(0.2, poses=False)
+    assert restart.state is State.DISARMED
+    assert set(map(round, restart.throttle_us())) == {1100}
+
+
+def test_a_kill_outlives_a_restart_however_long_it_takes(restart: Restart) -> None:
+    restart.fly()
+    restart.transmitter.request(Request(Action.KILL, "operator"), restart.now_s)
+    restart.run(0.1)
+    words = restart.die(30.0)
+    restart.transmitter.recall(words, restart.now_s)
+    restart.run(1.0)
+    assert restart.state is State.KILLED
+
+
+def test_a_kill_while_it_is_undecided_counts(restart: Restart) -> None:
+    restart.fly()
+    words = restart.die(0.3)
+    restart.throttle_us()
+    restart.transmitter.recall(words, restart.now_s)
+    restart.transmitter.request(Request(Action.KILL, "operator"), restart.now_s)
+    restart.run(0.3)
+    assert restart.state is State.KILLED
+    assert set(map(round, restart.throttle_us())) == {1100}
