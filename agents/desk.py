@@ -184,6 +184,11 @@ class Desk:
         change = self.regrouping.due(pilot.clock)
         if change is None:
             return
+        if pilot.guidance.phase is not Phase.FLYING:
+            # It was told to land meanwhile, or the transmitter gateway flies it.
+            self.regrouping.events["regrouping_missed"] += 1
+            self.keep_leaders()
+            return
         if change.links:
             # For a moment the plans of the new leaders still tell of the lines that are given up now.
             self.cycles_from_frame = pilot.clock.current_frame + len(self._settings.vehicles) + 1

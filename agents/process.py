@@ -180,7 +180,7 @@ class Agent:
         status = status_message(
             self._tuning.configuration, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
-            self._realtime, self._lost.stance,
+            self._realtime, self._lost.stance, self._lost.events + self._desk.regrouping.events,
         )  # fmt: skip
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
 

@@ -85,15 +85,6 @@ STANCES: Final = MappingProxyType(
 """Every combination; nothing else than the present decides, so a leader that returns is followed again."""
 
 
-def finding_of(age_s: float | None, late_after_s: float, gone_after_s: float, lost_after_s: float) -> Finding:
-    """How leaders are, by the time since there was last a plan of any of them to follow; None: never."""
-    if age_s is None or age_s > lost_after_s:
-        return Finding.GONE if age_s is None else Finding.LOST
-    if age_s > gone_after_s:
-        return Finding.GONE
-    return Finding.LATE if age_s > late_after_s else Finding.HERE
-
-
 def successor_of(lost: str, links: Links, ready: Collection[str], order: Iterable[str]) -> str | None:
     """Who leads the followers of a lost leader.
 

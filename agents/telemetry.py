@@ -1,6 +1,7 @@
 """Bus messages of an agent, built from what its pilot did."""
 
 import os
+from collections import Counter
 from collections.abc import Mapping
 
 import msgspec
@@ -64,6 +65,7 @@ def status_message(
     rejected: Mapping[str, int],
     realtime: bool,
     stance: str,
+    decisions: Counter[str],
 ) -> AgentStatus:
     """What the agent says of itself."""
     times = solve.times()
@@ -92,7 +94,7 @@ def status_message(
         solve_ms_p50=times.p50,
         solve_ms_p99=times.p99,
         solve_ms_max=times.maximum,
-        fallbacks=dict(pilot.fallbacks + pilot.guidance.events),
+        fallbacks=dict(pilot.fallbacks + pilot.guidance.events + decisions),
         estimator_events=dict(events),
         rejected=dict(rejected),
         realtime=realtime,

@@ -479,6 +479,20 @@ def test_a_follower_that_shall_lead_keeps_the_place_it_is_given(office: Office) 
     assert (*position_m, yaw_rad) == pytest.approx((0.2, 0.3, 1.1, 0.5))
 
 
+def test_a_vehicle_that_lands_meanwhile_goes_on_landing(office: Office) -> None:
+    office.fly()
+    follow_at(office, (0.5, 0.0, 0.0))
+    office.ask(prepare(place=(0.2, 0.3, 1.1)))
+    office.ask(CommitLeaders(operation="swap_1", epoch=1, frame=11))
+    assert office.ask(Land()).refusal is None
+    descent = office.pilot.guidance.source
+    office.see()
+    office.desk.begin_due()
+    assert office.pilot.guidance.phase is Phase.LANDING
+    assert office.pilot.guidance.source is descent
+    assert office.desk.regrouping.events == {"regrouping_missed": 1}
+
+
 def test_withdrawn_leaders_are_never_taken(office: Office) -> None:
     prepared(office)
     office.ask(CommitLeaders(operation="swap_1", epoch=1, frame=11))

@@ -11,7 +11,6 @@ from agents.succession import (
     Heir,
     Policy,
     Stance,
-    finding_of,
     link_to_successor,
     successor_of,
 )
@@ -46,17 +45,6 @@ def test_every_situation_has_its_stance(finding: Finding, policy: Policy, heir: 
 )
 def test_a_lost_leader_is_answered_as_the_fleet_file_says(policy: Policy, heir: Heir, stance: Stance) -> None:
     assert STANCES[Finding.LOST, policy, heir] is stance
-
-
-@given(st.floats(0, 10), st.floats(0, 10))
-def test_longer_silence_is_never_a_better_finding(first_s: float, second_s: float) -> None:
-    order = list(Finding)
-    findings = [finding_of(age_s, 0.1, 0.5, 2.0) for age_s in sorted((first_s, second_s))]
-    assert order.index(findings[0]) <= order.index(findings[1])
-
-
-def test_who_was_never_followed_is_not_lost() -> None:
-    assert finding_of(None, 0.1, 0.5, 2.0) is Finding.GONE
 
 
 @st.composite

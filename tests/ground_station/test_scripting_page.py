@@ -1,4 +1,4 @@
-"""Promises of the page about scripting: its examples run, its list of calls is that of the classes."""
+"""Promises of the pages with scripts: their examples run, the list of calls is that of the classes."""
 
 import inspect
 import re
@@ -13,7 +13,12 @@ from ground_station.asynchronous import AsyncFleet
 from ground_station.fleet import Fleet, Vehicle
 from ground_station.scripting_reference import PAGE, reference, with_reference
 
-EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+PAGES = (PAGE, PAGE.parent / "formation.md")
+EXAMPLES = [
+    example
+    for page in PAGES
+    for example in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+]
 
 
 @pytest.fixture
@@ -33,7 +38,7 @@ def trio(
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
 def test_an_example_runs(example: str, trio: None) -> None:
-    exec(compile(example, "docs/scripting.md", "exec"), {})
+    exec(compile(example, "docs", "exec"), {})
 
 
 def test_the_list_of_calls_is_that_of_the_classes() -> None:

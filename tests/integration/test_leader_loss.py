@@ -58,6 +58,18 @@ def cut_off(flying: Flying, name: str) -> Iterator[None]:
         os.kill(pid, signal.SIGCONT)
 
 
+@contextmanager
+def gone(flying: Flying, name: str) -> Iterator[None]:
+    """The agent is killed and not started again for a while."""
+    child = flying.launcher_of(f"agent-{name}").supervisor.children[f"agent-{name}"]
+    child.wanted = False
+    flying.kill(f"agent-{name}")
+    try:
+        yield
+    finally:
+        child.wanted = True
+
+
 def followed(flying: Flying, name: str) -> tuple[str, ...]:
     plan = flying.fleet[name].plan
     return () if plan is None else tuple(link.leader for link in plan.following)
@@ -66,6 +78,11 @@ def followed(flying: Flying, name: str) -> tuple[str, ...]:
 def stance(flying: Flying, name: str) -> str:
     status = flying.fleet.state_of(name).agent
     return "unknown" if status is None else status.stance
+
+
+def counted(flying: Flying, name: str, kind: str) -> int:
+    status = flying.fleet.state_of(name).agent
+    return 0 if status is None else status.fallbacks.get(kind, 0)
 
 
 def wait_for_stances(flying: Flying, stances: dict[str, str], timeout_s: float = 10) -> None:
@@ -115,6 +132,7 @@ def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_bac
         flying.fleet.wait_until(lambda: followed(flying, "h3") == ("h2",), 5, "the successor is not followed")
         for name, where in before.items():
             assert np.linalg.norm(place(truth, name) - where) < PLACE_M
+        assert counted(flying, "h2", "leader_lost_lead") == 1
         x, y, z = before["h2"]
         flying.fleet["h2"].go_to((x + 0.2, y, z + 0.2))
         flying.fleet.wait_until(
@@ -130,7 +148,7 @@ def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_bac
 def test_one_follower_of_a_lost_leader_holds_and_another_one_lands_as_the_file_says(launch: Launch) -> None:
     flying, truth = start(launch, {"h2": "hold", "h3": "land"})
     before = place(truth, "h2")
-    with cut_off(flying, "h1"):
+    with gone(flying, "h1"):
         wait_for_stances(flying, {"h2": "hold"})
         flying.fleet.wait_until(
             lambda: flying.fleet.state_of("h3").phase in ("armed", "ground"), 15, "h3 does not land", ["h3"]
