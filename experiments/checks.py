@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations, groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -175,6 +175,16 @@ def played_in_state(name: str, state: str) -> Check:
         return frames.get(state, 0) > 0, frames
 
     return Check(f"the transmitter gateway of {name} went through {state}", judge)
+
+
+def controllers_flown(name: str, *controllers: str) -> Check:
+    """Controllers of a vehicle in order."""
+
+    def judge(figures: FlightFigures, _: Tables) -> Result:
+        flown = [key for key, _ in groupby(status.controller for status in figures.statuses(name))]
+        return flown == list(controllers), flown
+
+    return Check(f"{name} flies with {', '.join(controllers)}", judge)
 
 
 def agents_started_again(name: str, times: int = 1) -> Check:

@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Final
 
 from bus.messages import Following
-from ground_station.fleet import Fleet, RefusedError
+from ground_station.fleet import Fleet, RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
 
 Say = Callable[[str], None]
@@ -116,6 +116,15 @@ def promote(name: str) -> Step:
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: leads the formation; {'; '.join(fleet.promote(name))}")
+
+    return fly
+
+
+def tune(name: str, change: Callable[[Vehicle], str]) -> Step:
+    """Give a vehicle another controller or other settings."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: flies with {change(fleet[name])}")
 
     return fly
 

@@ -190,6 +190,12 @@ def test_an_arbiter_that_flew_by_itself_is_a_disturbance() -> None:
     }  # fmt: skip
 
 
+def test_controllers_count_in_their_order() -> None:
+    flight = Flight()
+    assert flight.judged(checks.controllers_flown("h1", "cascade")) == (True, ["cascade"])
+    assert not flight.judged(checks.controllers_flown("h1", "cascade", "lqr"))[0]
+
+
 def test_agents_that_were_started_again_are_counted() -> None:
     flight = Flight()
     assert flight.judged(checks.agents_started_again("h1", 0)) == (True, 0)
