@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.configuration import Configuration
+from agents.external import External
 from agents.formation import FormationOffset
 from agents.guidance import Link
 from agents.leaders import Leaders
@@ -25,7 +26,9 @@ from bus.requests import (
     Land,
     Lead,
     PrepareLeaders,
+    ReleaseControl,
     Reply,
+    TakeControl,
     TakeOff,
     Tune,
     WithdrawLeaders,
@@ -33,7 +36,7 @@ from bus.requests import (
 from bus.session import Incoming
 
 VERBS = [
-    "take_off", "land", "go_to", "follow", "lead", "tune",
+    "take_off", "land", "go_to", "follow", "lead", "tune", "take_control", "release_control",
     "prepare_leaders", "commit_leaders", "withdraw_leaders",
 ]  # fmt: skip
 FIRST_PLAN_LIMIT_S = 0.3
@@ -82,7 +85,7 @@ class Desk:
 
     Parameters
     ----------
-    settings, pilot, leaders, neighbours, tuning
+    settings, pilot, leaders, neighbours, tuning, external
         The agent's own.
     clock
         Monotonic clock [s].
@@ -95,6 +98,7 @@ class Desk:
         leaders: Leaders,
         neighbours: Neighbours,
         tuning: Tuning,
+        external: External,
         clock: Callable[[], float],
     ) -> None:
         self._settings = settings
@@ -102,6 +106,7 @@ class Desk:
         self._leaders = leaders
         self._neighbours = neighbours
         self._tuning = tuning
+        self._external = external
         self._tuned_by: Incoming | None = None
         self._clock = clock
         self._room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
@@ -127,6 +132,13 @@ class Desk:
             if refusal is None:
                 self._tuned_by = incoming
                 return
+        elif isinstance(request, TakeControl):
+            refusal = (
+                "another controller is being prepared" if self._tuning.busy else self._external.take(request)
+            )
+            accepted = f"{request.source} flies {self._settings.vehicle}"
+        elif isinstance(request, ReleaseControl):
+            refusal = self._external.release(request.source)
         elif isinstance(request, CommitLeaders):
             refusal = self.regrouping.commit(
                 request.operation, request.epoch, request.frame, self._pilot.clock
@@ -233,6 +245,8 @@ class Desk:
     def _tune(self, request: Tune) -> str | None:
         if self._tuning.busy:
             return "another change is being prepared"
+        if self._external.client:
+            return f"{self._external.client} flies it from outside"
         present = self._tuning.configuration
         wanted = present.changed(
             request.controller, request.controller_settings, request.estimator, request.estimator_settings

@@ -9,6 +9,7 @@ import numpy as np
 
 from agents.authority import Authority
 from agents.desk import VERBS, Desk, link_of
+from agents.external import External
 from agents.guidance import Guidance
 from agents.interfaces import Measurement
 from agents.leaders import Leaders
@@ -67,7 +68,13 @@ class Agent:
         statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
         self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
         self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.generations_below)
-        self._desk = Desk(settings, pilot, self._leaders, self._neighbours, self._tuning, self._clock)
+        self._answers = session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
+        self._external = External(
+            vehicle, pilot, self._answers, lambda task: session.publish(channels.CONTROL_TASK, vehicle, task)
+        )
+        self._desk = Desk(
+            settings, pilot, self._leaders, self._neighbours, self._tuning, self._external, self._clock
+        )
         self._lost = LostLeaders(settings, pilot, self._leaders, self._neighbours, self._clock)
         self._authority = Authority(vehicle)
         self._pacing = Pacing(settings.period_s)
@@ -143,6 +150,7 @@ class Agent:
         plans = self._leaders.plans(self._pilot.clock, self._desk.cycles_from_frame)
         if self._lost.tend(plans):
             self._desk.keep_leaders()
+        self._external.before_control()
         started_s = self._clock()
         flight = self._pilot.control(plans)
         self._solve.add(self._clock() - started_s)
@@ -152,6 +160,7 @@ class Agent:
             publish_first, publish_then = publish_then, publish_first
         publish_first(flight)
         publish_then(flight)
+        self._external.after_control()
 
     def _publish_command(self, flight: Flight) -> None:
         sequence = self._sequence + self._pilot.sequence
@@ -176,11 +185,13 @@ class Agent:
         self._authority.tend(self._pilot.controller, self._tuning.configuration.controller_settings, others)
         rejected = {f"pose.{kind}": count for kind, count in self._poses.rejected.items()}
         rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
+        rejected |= {f"external_input.{kind}": count for kind, count in self._answers.rejected.items()}
         rejected |= self._leaders.counts()
+        decisions = self._lost.events + self._desk.regrouping.events + self._external.events
         status = status_message(
             self._tuning.configuration, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
-            self._realtime, self._lost.stance, self._lost.events + self._desk.regrouping.events,
+            self._realtime, self._lost.stance, decisions, self._external.client,
         )  # fmt: skip
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
 

@@ -66,6 +66,7 @@ def status_message(
     realtime: bool,
     stance: str,
     decisions: Counter[str],
+    client: str,
 ) -> AgentStatus:
     """What the agent says of itself."""
     times = solve.times()
@@ -101,6 +102,7 @@ def status_message(
         process=os.getpid(),
         assigned=tuple(following_at_rest(link) for link in pilot.guidance.assigned),
         stance=stance,
+        client=client,
     )
 
 

@@ -81,6 +81,14 @@ APPLIED: Final = Channel(
     "applied", messages.Applied, "vehicle", "transmitter_gateway", 50, 0.1, DATA_HIGH, True,
     "what was written to the radio module",
 )  # fmt: skip
+CONTROL_TASK: Final = Channel(
+    "control_task", messages.ControlTask, "vehicle", "agent", 50, 0.1, REAL_TIME, True,
+    "state and reference for a controller outside the agent, while one has authority",
+)  # fmt: skip
+EXTERNAL_INPUT: Final = Channel(
+    "external_input", messages.ExternalInput, "vehicle", "external controller", 50, 0.1, REAL_TIME, True,
+    "inputs of a controller outside the agent",
+)  # fmt: skip
 AGENT_STATUS: Final = Channel(
     "status", messages.AgentStatus, "vehicle", "agent", 5, 1.0, DATA_LOW, True,
     "phase, references, solver times and every fallback of an agent",
@@ -107,8 +115,8 @@ KILL: Final = Channel(
 )  # fmt: skip
 
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
-    POSE, PLAN, COMMAND, APPLIED, AGENT_STATUS, TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, LAUNCHER,
-    KILL,
+    POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, TRANSMITTER_STATUS,
+    TRACKER_STATUS, LABORATORY, LAUNCHER, KILL,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows
 
 

@@ -35,6 +35,7 @@ Settings = Annotated[dict[SettingName, Setting], Meta(max_length=MAX_SETTINGS)]
 """Settings of a controller or an estimator; its own type says what is allowed."""
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
+Eight = tuple[float, float, float, float, float, float, float, float]
 Coordinate = Annotated[float, Meta(ge=-MAX_POSITION_M, le=MAX_POSITION_M)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 
@@ -205,6 +206,53 @@ class Command(Message, frozen=True, kw_only=True):
         self.next_inputs.check("next_inputs", 4, MAX_NEXT_INPUTS)
 
 
+class ControlTask(Message, frozen=True, kw_only=True):
+    """What a program outside the agent needs to fly the vehicle, once every control period."""
+
+    epoch: Count
+    frame: Count
+    """Epoch and frame of the newest pose behind it."""
+    client: Name
+    """Who is to answer."""
+    number: Count
+    """Counts up; the answer names it."""
+    period_s: Annotated[float, Meta(gt=0, le=1)]
+    motion: Eight
+    """State when the answer begins to act: x, y, z [m], yaw [rad], body velocities, yaw rate [rad/s]."""
+    actuator: Four
+    """Inputs after their lag."""
+    disturbance: Four
+    """Estimated accelerations: body x, body y, z [m/s^2], yaw [rad/s^2]."""
+    reference: FloatArray
+    """From that moment on, shape (N, 12): x, y, z, yaw, their rates and accelerations, inertial frame."""
+    last_input: Four
+    """Input that acts until then."""
+    hover_input: Four
+    """Input at rest."""
+    input_gain: Four
+    """Acceleration per input: pitch, roll, thrust [m/s^2], yaw [rad/s^2]."""
+    input_min: Four
+    input_max: Four
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        self.reference.check("reference", PLAN_COLUMNS, MAX_STAGES, 1)
+
+
+class ExternalInput(Message, frozen=True, kw_only=True):
+    """Answer of a program outside the agent: planned inputs from the moment of the task on."""
+
+    source: Name
+    number: Count
+    """Of the task that is answered."""
+    inputs: FloatArray
+    """`period_s` apart, shape (k, 4): pitch, roll, thrust, yaw. Later rows are flown if answers are late."""
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        self.inputs.check("inputs", 4, MAX_STAGES, 1)
+
+
 class AgentStatus(Message, frozen=True, kw_only=True):
     """What an agent does and how well, for people, recorders and its own successor after a restart."""
 
@@ -247,6 +295,8 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     controller_settings: Settings = {}
     """Settings that the fleet file or a request has given; all others have their defaults."""
     estimator_settings: Settings = {}
+    client: Text = ""
+    """Program outside that flies the vehicle; empty while its own controller does."""
 
 
 class TransmitterStatus(Message, frozen=True, kw_only=True):

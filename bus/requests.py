@@ -95,6 +95,17 @@ class Tune(Request, frozen=True, kw_only=True):
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
 
 
+class TakeControl(Request, frozen=True, kw_only=True):
+    """Let `source`, a program outside the agent, fly the vehicle; tasks begin at once."""
+
+    patience_s: Annotated[float, Meta(ge=0.02, le=0.3)] = 0.1
+    """Silence after which the vehicle's own controller takes over again."""
+
+
+class ReleaseControl(Request, frozen=True, kw_only=True):
+    """Give a vehicle that `source` flies back to its own controller."""
+
+
 class PrepareLeaders(Request, frozen=True, kw_only=True):
     """Get ready for other leaders, or none, that several vehicles take at one frame."""
 
@@ -185,6 +196,8 @@ VERBS: Final = {
         Verb("follow", "agent", Follow, "follow another vehicle's plan"),
         Verb("lead", "agent", Lead, "follow nobody"),
         Verb("tune", "agent", Tune, "change controller, estimator or their settings"),
+        Verb("take_control", "agent", TakeControl, "fly the vehicle from outside the agent"),
+        Verb("release_control", "agent", ReleaseControl, "give the vehicle back to its own controller"),
         Verb(
             "prepare_leaders",
             "agent",

@@ -10,6 +10,7 @@ from support.plans import PlanBus, plan_of
 from support.waiting import FakeClock
 
 from agents.desk import FIRST_PLAN_LIMIT_S, Desk, following_of, link_of
+from agents.external import External
 from agents.guidance import Guidance
 from agents.interfaces import Measurement
 from agents.leaders import Leaders
@@ -82,7 +83,8 @@ class Office:
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         neighbours = Neighbours("h9", self.statuses, self.clock)
         self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, 0)
-        self.desk = Desk(SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, self.clock)
+        external = External("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
+        self.desk = Desk(SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, external, self.clock)
         self.frame = 10
 
     def see(self, position_m: tuple[float, float, float] = UP) -> None:

@@ -20,7 +20,12 @@ MESSAGE_TYPES: tuple[type[Message], ...] = (
 )
 """Everything that travels."""
 
-COLUMNS = {"trajectory": (2, 6, PLAN_COLUMNS), "next_inputs": (0, MAX_NEXT_INPUTS, 4)}
+COLUMNS = {
+    "trajectory": (2, 6, PLAN_COLUMNS),
+    "next_inputs": (0, MAX_NEXT_INPUTS, 4),
+    "reference": (1, 6, PLAN_COLUMNS),
+    "inputs": (1, 6, 4),
+}
 """Fewest rows, most rows and columns of the matrices, by field."""
 
 

@@ -1,0 +1,133 @@
+"""Fly a vehicle of a running rcopterx fleet from any Python program; needs only eclipse-zenoh and msgpack.
+
+    with ExternalControl("lab", "h2") as vehicle:
+        while True:
+            task = vehicle.next_task()
+            vehicle.answer(task, [my_law(task)])
+
+All values are plain numbers and lists, so that MATLAB and other languages with a Python interface can use it.
+"""
+
+import contextlib
+import json
+import queue
+import struct
+
+import msgpack
+import zenoh
+
+ROUTER = "tcp/127.0.0.1:7447"
+
+
+class ExternalControl:
+    """Authority over one vehicle, from `take` (or entering a `with` block) to `release`.
+
+    Parameters
+    ----------
+    fleet
+        Name in the fleet file.
+    vehicle
+        Name of the vehicle.
+    name
+        Name of this program: small letters, digits, underscores.
+    router
+        Endpoint of the fleet's router.
+    namespace
+        Namespace of the bus, if the fleet file sets one.
+    """
+
+    def __init__(self, fleet, vehicle, name="my_controller", router=ROUTER, namespace=None):
+        settings = {
+            "mode": "client",
+            "connect": {"endpoints": [router]},
+            "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        }
+        if namespace:
+            settings["namespace"] = namespace
+        self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
+        self._name = name
+        self._prefix = f"rcopterx/{fleet}/{vehicle}"
+        self._tasks = queue.SimpleQueue()
+        self._subscriber = self._session.declare_subscriber(f"{self._prefix}/control_task", self._on_task)
+        self._publisher = self._session.declare_publisher(
+            f"{self._prefix}/external_input",
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+        )
+
+    def _on_task(self, sample):
+        message = msgpack.unpackb(sample.payload.to_bytes())
+        if message["client"] != self._name:
+            return
+        message["reference"] = _rows(message["reference"])
+        self._tasks.put(message)
+
+    def take(self, patience_s=0.1):
+        """Take the vehicle over; it must fly. Returns nothing, raises RuntimeError with the reason."""
+        self._request("take_control", {"source": self._name, "patience_s": float(patience_s)})
+
+    def release(self):
+        """Give the vehicle back to its own controller."""
+        self._request("release_control", {"source": self._name})
+
+    def next_task(self, timeout_s=1.0):
+        """Wait for the newest task: a dict with state, reference and limits (docs/messages.md, control_task).
+
+        Raises TimeoutError if none comes: authority is lost, or the vehicle's agent is gone.
+        """
+        try:
+            task = self._tasks.get(timeout=float(timeout_s))
+        except queue.Empty:
+            raise TimeoutError(
+                f"no task for {timeout_s} s: authority is lost, or the agent is gone"
+            ) from None
+        while not self._tasks.empty():
+            task = self._tasks.get()
+        return task
+
+    def answer(self, task, inputs):
+        """Send planned inputs from the moment of the task on: rows of pitch, roll, thrust, yaw.
+
+        One row is enough; further ones are flown if later answers are late.
+        """
+        rows = [[float(value) for value in row] for row in inputs]
+        data = b"".join(struct.pack("<4d", *row) for row in rows)
+        message = {
+            "source": self._name,
+            "number": int(task["number"]),
+            "inputs": {"shape": [len(rows), 4], "data": data},
+        }
+        self._publisher.put(msgpack.packb(message))
+
+    def close(self):
+        """Leave the bus."""
+        self._session.close()
+
+    def __enter__(self):
+        """Take the vehicle over."""
+        self.take()
+        return self
+
+    def __exit__(self, *_):
+        """Give it back, unless authority was lost before."""
+        with contextlib.suppress(RuntimeError):
+            self.release()
+        self.close()
+
+    def _request(self, verb, body):
+        for reply in self._session.get(
+            f"{self._prefix}/request/{verb}", payload=msgpack.packb(body), timeout=2.0
+        ):
+            if reply.ok is None:
+                raise RuntimeError(reply.err.payload.to_bytes().decode(errors="replace"))
+            answer = msgpack.unpackb(reply.ok.payload.to_bytes())
+            if not answer["accepted"]:
+                raise RuntimeError(answer["reason"])
+            return
+        raise RuntimeError(f"nobody serves {self._prefix}/request/{verb}: is the fleet up?")
+
+
+def _rows(array):
+    rows, columns = array["shape"]
+    values = struct.unpack(f"<{rows * columns}d", array["data"])
+    return [list(values[row * columns : (row + 1) * columns]) for row in range(rows)]

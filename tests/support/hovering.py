@@ -1,0 +1,77 @@
+"""A pilot that hovers in the simulated laboratory, for tests of what takes over in flight."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from agents.configuration import Configuration
+from agents.guidance import Guidance
+from agents.interfaces import Measurement
+from agents.pilot import Flight, Frame, Pilot
+from agents.tuning import Tuning
+from simulator.conditions import LABORATORY
+from simulator.laboratory import Laboratory
+from simulator.plant import Pose
+from support.waiting import wait_for
+from vehicles.types import COAXIAL
+
+PERIOD_S = 0.02
+
+
+class HoveringFlight:
+    """A pilot that hovers in a simulated laboratory with gusts, mismatch, lag and noise."""
+
+    def __init__(self, controller: str, estimator: str = "extended_kalman") -> None:
+        configuration = Configuration(controller, estimator, {"horizon": 20})
+        self.pilot = Pilot(
+            COAXIAL,
+            configuration.controller_for(COAXIAL, PERIOD_S, 0),
+            configuration.estimator_for(COAXIAL, PERIOD_S),
+            Guidance(),
+        )
+        self.tuning = Tuning(configuration, self.pilot, PERIOD_S, 0)
+        self.laboratory = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, 1.0))}, LABORATORY, 4)
+        self.frame = 0
+        self.flown: list[Flight] = []
+        self._see()
+        self.pilot.note_applied("armed", 0, COAXIAL.hover_input)
+
+    def _see(self) -> None:
+        pose = self.laboratory.measured_pose("h1")
+        measurement = Measurement(np.array(pose.position_m), pose.yaw_rad)
+        self.pilot.observe(Frame(1, self.frame, PERIOD_S, measurement))
+
+    def fly(self, periods: int) -> None:
+        for _ in range(periods):
+            self.laboratory.advance(PERIOD_S)
+            self.frame += 1
+            self._see()
+            self.flown.append(self.pilot.control({}))
+            self.laboratory.set_input("h1", self.flown[-1].input)
+
+    def change(self, **wanted: object) -> str | ValueError:
+        """Prepare a change beside the flight, and let it take over."""
+        present = self.tuning.configuration
+        settings = wanted.get("controller_settings", {})
+        assert isinstance(settings, Mapping)
+        controller, estimator = wanted.get("controller"), wanted.get("estimator")
+        assert controller is None or isinstance(controller, str)
+        assert estimator is None or isinstance(estimator, str)
+        self.tuning.begin(present.changed(controller, settings, estimator, {}))
+        outcomes: list[str | ValueError] = []
+
+        def ready() -> bool:
+            outcome = self.tuning.finish()
+            if outcome is not None:
+                outcomes.append(outcome)
+            return bool(outcomes)
+
+        wait_for(ready, "the change is prepared", 20.0)
+        return outcomes[0]
+
+    def bump(self) -> float:
+        """Step of the inputs in the last period."""
+        return float(np.abs(self.flown[-1].input - self.flown[-2].input).max())
+
+    def error_m(self) -> float:
+        return float(np.linalg.norm(self.laboratory.plant("h1").motion[:3] - np.array([0.0, 0.0, 1.0])))
