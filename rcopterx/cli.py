@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rcopterx.commands import bench, experiment, fly, launch, roles, steer, watch
+from rcopterx.commands import bench, experiment, fly, launch, radio, roles, steer, watch
 
 app = typer.Typer(
     name="rcopterx",
@@ -22,6 +22,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote, steer.tune,
         steer.join, steer.leave, steer.land, steer.disarm, steer.kill, steer.reset,
     ),
+    "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Experiment": (experiment.experiment,),
     "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
 }  # fmt: skip

@@ -69,6 +69,9 @@ class Gateway:
         """Everything that is due now; commands first, for they are written on arrival."""
         for station in self._stations.values():
             station.take_commands(self._clock)
+        # Telling of a write takes as long as the write itself; nobody's command waits for that.
+        for station in self._stations.values():
+            station.announce_write()
         for kill in self._kill.drain():
             for station in self._stations.values():
                 station.take_kill(kill.message, self._clock())
@@ -79,7 +82,9 @@ class Gateway:
                 for pose in poses.drain():
                     self._take_pose(name, pose.message)
         for station in self._stations.values():
-            station.transmitter.tick(self._clock())
+            now_s = self._clock()
+            if now_s >= station.transmitter.next_deadline_s():
+                station.transmitter.tick(now_s)
             station.announce_write()
         self._report()
 

@@ -21,6 +21,8 @@ from transmitter_gateway.settings import TransmitterSettings
 from transmitter_gateway.transmitter import Transmitter, Write
 
 RECALL_LIMIT_S = 0.2
+COMMANDS_KEPT = 256
+"""A flood of wrong commands must not push out the right ones between them."""
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
@@ -50,7 +52,9 @@ class Station:
             port,
             low_power=settings.low_power,
         )
-        self._commands: Subscription[Command] = session.subscribe(channels.COMMAND, self.vehicle, depth=4)
+        self._commands: Subscription[Command] = session.subscribe(
+            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT
+        )
         self._announced: Write | None = None
         self._command_arrived_s: float | None = None
         self._command_fresh: tuple[int, int] | None = None
@@ -60,8 +64,9 @@ class Station:
         session.announce(self.vehicle, "transmitter")
 
     def take_commands(self, clock: Callable[[], float]) -> None:
-        """Hand commands that arrived to the arbiter, then say what was written."""
+        """Hand commands that arrived to the arbiter, which writes; the last write is not announced yet."""
         for received in self._commands.drain():
+            self.announce_write()
             message = received.message
             command = CommandInput(
                 source=message.source,
@@ -76,7 +81,6 @@ class Station:
             if self.transmitter.on_command(command, clock()).accepted:
                 self._accepted_s = received.arrived_s
                 self._last_sequence = message.sequence
-            self.announce_write()
 
     def recall(self) -> None:
         """Ask the launcher what an earlier process of this gateway wrote last, if there was one."""

@@ -32,6 +32,8 @@ from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 THROTTLE_LOW_FRAMES = 30
 """At least 25 are to arrive."""
 LONGEST_BIND_S = 7.0
+POWER_UP_LIMIT_S = 30.0
+"""How long a board that binds only when it is switched on is waited for."""
 AFTER_BIND_S = 5.0
 FIRST_POSE_S = 0.1
 """How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
@@ -146,6 +148,7 @@ class Transmitter:
         self._pending = False
         self._attempt_s = -math.inf
         self._bind_since_s: float | None = None
+        self._bind_by_s = -math.inf
         self._bind_seen = False
         self._settled_s = -math.inf
         self._range_check = False
@@ -213,7 +216,10 @@ class Transmitter:
         return False
 
     def bind(self, now_s: float) -> Answer:
-        """Start binding: bind frames until the module is done, then 5 s of neutral frames (section 3.4)."""
+        """Start binding: bind frames until the module is done, then 5 s of neutral frames (section 3.4).
+
+        A board that looks at the flag only when it is switched on is waited for; its port may vanish then.
+        """
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"binding is only possible while DISARMED, not {self.arbiter.state}")
         if "bind" not in self.protocol.offers:
@@ -221,6 +227,8 @@ class Transmitter:
         if not self.port.is_open:
             return Answer(False, f"binding is not possible: {self.port.problem}")
         self._bind_since_s, self._bind_seen = now_s, False
+        waits = self.protocol.binds_at_power_up
+        self._bind_by_s = now_s + (POWER_UP_LIMIT_S if waits else LONGEST_BIND_S)
         self._run(now_s, urgent=True)
         return Answer(True, "binding")
 
@@ -300,7 +308,10 @@ class Transmitter:
             return
         if self.port.service(now_s):
             self.protocol.link_opened(now_s)
-            self._bind_since_s = None
+            if self.protocol.binds_at_power_up:
+                self._bind_by_s = min(self._bind_by_s, now_s + LONGEST_BIND_S)
+            else:
+                self._bind_since_s = None
             urgent = True
         module = self.protocol.status(now_s)
         self._follow_bind(module, now_s)
@@ -352,7 +363,7 @@ class Transmitter:
             return
         over = self._bind_seen and not module.binding
         self._bind_seen = self._bind_seen or module.binding
-        if over or now_s >= self._bind_since_s + LONGEST_BIND_S:
+        if over or now_s >= self._bind_by_s:
             self._bind_since_s = None
             self._settled_s = now_s + AFTER_BIND_S
 

@@ -73,6 +73,27 @@ def _restarts(document: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+@app.command()
+def gateway(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    transmitters: Annotated[int, typer.Option(metavar="N", min=1, max=32, help="Transmitters served.")] = 8,
+    seconds: Annotated[float, typer.Option(metavar="S", min=1, max=600, help="How long to measure.")] = 20.0,
+) -> None:
+    """Load of one transmitter gateway process, and time from a command to its serial frame."""
+    from benchmarks.gateway import run
+
+    document = run(transmitters, seconds, lambda text: typer.echo(f"bench gateway: {text}", err=True))
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    times = ", ".join(f"{name} {value:.3f}" for name, value in document["write_ms"].items())
+    typer.echo(
+        f"{document['transmitters']} transmitters: {document['cpu_share']:.1%} of one core; "
+        f"write on arrival [ms]: {times}; {document['writes']} writes; "
+        f"load of the machine before {document['load_before']:.1f}"
+    )
+
+
 def _readable(document: dict[str, Any]) -> str:
     """One line per horizon and solver."""
     lines = [f"{'N':>4}  {'solver':24}" + "".join(f"{column:>12}" for column in COLUMNS)]

@@ -2,12 +2,15 @@
 
 import os
 import pty
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +18,11 @@ from integration_support import NAMES, Flying, Truth, fleet_text, free_port, tra
 
 import deploy.supervisor
 from bus import channels
+from bus.messages import Command, FloatArray
+from bus.requests import SetRadio
+from bus.session import Session
 from deploy.fleet import load_fleet
+from deploy.role_settings import bus_address, calibration_of
 from ground_station.fleet import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
@@ -248,3 +255,131 @@ def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
 def heard_lately(flying: Flying, limit_s: float) -> bool:
     ages = [flying.fleet.state_of(name).agent_age_s for name in NAMES]
     return any(age is not None and age < limit_s for age in ages)
+
+
+BURST, BURST_PERIOD_S = 50, 0.01
+SAFE_FALL_M = 0.12
+"""A vehicle without radio falls when its receiver gives up; from here it lands at less than 1.7 m/s."""
+
+
+@pytest.mark.parametrize(
+    ("condition", "reported"),
+    [
+        ("unplugged", "No such file"),
+        ("off", "module gone"),
+        ("refusing", "protocol"),
+    ],
+)
+def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
+    launch: Launch, condition: str, reported: str
+) -> None:
+    flying = launch(trio_text())
+    truth = Truth(flying)
+    flying.fleet.take_off(["h1", "h3"], height_m=0.8)
+    flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M)
+    truth.start_watch()
+    assert flying.fleet.session.request("h2", SetRadio(condition=condition)).accepted
+
+    def told() -> bool:
+        status = flying.fleet.state_of("h2").transmitter
+        return status is not None and not status.ready and reported in status.module
+
+    flying.fleet.wait_until(told, 10, f"{reported!r} is not reported")
+    flying.fleet.wait_until(lambda: landed_gently(truth, "h2"), 10, "h2 did not come down gently")
+    flying.fleet.wait_until(
+        lambda: transmitter_state(flying, "h2") in ("disarmed", "cut"), 10, "h2 is not disarmed"
+    )
+    for name in ("h1", "h3"):
+        vehicle = truth(name)
+        assert vehicle is not None
+        assert not vehicle.on_floor
+        assert transmitter_state(flying, name) == "armed"
+        assert counter(flying, name, "entered DESCEND") == 0
+    assert flying.fleet.session.request("h2", SetRadio(condition="ready")).accepted
+    flying.fleet.wait_until(
+        lambda: (status := flying.fleet.state_of("h2").transmitter) is not None and status.ready,
+        10,
+        "the radio is not found again",
+    )
+    flying.fleet.wait_until(lambda: flying.fleet.state_of("h2").phase == "ground", 10, "agent unaware")
+    flying.fleet.take_off(["h2"], height_m=0.5)
+
+
+def test_a_hundred_thousand_malformed_commands_are_counted_and_disturb_nobody(launch: Launch) -> None:
+    flying = launch(trio_text())
+    truth = Truth(flying)
+    flying.fleet.take_off(height_m=0.8)
+    truth.start_watch()
+    before = {name: counter(flying, name, "entered HOLD") for name in ("h1", "h3")}
+    with Session(bus_address(flying.fleet.file, "main")) as stranger:
+        pauses = paced(BURST_PERIOD_S)
+        for number in range(100_000):
+            stranger.publish(channels.COMMAND, "h2", bad_command(number))
+            if number % BURST == 0:
+                next(pauses)
+    # On a busy machine the bus may drop some; nothing that arrives goes uncounted.
+    flying.fleet.wait_until(lambda: refused_commands(flying, "h2") > 95_000, 10, "rejections are not counted")
+    flying.fleet["h2"].go_to((-0.5, 0.5, 0.9))
+    flying.fleet.wait_until(lambda: at(truth, "h2", (-0.5, 0.5, 0.9)), 15, "h2 does not obey any more")
+    truth.assert_nobody_touched_down()
+    assert all_states(flying, "armed")
+    assert {name: counter(flying, name, "entered HOLD") for name in ("h1", "h3")} == before
+
+
+def paced(period_s: float) -> Iterator[None]:
+    """Wait for the next tick of a period."""
+    next_s = time.monotonic()
+    while True:
+        next_s += period_s
+        time.sleep(max(0.0, next_s - time.monotonic()))
+        yield
+
+
+def bad_command(number: int) -> Command:
+    source, thrust, sequence = (
+        ("h3", 0.5, 10**15),
+        ("h2", 7.0, 10**15),
+        ("h2", float("nan"), 10**15),
+        ("h2", 0.5, 3),
+    )[number % 4]
+    return Command(
+        epoch=1, frame=number, source=source, sequence=sequence, input=(0.0, 0.0, thrust, 0.0),
+        next_inputs=FloatArray.of(np.zeros((0, 4))), period_s=0.02,
+    )  # fmt: skip
+
+
+def refused_commands(flying: Flying, name: str) -> int:
+    """Commands refused by the arbiter, not decodable, or pushed out before anybody read them."""
+    status = flying.fleet.state_of(name).transmitter
+    if status is None:
+        return 0
+    kinds = (
+        "source without control lease",
+        "old sequence number",
+        "older epoch",
+        "epoch not in the raw poses",
+    )
+    return sum(status.counters.get(kind, 0) for kind in kinds) + sum(status.rejected.values())
+
+
+def test_hover_trim_is_measured_in_flight_and_written_to_the_file(launch: Launch, tmp_path: Path) -> None:
+    flying = launch(trio_text())
+    copy = tmp_path / "copy.toml"
+    shutil.copy(flying.path, copy)
+    words = [sys.executable, "-m", "rcopterx", "calibrate", "h2", "--step", "trim", "--seconds", "3"]
+    refused = subprocess.run([*words, "--fleet", str(copy)], capture_output=True, text=True, check=False)
+    assert refused.returncode == 1
+    assert "hover first" in refused.stderr
+    flying.fleet.take_off(["h2"], height_m=0.8)
+    flying.fleet.wait_for_arrival(["h2"])
+    in_flight = subprocess.run(
+        [*words[:5], "--pitch", "reversed", "--fleet", str(copy)], capture_output=True, text=True, check=False
+    )
+    assert in_flight.returncode == 1
+    assert "land the fleet" in in_flight.stderr
+    done = subprocess.run([*words, "--fleet", str(copy)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    calibration = calibration_of(load_fleet(copy).vehicles["h2"], "h2")
+    trimmed = any(channel.trim_us for channel in (calibration.pitch, calibration.roll, calibration.yaw))
+    assert trimmed != ("all below" in done.stdout)
+    assert transmitter_state(flying, "h2") == "armed"

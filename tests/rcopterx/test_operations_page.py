@@ -39,7 +39,7 @@ def test_every_problem_that_a_check_can_name_is_explained() -> None:
 
 
 def test_every_command_and_column_of_the_page_exists() -> None:
-    known = {command.__name__ for commands in COMMANDS.values() for command in commands}
+    known = {command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands}
     for used in re.findall(r"rcopterx (\w+)", TEXT):
         assert used in known, used
     columns = " ".join(COLUMNS)

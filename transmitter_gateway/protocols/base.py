@@ -102,6 +102,8 @@ class RadioProtocol(ABC):
         Name in the fleet file.
     offers : frozenset of str
         Flags the radio understands.
+    binds_at_power_up : bool
+        The radio looks at the bind flag only in its first frames after it was switched on.
     line : SerialLine
         Serial line the radio expects.
     channel_count : int
@@ -116,6 +118,7 @@ class RadioProtocol(ABC):
 
     name: ClassVar[str]
     offers: ClassVar[frozenset[str]]
+    binds_at_power_up: ClassVar[bool] = False
     line: SerialLine
     channel_count: int
     pulse_range_us: tuple[float, float]

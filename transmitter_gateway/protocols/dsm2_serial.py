@@ -68,6 +68,7 @@ class Dsm2SerialProtocol(OneWayRadio):
 
     name: ClassVar[str] = "dsm2_serial"
     offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check"})
+    binds_at_power_up: ClassVar[bool] = True
 
     def __init__(self, settings: Dsm2Settings | None = None, line: SerialLine = LINE) -> None:
         self.settings = settings or Dsm2Settings()

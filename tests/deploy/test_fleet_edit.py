@@ -1,0 +1,59 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.fleets import PAIR
+
+from deploy.fleet import FleetError, load_fleet
+from deploy.fleet_edit import write_calibration
+from deploy.role_settings import calibration_of
+from deploy.shipped import shipped_fleets
+from transmitter_gateway.calibration import Calibration
+
+
+def present(path: Path, name: str = "h1") -> Calibration:
+    return calibration_of(load_fleet(path).vehicles[name], name)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "lab.toml"
+    path.write_text("# mine\n" + PAIR)
+    path.chmod(0o640)
+    return path
+
+
+def test_only_what_differs_is_written_and_the_rest_of_the_file_stays(path: Path) -> None:
+    wanted = present(path).trimmed((0.1, -0.05, 0.55, 0.02))
+    lines = write_calibration(path, "h1", wanted)
+    assert present(path) == wanted
+    assert lines == ["pitch.trim_us: 0 -> 40", "roll.trim_us: 0 -> -20", "yaw.trim_us: 0 -> 8"]
+    assert path.read_text().startswith("# mine\n")
+    assert present(path, "h2") == Calibration()
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_second_change_overwrites_the_first(path: Path) -> None:
+    first = present(path).trimmed((0.1, 0.0, 0.0, 0.0))
+    write_calibration(path, "h1", first)
+    second = replace(first, throttle=replace(first.throttle, us_hover=1512.5))
+    assert write_calibration(path, "h1", second) == ["throttle.us_hover: 1540 -> 1512.5"]
+    assert present(path) == second
+    assert write_calibration(path, "h1", second) == []
+
+
+def test_a_file_that_comes_with_the_package_is_not_changed() -> None:
+    trio = shipped_fleets()["trio"]
+    before = trio.read_text()
+    with pytest.raises(FleetError, match="copy it and use the copy"):
+        write_calibration(trio, "h1", present(trio).trimmed((0.1, 0.0, 0.0, 0.0)))
+    assert trio.read_text() == before
+
+
+def test_a_link_to_the_file_stays_a_link(path: Path, tmp_path: Path) -> None:
+    link = tmp_path / "link.toml"
+    link.symlink_to(path)
+    write_calibration(link, "h1", present(path).trimmed((0.1, 0.0, 0.0, 0.0)))
+    assert link.is_symlink()
+    assert present(path).pitch.trim_us == 40

@@ -1,0 +1,50 @@
+"""docs/safety.md says what the arbiter does."""
+
+from pathlib import Path
+
+from transmitter_gateway.inputs import State
+from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
+from transmitter_gateway.transitions import TRANSITIONS
+from transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
+
+PAGE = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
+
+
+def table() -> str:
+    """The page's table; copy it from the failing comparison when the transitions have changed."""
+    lines = [
+        "| # | in | if all of | and none of | then | reason |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for number, row in enumerate(TRANSITIONS, 1):
+        states = ", ".join(state for state in State if state in row.states)
+        needs, unless = (", ".join(sorted(names)) or "-" for names in (row.needs, row.unless))
+        lines.append(f"| {number} | {states} | {needs} | {unless} | {row.target} | {row.reason} |")
+    return "\n".join(lines)
+
+
+def test_table_of_the_page_is_the_arbiters() -> None:
+    shown = PAGE.partition("<!-- table: begin -->\n")[2].partition("\n<!-- table: end -->")[0]
+    assert shown == table()
+
+
+def test_figures_of_the_page_are_the_defaults() -> None:
+    limits, poses = ArbiterLimits(), SurveillanceLimits()
+    margin_m = Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)).margin_m
+    for line in (
+        f"at most {limits.bridge_steps} of them, at most {limits.bridge_s * 1e3:.0f} ms",
+        f"HOLD | {limits.hold_after_s * 1e3:.0f} ms",
+        f"DESCEND | {limits.descend_after_s * 1e3:.0f} ms",
+        f"CUT | {limits.cut_after_s:.1f} s",
+        f"at most {limits.hold_limit_s} s, then DESCEND",
+        f"at most {limits.cut_after_s - limits.descend_after_s:.1f} s, then CUT",
+        f"HOLD after {(poses.tracking_hold_s or 0) * 1e3:.0f} ms",
+        f"DESCEND after {(poses.tracking_descend_s or 0) * 1e3:.0f} ms",
+        f"| {poses.maximum_jump_m} m and {poses.maximum_speed_m_s} m/s; after {poses.jump_descend_s} s",
+        f"closer than {poses.minimum_distance_m} m",
+        f"outside the fence by {margin_m} m",
+        f"commanded low for {limits.arm_low_s} s",
+        f"CUT, {THROTTLE_LOW_FRAMES} throttle-low frames",
+        f"younger than {limits.take_over_s} s",
+    ):
+        assert line in PAGE, line

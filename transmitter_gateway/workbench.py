@@ -1,0 +1,158 @@
+"""One transmitter without bus, agents and arming: binding, range check and calibration at the workbench.
+
+The serial port is opened exclusively, so nothing here is possible while a gateway has it, in flight or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+
+from transmitter_gateway.inputs import Answer, LinkState
+from transmitter_gateway.serial_port import SerialPort
+from transmitter_gateway.settings import TransmitterSettings
+from transmitter_gateway.transmitter import AFTER_BIND_S, LONGEST_BIND_S, POWER_UP_LIMIT_S, Transmitter
+
+FAREWELL_S = 0.6
+"""At least 25 frames of any radio."""
+
+LONGEST_BINDING_S = POWER_UP_LIMIT_S + LONGEST_BIND_S + AFTER_BIND_S
+
+
+class WorkbenchError(RuntimeError):
+    """What was asked for cannot be done; nothing was changed."""
+
+
+class Workbench(AbstractContextManager["Workbench"]):
+    """A transmitter that can never be armed.
+
+    Parameters
+    ----------
+    settings : TransmitterSettings
+        The vehicle's transmitter.
+    clock : callable
+        Monotonic clock [s].
+    wait : callable
+        Waits for one of the descriptors or for the time-out, `wait(descriptors, timeout_s)`; returns the
+        ready ones.
+    """
+
+    def __init__(
+        self,
+        settings: TransmitterSettings,
+        clock: Callable[[], float],
+        wait: Callable[[Sequence[int], float], Sequence[int]],
+    ) -> None:
+        self.vehicle = settings.vehicle
+        self._clock = clock
+        self._wait = wait
+        self.transmitter = Transmitter(
+            settings.vehicle,
+            settings.limits,
+            settings.calibration,
+            settings.protocol,
+            SerialPort(settings.port, settings.protocol.line),
+            low_power=settings.low_power,
+        )
+
+    def __exit__(self, *_: object) -> None:
+        self.transmitter.show(None, self._clock())
+        self.transmitter.range_check(False, self._clock())
+        if self.transmitter.port.is_open:
+            self.run(FAREWELL_S)
+        self.transmitter.close()
+
+    def run(
+        self,
+        seconds: float,
+        until: Callable[[], bool] = lambda: False,
+        descriptors: Sequence[int] = (),
+    ) -> bool:
+        """Keep the radio served; return whether `until` came true within the time [s].
+
+        Parameters
+        ----------
+        seconds : float
+            Longest time [s].
+        until : callable
+            Ends it.
+        descriptors : sequence of int
+            What else shall end a pause, for instance standard input.
+        """
+        end_s = self._clock() + seconds
+        while not until():
+            now_s = self._clock()
+            if now_s >= end_s:
+                return False
+            port = self.transmitter.port.fileno()
+            waited = [*descriptors] if port is None else [port, *descriptors]
+            due_s = min(end_s, self.transmitter.next_deadline_s(), now_s + 0.1)
+            if port in self._wait(waited, max(0.0, due_s - now_s)):
+                self.transmitter.on_readable(self._clock())
+            self.transmitter.tick(self._clock())
+        return True
+
+    def wait_ready(self, limit_s: float = 5.0) -> str:
+        """Wait until the module is ready; return what it says.
+
+        Raises
+        ------
+        WorkbenchError
+            The port cannot be opened or the module is not ready.
+        """
+        if not self.run(limit_s, self._ready):
+            status = self.transmitter.status(self._clock())
+            used = "lock" in status.module
+            hint = "; a gateway uses it: land the fleet and stop it first" if used else ""
+            raise WorkbenchError(f"{self.vehicle}: {status.module}{hint}")
+        return self.transmitter.status(self._clock()).module
+
+    def _ready(self) -> bool:
+        return self.transmitter.status(self._clock()).link is LinkState.READY
+
+    def bind(self) -> None:
+        """Bind: flagged frames until the module is done, then the neutral frames receivers store as failsafe.
+
+        A board that looks at the flag only when it is switched on has to be switched on within the time.
+
+        Raises
+        ------
+        WorkbenchError
+            The radio is bound by itself, or the port is closed.
+        """
+        self.run(1.0, lambda: self.transmitter.port.is_open)
+        self._require(self.transmitter.bind(self._clock()))
+        self.run(LONGEST_BINDING_S, lambda: not self.transmitter.busy(self._clock()))
+
+    def range_check(self, seconds: float, until: Callable[[], bool], descriptors: Sequence[int] = ()) -> None:
+        """Send with reduced power, moving the swash plate so that it can be seen whether the vehicle hears.
+
+        Raises
+        ------
+        WorkbenchError
+            The radio has no reduced power.
+        """
+        self._require(self.transmitter.range_check(True, self._clock()))
+        end_s = self._clock() + seconds
+        pitch = 0.5
+        while self._clock() < end_s:
+            self.show((pitch, 0.0, 0.0, 0.0), seconds=1.0)
+            pitch = -pitch
+            if self.run(min(0.5, end_s - self._clock()), until, descriptors):
+                return
+
+    def show(self, u: Sequence[float], *, throttle_us: float | None = None, seconds: float) -> None:
+        """Send inputs for a time [s], the throttle low or at a pulse width [us].
+
+        Raises
+        ------
+        WorkbenchError
+            The pulse width cannot be sent.
+        """
+        self._require(
+            self.transmitter.show(u, self._clock(), throttle_us=throttle_us, until_s=self._clock() + seconds)
+        )
+
+    def _require(self, answer: Answer) -> None:
+        if not answer.accepted:
+            raise WorkbenchError(f"{self.vehicle}: {answer.reason}")
