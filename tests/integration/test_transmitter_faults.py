@@ -356,6 +356,7 @@ def refused_commands(flying: Flying, name: str) -> int:
     kinds = (
         "source without control lease",
         "old sequence number",
+        "command out of limits",
         "older epoch",
         "epoch not in the raw poses",
     )
