@@ -11,6 +11,7 @@ from agents.formation import FormationOffset
 from agents.guidance import Link
 from agents.leaders import Leaders
 from agents.neighbours import Neighbours, formation_of
+from agents.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from agents.phases import Phase
 from agents.pilot import Pilot
 from agents.placement import Room, offset_problem, place_problem
@@ -21,6 +22,7 @@ from agents.tuning import Tuning
 from bus.messages import AgentStatus, Following
 from bus.requests import (
     CommitLeaders,
+    Fly,
     Follow,
     GoTo,
     Land,
@@ -36,7 +38,7 @@ from bus.requests import (
 from bus.session import Incoming
 
 VERBS = [
-    "take_off", "land", "go_to", "follow", "lead", "tune", "take_control", "release_control",
+    "take_off", "land", "go_to", "fly", "follow", "lead", "tune", "take_control", "release_control",
     "prepare_leaders", "commit_leaders", "withdraw_leaders",
 ]  # fmt: skip
 FIRST_PLAN_LIMIT_S = 0.3
@@ -155,6 +157,8 @@ class Desk:
             refusal = self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
         elif isinstance(request, GoTo):
             refusal = self._go_to(request)
+        elif isinstance(request, Fly):
+            refusal, accepted = self._fly(request)
         elif isinstance(request, Lead):
             refusal = self._lead()
             accepted = f"{self._settings.vehicle} follows nobody"
@@ -231,7 +235,8 @@ class Desk:
         self.keep_leaders()
         if status.phase == Phase.LANDING:
             guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
-        elif not guidance.assigned:
+        elif not guidance.assigned and not status.path_left_s:
+            # Of a trajectory only its end is known: the vehicle holds the place where it is.
             guidance.go_to(np.array(status.set_point.position_m), status.set_point.yaw_rad)
 
     def _restore(self, status: AgentStatus) -> None:
@@ -271,6 +276,24 @@ class Desk:
             if not low <= value <= high:
                 return f"{axis}: {value:g} m is outside the flight volume {low:g} .. {high:g} m"
         return self._pilot.guidance.go_to(np.array(position), request.set_point.yaw_rad)
+
+    def _fly(self, request: Fly) -> tuple[str | None, str]:
+        """Refusal, or None and how long it takes, of a trajectory."""
+        guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
+        problem = guidance.flight_problem()
+        if problem is not None:
+            return problem, ""
+        present = guidance.source.sample(time_s, 1.0, 1).samples[0]
+        wanted = FlightPath(request.knots.to_numpy())
+        run_in_s = run_in_time_s(wanted, present)
+        path = begun_from(wanted, present, run_in_s)
+        problem = path_problem(
+            path, self._pilot.model, self._settings.volume_min_m, self._settings.volume_max_m
+        )
+        if problem is not None:
+            return problem, ""
+        guidance.fly(path, time_s)
+        return None, f"{path.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
 
     def _lead(self) -> str | None:
         self._pilot.guidance.lead(self._pilot.estimate)

@@ -11,8 +11,15 @@ import numpy as np
 
 from agents.formation import FormationOffset, OffsetTransition, combined_reference, follower_reference
 from agents.interfaces import Estimate
+from agents.paths import FlightPath
 from agents.phases import AIRBORNE, Event, Phase, next_phase
-from agents.references import PEAK_TO_MEAN_SPEED, ReferenceSource, SetPointReference, SmoothMove
+from agents.references import (
+    PEAK_TO_MEAN_SPEED,
+    PathReference,
+    ReferenceSource,
+    SetPointReference,
+    SmoothMove,
+)
 from agents.trajectory import Trajectory
 from vehicles.state import YAW, Array
 
@@ -163,13 +170,29 @@ class Guidance:
 
     def go_to(self, position_m: Array, yaw_rad: float) -> str | None:
         """Set point of a vehicle that follows nobody; a refusal is returned as its reason."""
+        problem = self.flight_problem()
+        if problem is None:
+            self.source = SetPointReference(position_m, yaw_rad)
+        return problem
+
+    def flight_problem(self) -> str | None:
+        """Why a set point or a path is not taken now; None if it is."""
         if self.phase is not Phase.FLYING:
-            return f"set points are for flying vehicles, the phase is {self.phase}"
+            return f"set points and trajectories are for flying vehicles, the phase is {self.phase}"
         if self.links:
             leaders = ", ".join(link.leader for link in self.links)
-            return f"it follows {leaders}; give the set point to the leader, or let this vehicle lead first"
-        self.source = SetPointReference(position_m, yaw_rad)
+            return f"it follows {leaders}; ask the leader, or let this vehicle lead first"
         return None
+
+    def fly(self, path: FlightPath, time_s: float) -> None:
+        """Fly a path from now on."""
+        self.source = PathReference(path, time_s)
+
+    def path_left_s(self, time_s: float) -> float:
+        """Time until the present path ends; 0 without one."""
+        if not isinstance(self.source, PathReference):
+            return 0.0
+        return max(0.0, self.source.start_s + self.source.path.duration_s - time_s)
 
     def lead(self, estimate: Estimate) -> None:
         """Follow nobody; a flying vehicle holds its place."""

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from agents.paths import FlightPath
 from agents.trajectory import ACCELERATION, COLUMNS, POSITION, VELOCITY, YAW, Trajectory, hold
 from vehicles.state import Array
 
@@ -87,3 +88,28 @@ class SmoothMove:
     def finished(self, time_s: float) -> bool:
         """See `ReferenceSource.finished`."""
         return time_s >= self.start_s + self.duration_s
+
+
+@dataclass(frozen=True)
+class PathReference:
+    """A path that begins at a time; afterwards its end is held.
+
+    Attributes
+    ----------
+    path
+        The path.
+    start_s
+        When it begins.
+    """
+
+    path: FlightPath
+    start_s: float
+
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
+        """See `ReferenceSource.sample`."""
+        at_s: Array = time_s - self.start_s + period_s * np.arange(float(stages))
+        return Trajectory(self.path.sample(at_s), period_s)
+
+    def finished(self, time_s: float) -> bool:
+        """See `ReferenceSource.finished`."""
+        return time_s >= self.start_s + self.path.duration_s

@@ -103,6 +103,7 @@ def status_message(
         assigned=tuple(following_at_rest(link) for link in pilot.guidance.assigned),
         stance=stance,
         client=client,
+        path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
     )
 
 

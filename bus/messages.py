@@ -18,6 +18,8 @@ MAX_NEXT_INPUTS = 16
 MAX_POSITION_M = 100.0
 MAX_MAGNITUDE = 1e6
 """Of any number of a trajectory, and of headings, which count turns; more would overflow in a controller."""
+MAX_KNOTS = 600
+KNOT_COLUMNS = 13
 MAX_SETTINGS = 40
 MAX_RATE_HZ = 2000.0
 """Of the motion capture."""
@@ -295,6 +297,8 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     controller_settings: Settings = {}
     """Settings that the fleet file or a request has given; all others have their defaults."""
     estimator_settings: Settings = {}
+    path_left_s: Seconds = 0.0
+    """Time until the trajectory ends that the vehicle flies; 0 without one."""
     client: Text = ""
     """Program outside that flies the vehicle; empty while its own controller does."""
 

@@ -4,13 +4,17 @@ One table, as for the channels: the verb, who serves it, the request and the rep
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Annotated, ClassVar, Final
 
+import numpy as np
 from msgspec import Meta
 
 from bus.messages import (
+    KNOT_COLUMNS,
+    MAX_KNOTS,
     AgentStatus,
     Applied,
+    FloatArray,
     Following,
     InvalidMessageError,
     Message,
@@ -20,6 +24,8 @@ from bus.messages import (
     Settings,
     Text,
 )
+
+MAX_PATH_S: Final = 600.0
 
 
 class Request(Message, frozen=True, kw_only=True):
@@ -71,6 +77,25 @@ class GoTo(Request, frozen=True, kw_only=True):
     """New set point of a leader."""
 
     set_point: SetPoint
+
+
+class Fly(Request, frozen=True, kw_only=True):
+    """Fly a trajectory, after a smooth way to its beginning; ends at rest where it ends."""
+
+    MAX_BYTES: ClassVar[int] = 131072
+
+    knots: FloatArray
+    """Shape (n, 13), n from 2 to 600: time [s] from 0 on, x, y, z [m], yaw [rad], their rates and their
+    accelerations, inertial frame; quintic polynomials in between. The first and the last knot are at rest."""
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        self.knots.check("knots", KNOT_COLUMNS, MAX_KNOTS, 2)
+        times = self.knots.to_numpy()[:, 0]
+        if times[0] != 0.0 or not (np.diff(times) > 0).all() or times[-1] > MAX_PATH_S:
+            raise InvalidMessageError(f"knots: times must increase from 0 on, to at most {MAX_PATH_S:g} s")
+        if self.knots.to_numpy()[[0, -1], 5:].any():
+            raise InvalidMessageError("knots: the first and the last must be at rest")
 
 
 class Follow(Request, frozen=True, kw_only=True):
@@ -193,6 +218,7 @@ VERBS: Final = {
         Verb("take_off", "agent", TakeOff, "climb to a height"),
         Verb("land", "agent", Land, "descend and switch the rotor off"),
         Verb("go_to", "agent", GoTo, "new set point"),
+        Verb("fly", "agent", Fly, "fly a trajectory"),
         Verb("follow", "agent", Follow, "follow another vehicle's plan"),
         Verb("lead", "agent", Lead, "follow nobody"),
         Verb("tune", "agent", Tune, "change controller, estimator or their settings"),

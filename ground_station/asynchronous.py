@@ -92,6 +92,7 @@ class AsyncVehicle(Wrapped[Vehicle]):
     go_to = awaited(Vehicle.go_to)
     follow = awaited(Vehicle.follow)
     lead = awaited(Vehicle.lead)
+    fly = awaited(Vehicle.fly)
     tune = awaited(Vehicle.tune)
     start = awaited(Vehicle.start)
     stop = awaited(Vehicle.stop)

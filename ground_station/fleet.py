@@ -6,11 +6,13 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 
+from agents.paths import FlightPath
 from bus import channels
-from bus.messages import Following, Kill, Plan, SetPoint, Setting
+from bus.messages import FloatArray, Following, Kill, Plan, SetPoint, Setting
 from bus.requests import (
     Arm,
     Disarm,
+    Fly,
     Follow,
     GoTo,
     KillVehicle,
@@ -38,6 +40,7 @@ KILL_REPEAT_S = 0.1
 ARM_RETRY_S = 0.1
 DISARM_S = 1.0
 """For the agents to tell that they are disarmed."""
+RUN_IN_LIMIT_S = 30.0
 TUNING_LIMIT_S = 10.0
 """Longest time to build a controller; the vehicle flies on with the present one."""
 STAY_BEHIND_S = 5.0
@@ -85,6 +88,39 @@ class Vehicle:
         """Set point in the inertial frame [m, rad]."""
         x, y, z = position_m
         self._ask(GoTo(set_point=SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))))
+
+    def fly(self, path: FlightPath, wait: bool = False) -> str:
+        """Fly a trajectory, after a smooth way to its beginning.
+
+        Parameters
+        ----------
+        path
+            From `circle`, `figure_eight`, `spiral` or `through`.
+        wait
+            Return only when it has been flown.
+
+        Returns
+        -------
+        str
+            How long it takes.
+
+        Raises
+        ------
+        RefusedError
+            It leaves the flight volume or asks too much of the vehicle; the text says where.
+        """
+        answer = self._ask(Fly(knots=FloatArray.of(path.knots)))
+        if wait:
+            limit_s = path.duration_s + RUN_IN_LIMIT_S
+            self._fleet.wait_until(lambda: self._path_left_s() > 0.0, 2.0, "it does not begin", [self.name])
+            self._fleet.wait_until(
+                lambda: self._path_left_s() == 0.0, limit_s, "the trajectory has not ended", [self.name]
+            )
+        return answer
+
+    def _path_left_s(self) -> float:
+        status = self.state.agent
+        return 0.0 if status is None else status.path_left_s
 
     def follow(
         self,

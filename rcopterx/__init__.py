@@ -1,5 +1,6 @@
 """rcopterx: formation flight of miniature helicopters. `Fleet` is the scripting interface."""
 
+from agents.paths import FlightPath, PathError, circle, figure_eight, spiral, through
 from ground_station.asynchronous import AsyncFleet, AsyncVehicle
 from ground_station.fleet import Fleet, RefusedError, Vehicle
 from ground_station.launched import launched
@@ -10,9 +11,15 @@ __all__ = [
     "AsyncFleet",
     "AsyncVehicle",
     "Fleet",
+    "FlightPath",
     "NotReachedError",
+    "PathError",
     "RefusedError",
     "Vehicle",
     "VehicleState",
+    "circle",
+    "figure_eight",
     "launched",
+    "spiral",
+    "through",
 ]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rcopterx.commands import bench, experiment, fly, launch, radio, roles, steer, watch
+from rcopterx.commands import bench, experiment, fly, launch, radio, roles, steer, trajectory, watch
 
 app = typer.Typer(
     name="rcopterx",
@@ -19,8 +19,9 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.demo, fly.fly),
     "Watch a running fleet": (watch.status, watch.check, watch.top, watch.view),
     "Steer a running fleet": (
-        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote, steer.tune,
-        steer.join, steer.leave, steer.land, steer.disarm, steer.kill, steer.reset,
+        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
+        trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,
+        steer.reset,
     ),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Experiment": (experiment.experiment,),

@@ -76,7 +76,7 @@ def follow(
         raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle, leader])
-        typer.echo(running[vehicle].follow(leader, _three(offset), math.radians(yaw), frame))
+        typer.echo(running[vehicle].follow(leader, three(offset), math.radians(yaw), frame))
 
 
 def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -197,13 +197,12 @@ def known_vehicles(known: Mapping[str, object], names: Iterable[str] | None) -> 
             raise typer.BadParameter(f"no vehicle {name!r}, known are {', '.join(known)}")
 
 
-def _three(text: str) -> tuple[float, float, float]:
+def three(text: str) -> tuple[float, float, float]:
+    """Three numbers as they are typed: 0.5,0,-0.2."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise typer.BadParameter(
-            f"{text!r}: three numbers separated by commas", param_hint="--offset"
-        ) from None
+        raise typer.BadParameter(f"{text!r}: three numbers separated by commas are needed") from None
     return x, y, z
 
 

@@ -137,7 +137,7 @@ def test_leaders_may_be_changed_before_the_vehicle_was_seen(office: Office) -> N
     [
         (TakeOff(), "take-off needs an armed vehicle on the floor, the phase is ground"),
         (Land(), "nothing to land, the phase is ground"),
-        (go_to(0, 0, 1), "set points are for flying vehicles, the phase is ground"),
+        (go_to(0, 0, 1), "set points and trajectories are for flying vehicles, the phase is ground"),
         (Disarm(), "an agent does not serve verb"),
     ],
 )

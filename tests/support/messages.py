@@ -25,6 +25,7 @@ COLUMNS = {
     "next_inputs": (0, MAX_NEXT_INPUTS, 4),
     "reference": (1, 6, PLAN_COLUMNS),
     "inputs": (1, 6, 4),
+    "knots": (2, 6, requests.KNOT_COLUMNS),
 }
 """Fewest rows, most rows and columns of the matrices, by field."""
 
@@ -32,7 +33,11 @@ COLUMNS = {
 def wire_maps(message_type: type[Message]) -> st.SearchStrategy[dict[str, Any]]:
     """Valid MessagePack maps of a message."""
     maps = _struct(inspect.type_info(message_type))
-    return maps.map(_as_pose) if message_type is Pose else maps
+    if message_type is Pose:
+        return maps.map(_as_pose)
+    if message_type is requests.Fly:
+        return maps.map(_as_fly)
+    return maps
 
 
 def valid_messages(message_type: type[Message]) -> st.SearchStrategy[Message]:
@@ -49,6 +54,15 @@ def _as_pose(plain: dict[str, Any]) -> dict[str, Any]:
         "position_m": plain["position_m"] or [0.1, -0.2, 0.3],
         "quaternion_xyzw": [0.0, 0.0, math.sin(half_rad), math.cos(half_rad)],
     }
+
+
+def _as_fly(plain: dict[str, Any]) -> dict[str, Any]:
+    """Times that increase from 0 on, at rest at both ends."""
+    rows, columns = plain["knots"]["shape"]
+    knots = np.frombuffer(plain["knots"]["data"]).reshape(rows, columns).copy()
+    knots[:, 0] = np.linspace(0.0, 1.0 + 0.1 * rows, rows)
+    knots[[0, -1], 5:] = 0.0
+    return plain | {"knots": {"shape": [rows, columns], "data": knots.tobytes()}}
 
 
 def _struct(kind: Any) -> st.SearchStrategy[dict[str, Any]]:

@@ -1,0 +1,107 @@
+"""Flying trajectories from the command line: circles, eights, spirals, waypoints from a file."""
+
+import csv
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from agents.paths import HEADINGS, FlightPath, PathError, circle, figure_eight, spiral, through
+from rcopterx.commands.steer import Vehicle, known_vehicles, three
+from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, running_fleet
+
+SHAPES = ("circle", "figure-eight", "spiral", "waypoints")
+
+
+def trajectory(
+    vehicle: Vehicle,
+    shape: Annotated[str, typer.Argument(metavar="SHAPE", help=f"One of {', '.join(SHAPES)}.")],
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[FILE]", help="For waypoints: CSV with columns t,x,y,z,yaw (s, m, degrees)."),
+    ] = None,
+    center: Annotated[str, typer.Option(metavar="X,Y,Z", help="Center in metres.")] = "0,0,1",
+    radius: Annotated[float, typer.Option(metavar="METRES", help="Radius, or half the length.")] = 0.5,
+    end_radius: Annotated[
+        float | None, typer.Option(metavar="METRES", help="Spiral: radius at the end.")
+    ] = None,
+    climb: Annotated[float, typer.Option(metavar="METRES", help="Spiral: height gained.")] = 0.0,
+    period: Annotated[float, typer.Option(metavar="SECONDS", help="Time of a turn.")] = 8.0,
+    turns: Annotated[float, typer.Option(metavar="N", help="Turns; negative for clockwise.")] = 1.0,
+    heading: Annotated[str, typer.Option(help=f"One of {', '.join(HEADINGS)}.")] = "fixed",
+    wait: Annotated[bool, typer.Option("--wait", help="Return when it has been flown.")] = False,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw it (svg, png, pdf) instead of flying it.")
+    ] = None,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Fly a trajectory with a vehicle that follows nobody; its followers come along."""
+    middle = three(center)
+    try:
+        if shape == "circle":
+            path = circle(middle, radius, period, turns, heading)
+        elif shape == "figure-eight":
+            path = figure_eight(middle, (radius, 0.5 * radius), period, turns, heading)
+        elif shape == "spiral":
+            ends = (radius, radius if end_radius is None else end_radius)
+            path = spiral(middle, ends, climb, period, turns, heading)
+        elif shape == "waypoints":
+            path = through(_waypoints(file))
+        else:
+            raise typer.BadParameter(f"{shape!r}: allowed are {', '.join(SHAPES)}", param_hint="SHAPE")
+    except PathError as error:
+        raise typer.BadParameter(str(error)) from None
+    if plot is not None:
+        _draw(path, plot)
+        typer.echo(f"{plot}: {path.duration_s:.1f} s")
+        return
+    with running_fleet(fleet) as running:
+        known_vehicles(running.file.vehicles, [vehicle])
+        typer.echo(f"{vehicle}: {running[vehicle].fly(path, wait)}")
+
+
+def _waypoints(file: Path | None) -> list[list[float]]:
+    if file is None:
+        raise typer.BadParameter("waypoints need a CSV file with columns t,x,y,z,yaw", param_hint="FILE")
+    try:
+        with file.open(newline="", encoding="utf-8") as lines:
+            rows = list(csv.reader(lines))
+    except OSError as error:
+        raise typer.BadParameter(f"{file}: {error.strerror}", param_hint="FILE") from None
+    if rows and rows[0] == ["t", "x", "y", "z", "yaw"]:
+        rows = rows[1:]
+    table = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            t, x, y, z, yaw = (float(value) for value in row)
+        except ValueError:
+            raise typer.BadParameter(
+                f"{file}, row {number}: {','.join(row)!r} is not t,x,y,z,yaw", param_hint="FILE"
+            ) from None
+        table.append([t, x, y, z, math.radians(yaw)])
+    return table
+
+
+def _draw(path: FlightPath, file: Path) -> None:
+    """Path from above, and its speed over time."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise typer.BadParameter("--plot needs matplotlib: pip install 'rcopterx[figures]'") from None
+    times = np.arange(0.0, path.duration_s, 0.02)
+    samples = path.sample(times)
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    above, course = figure.subplots(1, 2)
+    above.plot(samples[:, 0], samples[:, 1])
+    above.plot(*samples[0, :2], "o")
+    above.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    course.plot(times, np.linalg.norm(samples[:, 4:7], axis=1), label="speed [m/s]")
+    course.plot(times, samples[:, 2], label="z [m]")
+    course.set(xlabel="time [s]")
+    course.legend()
+    try:
+        figure.savefig(file)
+    except (OSError, ValueError) as error:
+        raise typer.BadParameter(f"{file}: {error}", param_hint="--plot") from None

@@ -1,0 +1,45 @@
+"""A leader flies a trajectory with its formation; what cannot be flown is refused, with real processes."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from integration_support import Flying, Truth, fleet_text, free_port
+
+from agents.paths import circle, figure_eight
+from ground_station.fleet import RefusedError
+from ground_station.recorder import Recorder
+from ground_station.report import FlightFigures
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+Launch = Callable[..., Flying]
+NAMES = ("h1", "h2", "h3")
+
+
+def test_a_formation_flies_an_eight_and_bad_trajectories_are_refused(launch: Launch) -> None:
+    hosts = {"main": ("127.0.0.1", free_port())}
+    flying = launch(fleet_text(free_port(), hosts, control='controller = "cascade"\nhorizon = 30'))
+    fleet, truth = flying.fleet, Truth(flying)
+    fleet.take_off(height_m=0.9)
+    truth.start_watch()
+    with pytest.raises(RefusedError, match="outside the flight volume"):
+        fleet["h1"].fly(circle((0.0, 0.0, 1.0), 5.0, 20.0))
+    with pytest.raises(RefusedError, match="times as slow it could be flown"):
+        fleet["h1"].fly(circle((0.0, 0.0, 1.0), 0.5, 1.0, turns=3.0))
+    with pytest.raises(RefusedError, match="it follows h1"):
+        fleet["h2"].fly(circle((0.0, 0.0, 1.0), 0.5, 8.0))
+    recorder = Recorder(fleet.session)
+    recorder.start()
+    answer = fleet["h1"].fly(figure_eight((0.0, 0.0, 1.0), (0.5, 0.25), 6.0), wait=True)
+    figures = FlightFigures(recorder.stop(), NAMES)
+    assert "on the way to its beginning" in answer
+    leader = truth("h1")
+    assert leader is not None
+    assert np.linalg.norm(np.subtract(leader.position_m, (0.0, 0.0, 1.0))) < 0.1
+    for name in NAMES:
+        table = figures.vehicle(name)
+        assert table["ticks"] > 300
+        # Previewed and fed forward, a trajectory is tracked far better than set points are.
+        assert table["tracking_error_mm"]["rms"] < 40
+    truth.assert_nobody_touched_down()
