@@ -12,19 +12,24 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
-from msgspec import Meta, Struct, field
+from msgspec import Meta, field
 
 from bus import channels
+from deploy.laboratory_tables import (
+    DEFAULT_HOST,
+    Four,
+    Name,
+    Positive,
+    Simulator,
+    Table,
+    Text,
+    Three,
+    Tracker,
+    Volume,
+)
 
-Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
-Three = tuple[float, float, float]
-Four = tuple[float, float, float, float]
 T = TypeVar("T")
-Positive = Annotated[float, Meta(gt=0)]
 
-Text = Annotated[str, Meta(min_length=1)]
-
-DEFAULT_HOST = "main"
 RESERVED_UNITS = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
 """Units of the bus that are no vehicles."""
 RESERVED_PROCESSES = ("router", "simulator", "tracker", "spare")
@@ -33,10 +38,6 @@ RESERVED_PROCESSES = ("router", "simulator", "tracker", "spare")
 
 class FleetError(ValueError):
     """The fleet file cannot be used; names the file, the field and what is allowed."""
-
-
-class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the fleet file."""
 
 
 class Host(Table, frozen=True, kw_only=True):
@@ -56,37 +57,6 @@ class Bus(Table, frozen=True, kw_only=True):
     """SCHED_FIFO priority where the operating system permits it; 0 for none."""
 
 
-class Volume(Table, frozen=True, kw_only=True):
-    """Flight volume in the inertial frame."""
-
-    min_m: Three = (-1.2, -1.2, 0.0)
-    max_m: Three = (1.2, 1.2, 2.0)
-
-
-class Tracker(Table, frozen=True, kw_only=True):
-    """The motion capture."""
-
-    host: Name = DEFAULT_HOST
-    """Host that runs the gateway."""
-    address: str = "127.0.0.1:801"
-    """Address and port of the Tracker's data stream."""
-
-
-class Simulator(Table, frozen=True, kw_only=True):
-    """The fake laboratory. Leave this table out to fly hardware."""
-
-    host: Name = DEFAULT_HOST
-    rate_hz: Annotated[float, Meta(ge=20, le=400)] = 50.0
-    profile: Literal["tracker1", "tracker2", "tracker3"] = "tracker3"
-    seed: int = 0
-    conditions: str = "laboratory"
-    """Name of a preset: `ideal` or `laboratory`."""
-    condition_overrides: dict[str, Any] = {}
-    """Single values that differ from the preset."""
-    start: dict[Name, Four] = {}
-    """Where vehicles stand at first: x, y, z [m], yaw [rad]. Default: their place in the formation."""
-
-
 class Gateway(Table, frozen=True, kw_only=True):
     """A transmitter gateway process."""
 
@@ -103,9 +73,9 @@ class Transmitter(Table, frozen=True, kw_only=True):
     model_match: Annotated[int, Meta(ge=0, le=63)] = 0
     low_power: bool = False
     """Ask the radio for low power."""
-    settings: dict[str, Any] = {}
+    settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the protocol."""
-    calibration: dict[str, Any] = {}
+    calibration: dict[str, Any] = field(default_factory=dict)
     """From normalised input to pulse width, by channel."""
 
 
@@ -116,9 +86,9 @@ class Control(Table, frozen=True, kw_only=True):
     estimator: str = "extended_kalman"
     horizon: Annotated[int, Meta(ge=2, le=200)] = 50
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.02
-    settings: dict[str, Any] = {}
+    settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the controller: weights, constraints, options."""
-    estimator_settings: dict[str, Any] = {}
+    estimator_settings: dict[str, Any] = field(default_factory=dict)
     leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.002
     """How long after its own pose a follower waits for the leader's plan of the same frame."""
 
@@ -151,12 +121,12 @@ class Vehicle(Table, frozen=True, kw_only=True):
     subject: Text
     """Name of the vehicle's subject in the Tracker."""
     control: Control = field(default_factory=Control)
-    follow: list[Leader] = []
+    follow: list[Leader] = field(default_factory=list)
     leader_lost: LeaderLost = field(default_factory=LeaderLost)
-    successors: list[Name] = []
+    successors: list[Name] = field(default_factory=list)
     """Who leads the followers of this vehicle when it is lost, the first one first; then the others that may,
     in the order of the file."""
-    model: dict[str, Any] = {}
+    model: dict[str, Any] = field(default_factory=dict)
     """Parameters that differ from those of the type."""
 
 
@@ -164,7 +134,7 @@ class Safety(Table, frozen=True, kw_only=True):
     """Limits the transmitter gateway enforces by itself."""
 
     geofence: bool = True
-    settings: dict[str, Any] = {}
+    settings: dict[str, Any] = field(default_factory=dict)
 
 
 class Fleet(Table, frozen=True, kw_only=True):
