@@ -368,6 +368,8 @@ class TrackerStatus(Message, frozen=True, kw_only=True):
     subjects: tuple[SubjectState, ...] = ()
     counters: dict[str, Count] = {}
     realtime: bool = False
+    recording: Text = ""
+    """The raw recording, or why it ended; empty without one."""
 
 
 class LaboratoryVehicle(Struct, frozen=True, kw_only=True):

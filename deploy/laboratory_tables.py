@@ -31,6 +31,8 @@ class Tracker(Table, frozen=True, kw_only=True):
     """Host that runs the gateway."""
     address: str = "127.0.0.1:801"
     """Address and port of the Tracker's data stream."""
+    record_raw: Text | None = None
+    """File to record the raw stream into; relative to where the gateway is started."""
 
 
 class Simulator(Table, frozen=True, kw_only=True):

@@ -210,8 +210,15 @@ def tracker_settings(fleet: Fleet) -> TrackerSettings:
         host=host,
         port=port,
         subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},
+        record_raw=raw_recording(fleet),
         realtime_priority=Priority.GATEWAY.of(fleet),
     )
+
+
+def raw_recording(fleet: Fleet) -> Path | None:
+    """Where the Tracker's stream is recorded, None for nowhere."""
+    record_raw = fleet.tracker.record_raw
+    return None if record_raw is None else Path(record_raw).expanduser()
 
 
 def conditions_of(fleet: Fleet) -> Conditions:

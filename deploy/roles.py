@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from bus.session import BusUnreachableError
@@ -31,7 +32,7 @@ def end_with_parent() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def run_role(role: str, unit: str, fleet_path: Path) -> None:
+def run_role(role: str, unit: str, fleet_path: Path, record_raw: Path | None = None) -> None:
     """Run one role until it is asked to stop.
 
     Parameters
@@ -42,6 +43,8 @@ def run_role(role: str, unit: str, fleet_path: Path) -> None:
         Host of a router, simulator or tracker gateway; gateway name of transmitters; vehicle of an agent.
     fleet_path
         The fleet file.
+    record_raw
+        Where a tracker gateway records the raw stream, instead of what the file says.
 
     Raises
     ------
@@ -78,8 +81,14 @@ def run_role(role: str, unit: str, fleet_path: Path) -> None:
         run_simulator(build.simulator_settings(fleet, directory))
     elif role == "tracker":
         from vicon_gateway.process import run_tracker_gateway
+        from vicon_gateway.recording_file import RecordingFileError
 
-        run_tracker_gateway(build.tracker_settings(fleet))
+        settings = build.tracker_settings(fleet)
+        field = "tracker.record_raw" if record_raw is None else "--record-raw"
+        try:
+            run_tracker_gateway(replace(settings, record_raw=record_raw or settings.record_raw))
+        except RecordingFileError as error:
+            raise FleetError(f"{field}: {error}") from None
     elif role == "transmitters":
         from transmitter_gateway.process import run_gateway
 

@@ -12,11 +12,11 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from typing import BinaryIO, Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 from vicon_gateway.datastream import DataStreamSession, StreamCounters
 from vicon_gateway.frame import Frame
-from vicon_gateway.recording import RawRecorder
+from vicon_gateway.recording import RawRecorder, Sink
 from vicon_gateway.wire import WireError
 
 DEFAULT_PORT = 801
@@ -43,6 +43,10 @@ class ClientState(NamedTuple):
     frames, skipped, lost, repeated, restarts, rejected : int
         See `StreamCounters`.
     received_bytes : int
+    recorded_bytes : int
+        Written to the raw recording, 0 without one.
+    recording_error : str or None
+        Why the raw recording ended.
     """
 
     name: StateName
@@ -56,6 +60,8 @@ class ClientState(NamedTuple):
     restarts: int
     rejected: int
     received_bytes: int
+    recorded_bytes: int = 0
+    recording_error: str | None = None
 
 
 class ClientLimits(NamedTuple):
@@ -92,7 +98,7 @@ class DataStreamClient:
     clock : callable
         Monotonic seconds.
     limits : ClientLimits
-    record_raw : BinaryIO, optional
+    record_raw : Sink, optional
         Where to store all received bytes (`recording`). The caller closes it.
     """
 
@@ -103,7 +109,7 @@ class DataStreamClient:
         *,
         clock: Callable[[], float] = time.monotonic,
         limits: ClientLimits | None = None,
-        record_raw: BinaryIO | None = None,
+        record_raw: Sink | None = None,
     ) -> None:
         self._host, self._port = host, port
         self._clock = clock
@@ -138,6 +144,8 @@ class DataStreamClient:
             counters.restarts,
             counters.rejected,
             self._received_bytes,
+            0 if self._recorder is None else self._recorder.recorded_bytes,
+            None if self._recorder is None else self._recorder.error,
         )
 
     def next_frame(self, timeout_s: float) -> Frame | None:

@@ -2,15 +2,18 @@
 
 import signal
 import time
+from contextlib import ExitStack
+from pathlib import Path
 
 from bus import channels
 from bus.messages import Pose, SubjectState, TrackerStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
-from vicon_gateway.client import DataStreamClient
+from vicon_gateway.client import ClientState, DataStreamClient
 from vicon_gateway.epoch import EpochCounter, Stamp
 from vicon_gateway.frame import Frame, SubjectPose
 from vicon_gateway.mapping import SubjectMap
+from vicon_gateway.recording_file import RecordingFile
 from vicon_gateway.settings import TrackerSettings
 
 STATUS_PERIOD_S = 0.2
@@ -18,12 +21,18 @@ LONGEST_WAIT_S = 0.1
 
 
 class TrackerGateway:
-    """Publishes what a client reads."""
+    """Publishes what a client reads; `recording` is the file the client records into."""
 
     def __init__(
-        self, settings: TrackerSettings, client: DataStreamClient, session: Session, realtime: bool
+        self,
+        settings: TrackerSettings,
+        client: DataStreamClient,
+        session: Session,
+        realtime: bool,
+        recording: Path | None = None,
     ) -> None:
         self._settings = settings
+        self._recording = recording
         self._client = client
         self._session = session
         self._realtime = realtime
@@ -59,6 +68,7 @@ class TrackerGateway:
             "restarts": state.restarts,
             "rejected": state.rejected,
             "epochs": self._epochs.epochs,
+            "recording failures": int(state.recording_error is not None),
         }
         trying = state.doing if state.last_error is None else f"{state.doing} (before: {state.last_error})"
         return TrackerStatus(
@@ -80,7 +90,13 @@ class TrackerGateway:
             ),
             counters=counters,
             realtime=self._realtime,
+            recording=self._recording_words(state)[:400],
         )
+
+    def _recording_words(self, state: ClientState) -> str:
+        if self._recording is None:
+            return ""
+        return state.recording_error or f"{state.recorded_bytes} bytes in {self._recording}"
 
 
 def pose_message(frame: Frame, stamp: Stamp, subject: SubjectPose) -> Pose:
@@ -103,6 +119,8 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
 
     Raises
     ------
+    RecordingFileError
+        The file to record into cannot be created. When it fails later, the gateway goes on without it.
     BusUnreachableError
         No router answers. A Tracker that does not answer is no error: the gateway keeps trying and says so.
     """
@@ -110,11 +128,13 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda caught, _: stopping.append(caught))
     realtime = request_realtime(settings.realtime_priority)
-    with (
-        Session(settings.bus, clock=time.monotonic) as session,
-        DataStreamClient(settings.host, settings.port) as client,
-    ):
-        gateway = TrackerGateway(settings, client, session, realtime)
+    with ExitStack() as stack:
+        file = None
+        if settings.record_raw is not None:
+            file = stack.enter_context(RecordingFile.create(settings.record_raw))
+        session = stack.enter_context(Session(settings.bus, clock=time.monotonic))
+        client = stack.enter_context(DataStreamClient(settings.host, settings.port, record_raw=file))
+        gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
         settle()
         while not stopping:
             gateway.step()

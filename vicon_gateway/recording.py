@@ -14,7 +14,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, Protocol
 
 FILE_MAGIC = b"RCXRAW1\n"
 MAX_RECORD_BYTES = 16 * 1024 * 1024
@@ -41,13 +41,24 @@ class RawRecord(NamedTuple):
     data: bytes
 
 
+class Sink(Protocol):
+    """Where a recording goes: a file opened for writing bytes, or what behaves like one."""
+
+    def write(self, data: bytes, /) -> object:
+        """Take bytes; raises OSError when it cannot."""
+
+    def flush(self) -> object:
+        """Make sure that the bytes taken so far are kept."""
+
+
 class RawRecorder:
     """Writes a recording; the first failure of the file ends it and is kept in `error`, nothing is raised."""
 
-    def __init__(self, sink: BinaryIO, clock: Callable[[], float]) -> None:
+    def __init__(self, sink: Sink, clock: Callable[[], float]) -> None:
         self._sink = sink
         self._clock = clock
         self.error: str | None = None
+        self.recorded_bytes = 0
         self._write(FILE_MAGIC)
 
     def opened(self) -> None:
@@ -68,6 +79,8 @@ class RawRecorder:
 
     def _write(self, data: bytes) -> None:
         self._guard(lambda: self._sink.write(data))
+        if self.error is None:
+            self.recorded_bytes += len(data)
 
     def _guard(self, action: Callable[[], object]) -> None:
         if self.error is not None:

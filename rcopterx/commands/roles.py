@@ -1,5 +1,6 @@
 """One subcommand per process role, for hosts that start processes by hand or by systemd."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,11 +13,11 @@ Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet fil
 Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
 
 
-def _run(role: str, unit: str, fleet: str) -> None:
+def _run(role: str, unit: str, fleet: str, record_raw: Path | None = None) -> None:
     from deploy.roles import run_role
 
     with user_errors():
-        run_role(role, unit, fleet_path(fleet))
+        run_role(role, unit, fleet_path(fleet), record_raw)
 
 
 def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -29,9 +30,16 @@ def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
     _run("simulator", host, fleet)
 
 
-def tracker(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
+def tracker(
+    host: Host = "main",
+    record_raw: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Record the Tracker's raw stream into a new file."),
+    ] = None,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
     """Run the Vicon gateway: motion capture to poses."""
-    _run("tracker", host, fleet)
+    _run("tracker", host, fleet, record_raw)
 
 
 def transmitters(

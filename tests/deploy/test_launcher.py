@@ -81,6 +81,14 @@ def test_an_address_in_use_is_refused_by_its_field(
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
+def test_a_recording_that_cannot_be_created_is_refused_on_the_host_that_records(tmp_path: Path) -> None:
+    hosts = f"[hosts.main]\nrouter_port = {free_port()}\n[hosts.roof]\nrouter_port = {free_port()}\n"
+    fleet = parse_fleet(f'{PAIR}{hosts}[tracker]\nrecord_raw = "{tmp_path}"')
+    with pytest.raises(FleetError, match=rf"^tracker\.record_raw: {tmp_path} is a directory"):
+        check_resources(fleet, "main", tmp_path)
+    check_resources(fleet, "roof", tmp_path)
+
+
 def test_an_address_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     text = PAIR + '[hosts.main]\naddress = "192.0.2.77"'
     with pytest.raises(FleetError, match=r"^hosts\.main\.router_port: 192\.0\.2\.77:7447 cannot be used"):

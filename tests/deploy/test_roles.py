@@ -64,6 +64,16 @@ def test_a_wrong_fleet_file_ends_a_process_with_a_line_and_the_usage_code(fleet_
     assert len(done.stderr.splitlines()) == 1
 
 
+def test_a_recording_that_cannot_be_created_is_a_wrong_field_of_the_file(
+    fleet_path: Path, tmp_path: Path
+) -> None:
+    fleet_path.write_text(PAIR + f'[tracker]\nrecord_raw = "{tmp_path}/nowhere/a.raw"')
+    done = role("tracker", "main", str(fleet_path))
+    assert done.returncode == EXIT_USAGE
+    reason = f"{tmp_path}/nowhere/a.raw cannot be created: No such file or directory"
+    assert done.stderr == f"tracker.record_raw: {reason}\n"
+
+
 def test_wrong_arguments_show_the_usage() -> None:
     done = role("agent")
     assert done.returncode != 0

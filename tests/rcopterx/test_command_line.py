@@ -75,6 +75,12 @@ def up(bus_address: BusAddress, vehicles: Vehicles, tmp_path: Path, join: Callab
     return str(path)
 
 
+def test_a_recording_that_cannot_be_created_is_a_wrong_option(down: str, tmp_path: Path) -> None:
+    result = run("tracker", "--record-raw", str(tmp_path), "-f", down)
+    assert result.exit_code == 2
+    assert result.stderr == f"error: --record-raw: {tmp_path} is a directory, a file is needed\n"
+
+
 def test_without_a_command_the_help_names_them_all() -> None:
     shown = plain(run("--help"))
     for name in (*NAMES, "bench"):
