@@ -3,9 +3,9 @@
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from agents.desk import following_at_rest, link_of
 from agents.guidance import LeaderPlan, Link
 from agents.leaders import Leaders
+from agents.links import following_at_rest, link_of
 from agents.neighbours import Neighbours
 from agents.phases import Phase
 from agents.pilot import Pilot

@@ -8,11 +8,12 @@ import time
 import numpy as np
 
 from agents.authority import Authority
-from agents.desk import VERBS, Desk, link_of
+from agents.desk import Desk
 from agents.external import External
 from agents.guidance import Guidance
 from agents.interfaces import Measurement
 from agents.leaders import Leaders
+from agents.links import link_of
 from agents.lost_leaders import LostLeaders
 from agents.neighbours import Neighbours
 from agents.pacing import Pacing, SolveTimer
@@ -86,7 +87,7 @@ class Agent:
         self._previous = self._recall()
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
         self._answer_from_s = self._clock() + ORIENTATION_S
-        session.serve(vehicle, VERBS)
+        session.serve(vehicle, self._desk.verbs)
         session.announce(vehicle, "agent")
 
     def step(self) -> None:
@@ -95,7 +96,7 @@ class Agent:
             for incoming in self._session.pending():
                 self._desk.handle(incoming)
                 self._status_at_s = self._clock()
-        self._desk.settle_waiting()
+        self._desk.leading.settle_waiting()
         if self._desk.settle_tuning():
             # Whoever restarts this agent a moment later must know of it.
             self._status_at_s = self._clock()
@@ -137,7 +138,7 @@ class Agent:
         return [link.leader for link in self._pilot.guidance.links]
 
     def _begin_control(self, now_s: float) -> None:
-        self._desk.begin_due()
+        self._desk.leading.begin_due()
         clock = self._pilot.clock
         flying = self._pilot.guidance.rotor_on
         if self._pilot.informed and self._pacing.control_due(clock.current_frame, clock.period_s, flying):
@@ -147,9 +148,9 @@ class Agent:
 
     def _control(self) -> None:
         self._control_by_s = None
-        plans = self._leaders.plans(self._pilot.clock, self._desk.cycles_from_frame)
+        plans = self._leaders.plans(self._pilot.clock, self._desk.leading.cycles_from_frame)
         if self._lost.tend(plans):
-            self._desk.keep_leaders()
+            self._desk.leading.keep_leaders()
         self._external.before_control()
         started_s = self._clock()
         flight = self._pilot.control(plans)
@@ -187,7 +188,7 @@ class Agent:
         rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
         rejected |= {f"external_input.{kind}": count for kind, count in self._answers.rejected.items()}
         rejected |= self._leaders.counts()
-        decisions = self._lost.events + self._desk.regrouping.events + self._external.events
+        decisions = self._lost.events + self._desk.leading.regrouping.events + self._external.events
         status = status_message(
             self._tuning.configuration, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,

@@ -248,8 +248,8 @@ VERBS: Final = {
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""
 
 
-def verb_of(request: Request) -> Verb:
-    """Row of the table a request belongs to.
+def verb_of(kind: type[Request]) -> Verb:
+    """Row of the table a type of requests belongs to.
 
     Raises
     ------
@@ -257,6 +257,6 @@ def verb_of(request: Request) -> Verb:
         The type is not in the table.
     """
     for verb in VERBS.values():
-        if verb.request is type(request):
+        if verb.request is kind:
             return verb
-    raise InvalidMessageError(f"{type(request).__name__} is not a request of the table")
+    raise InvalidMessageError(f"{kind.__name__} is not a request of the table")

@@ -250,7 +250,7 @@ class Session:
         RequestFailedError
             Nobody serves it, no answer in time, refused as malformed, or the answer is malformed.
         """
-        verb = verb_of(request)
+        verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)
         payload = encode(request)
         give_up_s = time.monotonic() + patience_s

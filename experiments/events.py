@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from agents.controllers.registry import build_controller
-from agents.desk import link_of
 from agents.guidance import LeaderPlan
+from agents.links import link_of
 from agents.pilot import Pilot
 from bus.messages import Following
 

@@ -13,8 +13,8 @@ from support.flight import ExactEstimator, NotedController
 from support.plans import plan_of
 from support.waiting import FakeClock, wait_for
 
-from agents.desk import link_of
 from agents.guidance import Guidance
+from agents.links import link_of
 from agents.pilot import BLIND_LIMIT_S, Pilot
 from agents.process import Agent, build_pilot
 from agents.settings import AgentSettings

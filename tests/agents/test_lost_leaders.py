@@ -8,10 +8,10 @@ from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
 from support.waiting import FakeClock
 
-from agents.desk import link_of
 from agents.guidance import Guidance
 from agents.interfaces import Measurement
 from agents.leaders import Leaders
+from agents.links import link_of
 from agents.lost_leaders import LostLeaders
 from agents.neighbours import Neighbours
 from agents.phases import Event, Phase

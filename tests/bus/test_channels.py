@@ -90,7 +90,7 @@ def test_every_verb_has_a_server_and_a_reply(verb: requests.Verb) -> None:
 
 def test_a_type_outside_the_table_is_no_request() -> None:
     with pytest.raises(messages.InvalidMessageError, match="Request is not a request of the table"):
-        verb_of(Request())
+        verb_of(Request)
 
 
 @pytest.mark.parametrize("state", State)

@@ -1,0 +1,230 @@
+"""Requests for other leaders: they wait until the plans they depend on have been seen."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.leaders import Leaders
+from agents.links import link_of
+from agents.neighbours import Neighbours, formation_of
+from agents.phases import Phase
+from agents.pilot import Pilot
+from agents.placement import Room, offset_problem, place_problem
+from agents.regrouping import Regrouping
+from agents.topology import in_words
+from bus.messages import Following
+from bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
+from bus.session import Incoming
+
+FIRST_PLAN_LIMIT_S = 0.3
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    incoming: Incoming
+    request: Follow | PrepareLeaders
+    deadline_s: float
+
+
+class LeaderRequests:
+    """Who is to be followed, for one agent.
+
+    Parameters
+    ----------
+    vehicle, vehicles
+        Own name, and those of the whole fleet.
+    room
+        What the formation has to stay within.
+    pilot, leaders, neighbours
+        The agent's own.
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        vehicles: Sequence[str],
+        room: Room,
+        pilot: Pilot,
+        leaders: Leaders,
+        neighbours: Neighbours,
+        clock: Callable[[], float],
+    ) -> None:
+        self._vehicle = vehicle
+        self._vehicles = vehicles
+        self._room = room
+        self._pilot = pilot
+        self._leaders = leaders
+        self._neighbours = neighbours
+        self._clock = clock
+        self.regrouping = Regrouping(clock)
+        self._waiting: list[_Waiting] = []
+        self.cycles_from_frame = 0
+        """Frame from which on a plan that names this vehicle as an ancestor means a cycle."""
+
+    def wait(self, incoming: Incoming, request: Follow | PrepareLeaders) -> None:
+        """Refuse at once what cannot be, else decide as soon as the leaders' plans have been seen."""
+        refusal = self._leaders_problem(request)
+        if refusal is not None:
+            incoming.answer(reply_of(refusal, ""))
+            return
+        self._waiting.append(_Waiting(incoming, request, self._clock() + FIRST_PLAN_LIMIT_S))
+        self.keep_leaders()
+        self.settle_waiting()
+
+    def commit(self, request: CommitLeaders) -> str | None:
+        """Take the prepared leaders at a frame to come; the refusal, or None."""
+        return self.regrouping.commit(request.operation, request.epoch, request.frame, self._pilot.clock)
+
+    def withdraw(self, request: WithdrawLeaders) -> None:
+        """Forget the prepared leaders."""
+        self.regrouping.withdraw(request.operation)
+        self.keep_leaders()
+
+    def lead(self) -> None:
+        """Follow nobody."""
+        self._pilot.guidance.lead(self._pilot.estimate)
+        self.keep_leaders()
+
+    def settle_waiting(self) -> None:
+        """Decide on requests whose leaders' plans have arrived, or have not in time."""
+        if not self._waiting:
+            return
+        undecided, self._waiting = self._waiting, []
+        for waiting in undecided:
+            names = [link.leader for link in waiting.request.following]
+            missing = [name for name in names if self._leaders.fresh(name, self._clock()) is None]
+            if missing and self._clock() < waiting.deadline_s:
+                self._waiting.append(waiting)
+                continue
+            refusal, accepted = "; ".join(map(self._absence, missing)) or None, ""
+            if refusal is None:
+                refusal, accepted = self._decide(waiting.request)
+            waiting.incoming.answer(reply_of(refusal, accepted))
+        self.keep_leaders()
+
+    def begin_due(self) -> None:
+        """Take the prepared leaders if their frame has come."""
+        pilot = self._pilot
+        change = self.regrouping.due(pilot.clock)
+        if change is None:
+            return
+        if pilot.guidance.phase is not Phase.FLYING:
+            # It was told to land meanwhile, or the transmitter gateway flies it.
+            self.regrouping.events["regrouping_missed"] += 1
+            self.keep_leaders()
+            return
+        if change.links:
+            # For a moment the plans of the new leaders still tell of the lines that are given up now.
+            self.cycles_from_frame = pilot.clock.current_frame + len(self._vehicles) + 1
+            plans = self._leaders.plans(pilot.clock, self.cycles_from_frame)
+            pilot.guidance.follow(change.links, plans, pilot.estimate, pilot.clock.time_s, None)
+        else:
+            pilot.guidance.take_lead(change.position_m, change.yaw_rad)
+        self.keep_leaders()
+
+    def keep_leaders(self) -> None:
+        """Hear the leaders of now, those that return perhaps, and those that requests wait for."""
+        guidance = self._pilot.guidance
+        followed = {link.leader for link in (*guidance.links, *guidance.assigned)}
+        self._leaders.keep(
+            followed.union(
+                self.regrouping.leaders,
+                *({link.leader for link in waiting.request.following} for waiting in self._waiting),
+            )
+        )
+
+    def _leaders_problem(self, request: Follow | PrepareLeaders) -> str | None:
+        """What is wrong with a request for other leaders, whatever they do."""
+        names = [link.leader for link in request.following]
+        for name in names:
+            if name == self._vehicle:
+                return f"{name} cannot follow itself"
+            if name not in self._vehicles:
+                return f"unknown vehicle {name!r}, known are {', '.join(self._vehicles)}"
+        if len(set(names)) != len(names):
+            return "a leader is named twice"
+        if isinstance(request, Follow):
+            return None
+        if self._pilot.guidance.phase is not Phase.FLYING:
+            return f"leaders change together only in flight, the phase is {self._pilot.guidance.phase}"
+        if bool(names) == (request.set_point is not None):
+            return "set_point: needed exactly where following is empty"
+        if request.set_point is not None:
+            problem = self._room.outside(np.array(request.set_point.position_m))
+            if problem is not None:
+                return problem
+        return self.regrouping.busy(request.operation)
+
+    def _absence(self, name: str) -> str:
+        status = self._neighbours.statuses().get(name)
+        if status is None:
+            return f"no plan from {name}: nothing is heard from its agent"
+        return f"no plan from {name}: its phase is {status.phase}"
+
+    def _decide(self, request: Follow | PrepareLeaders) -> tuple[str | None, str]:
+        """Refusal, or None and what happens, of a request whose leaders are all heard."""
+        following = request.following
+        refusal = self._grounded(following) if self._pilot.guidance.rotor_on else None
+        if refusal is not None:
+            return refusal, ""
+        if isinstance(request, PrepareLeaders):
+            links = [link_of(item) for item in following]
+            self.regrouping.prepare(request.operation, links, request.set_point)
+            return None, f"{self._vehicle} is ready"
+        refusal = self._follow_problem(following)
+        if refusal is not None:
+            return refusal, ""
+        self._follow(request)
+        return None, self._line(following)
+
+    def _grounded(self, following: Sequence[Following]) -> str | None:
+        """Which of the leaders does not fly freely."""
+        for link in following:
+            plan = self._leaders.newest(link.leader)
+            if plan is None or (plan.airborne and plan.followable):
+                continue
+            status = self._neighbours.statuses().get(link.leader)
+            phase = "on the floor" if not plan.airborne else "not in free flight"
+            return f"{link.leader} is {phase}" + (f", its phase is {status.phase}" if status else "")
+        return None
+
+    def _follow_problem(self, following: tuple[Following, ...]) -> str | None:
+        for link in following:
+            line = self._leaders.cycle_through(link.leader)
+            if line is not None:
+                return f"a cycle: {in_words((self._vehicle, *line))}"
+        problem = offset_problem(self._vehicle, following, self._room)
+        if problem is not None or not self._pilot.guidance.rotor_on:
+            return problem
+        links, heads = formation_of(self._neighbours.statuses(), flying=(self._vehicle,))
+        for link in following:
+            plan = self._leaders.newest(link.leader)
+            if link.leader not in links and plan is not None:
+                # Its plan is here, its status not yet: where the plan ends.
+                heads[link.leader] = plan.trajectory.to_numpy()[-1, :4].copy()
+                links = {**links, link.leader: ()}
+        return place_problem(self._vehicle, following, links, heads, self._room)
+
+    def _follow(self, request: Follow) -> None:
+        pilot = self._pilot
+        links = [link_of(following) for following in request.following]
+        plans = self._leaders.plans(pilot.clock, self.cycles_from_frame)
+        pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, request.transition_s)
+
+    def _line(self, following: Sequence[Following]) -> str:
+        """Whom the vehicle follows, and whom they follow."""
+        names = [link.leader for link in following]
+        line = self._leaders.ancestors(names)
+        if len(names) == 1:
+            return in_words((self._vehicle, *line))
+        further = [name for name in line if name not in names]
+        end = f", who follow {', '.join(further)}" if further else ""
+        return f"{self._vehicle} follows {', '.join(names)}{end}"
+
+
+def reply_of(refusal: str | None, accepted: str) -> Reply:
+    """Answer with the reason of a refusal, or with what was accepted."""
+    return Reply(accepted=refusal is None, reason=(accepted if refusal is None else refusal)[:400])

@@ -1,0 +1,151 @@
+"""A desk with a pilot that never has to fly, and requests that remember their answers."""
+
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+
+from agents.desk import Desk
+from agents.external import External
+from agents.guidance import Guidance
+from agents.interfaces import Measurement
+from agents.leaders import Leaders
+from agents.neighbours import Neighbours
+from agents.phases import Event
+from agents.pilot import Frame, Pilot
+from agents.settings import AgentSettings
+from agents.tuning import Tuning
+from bus import channels
+from bus.codec import encode
+from bus.messages import AgentStatus, Following, Plan, SetPoint
+from bus.requests import (
+    Follow,
+    GoTo,
+    Reply,
+    Request,
+)
+from bus.session import BusAddress
+from bus.subscription import Inbox
+from support.flight import ExactEstimator, NotedController, still
+from support.plans import PlanBus, plan_of
+from support.waiting import FakeClock
+from vehicles.types import COAXIAL
+
+SETTINGS = AgentSettings(
+    bus=BusAddress((), "lab"),
+    vehicle="h9",
+    vehicles=("h1", "h2", "h9"),
+    model=COAXIAL,
+    volume_min_m=(-1.2, -1.2, 0.0),
+    volume_max_m=(1.2, 1.2, 2.0),
+)
+
+
+UP = (0.1, 0.2, 1.0)
+
+
+@dataclass
+class Asked:
+    """A request that remembers its answers."""
+
+    request: Request
+    verb: str = "verb"
+    unit: str = "h9"
+    answers: list[Reply] = field(default_factory=list)
+
+    def answer(self, reply: Reply) -> None:
+        self.answers.append(reply)
+
+    @property
+    def refusal(self) -> str | None:
+        """The reason of the only answer, None if it was accepted."""
+        (reply,) = self.answers
+        assert reply.accepted or reply.reason
+        return None if reply.accepted else reply.reason
+
+
+class Office:
+    """A desk with a pilot that never has to fly."""
+
+    def __init__(self) -> None:
+        self.clock = FakeClock()
+        self.plan_bus = PlanBus()
+        controller = NotedController(np.zeros((1, 4)))
+        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance())
+        self.leaders = Leaders("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
+        self.statuses: dict[str, Inbox[AgentStatus]] = {}
+        neighbours = Neighbours("h9", self.statuses, self.clock)
+        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, 0)
+        external = External("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
+        self.desk = Desk(SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, external, self.clock)
+        self.frame = 10
+
+    def see(self, position_m: tuple[float, float, float] = UP) -> None:
+        self.pilot.observe(Frame(1, self.frame, 0.02, Measurement(np.array(position_m), 0.0)))
+        self.frame += 1
+
+    def fly(self) -> None:
+        self.see()
+        self.pilot.guidance.on_event(Event.RESUME, still(UP))
+
+    def arm(self) -> None:
+        self.see((0.1, 0.2, 0.0))
+        self.pilot.guidance.on_event(Event.ARM, None)
+
+    def ask(self, request: Request) -> Asked:
+        asked = Asked(request)
+        self.desk.handle(asked)  # type: ignore[arg-type]  # a request without a query
+        return asked
+
+
+def go_to(x: float, y: float, z: float) -> GoTo:
+    return GoTo(set_point=SetPoint(position_m=(x, y, z), yaw_rad=0.5))
+
+
+def follow(*names: str, **options: float) -> Follow:
+    return Follow(following=tuple(Following(leader=name, offset_m=(0.5, 0, 0)) for name in names), **options)
+
+
+STATUS = AgentStatus(
+    phase="flying",
+    controller="paper",
+    estimator="kalman",
+    horizon=50,
+    epoch=1,
+    frame=9,
+    set_point=SetPoint(position_m=(0.5, 0.5, 1.2), yaw_rad=3.0),
+)
+
+
+def replace_following(status: AgentStatus, following: Following, phase: str = "flying") -> AgentStatus:
+    return msgspec.structs.replace(status, following=(following,), phase=phase)
+
+
+def say(office: Office, name: str, status: AgentStatus) -> None:
+    inbox = office.statuses.setdefault(name, Inbox(channels.AGENT_STATUS))
+    inbox.store(encode(status), office.clock())
+
+
+def hovering(
+    position_m: tuple[float, float, float], *following: Following, phase: str = "flying"
+) -> AgentStatus:
+    return msgspec.structs.replace(
+        STATUS,
+        phase=phase,
+        set_point=SetPoint(position_m=position_m, yaw_rad=0.0),
+        position_m=position_m,
+        yaw_rad=0.0,
+        following=following,
+        assigned=following,
+    )
+
+
+def follow_at(
+    office: Office, offset_m: tuple[float, float, float], plan: Plan | None = None, leader: str = "h1"
+) -> Asked:
+    """Ask to follow, and let the leader's plan arrive."""
+    asked = office.ask(Follow(following=(Following(leader=leader, offset_m=offset_m),)))
+    if not asked.answers:
+        office.plan_bus.deliver(plan_of(leader) if plan is None else plan)
+        office.desk.leading.settle_waiting()
+    return asked
