@@ -10,11 +10,11 @@ from agents.external import External
 from agents.leader_requests import LeaderRequests, reply_of
 from agents.leaders import Leaders
 from agents.links import link_of
-from agents.neighbours import Neighbours
+from agents.neighbours import Neighbours, formation_of
 from agents.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from agents.phases import Phase
 from agents.pilot import Pilot
-from agents.placement import Room
+from agents.placement import Room, move_problem
 from agents.settings import AgentSettings
 from agents.tuning import Tuning
 from bus.messages import AgentStatus
@@ -35,9 +35,13 @@ from bus.requests import (
     verb_of,
 )
 from bus.session import Incoming
+from vehicles.state import Array
 
 Decision = tuple[str | None, str]
 """Why a request is refused, or None and what happens."""
+
+CHECKED_EVERY_S = 0.1
+"""Distance of the moments of a trajectory in which the followers are looked at."""
 
 _NEEDS_POSE = (TakeOff, Land, GoTo, Fly)
 
@@ -182,7 +186,9 @@ class Desk:
 
     def _go_to(self, request: GoTo) -> Decision:
         position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
-        problem = self._room.outside(position_m)
+        problem = self._room.outside(position_m) or self._formation_problem(
+            np.array([[*position_m, yaw_rad]])
+        )
         if problem is not None:
             return problem, ""
         return self._pilot.guidance.go_to(position_m, yaw_rad), ""
@@ -198,11 +204,18 @@ class Desk:
         path = begun_from(wanted, present, run_in_s)
         problem = path_problem(
             path, self._pilot.model, self._settings.volume_min_m, self._settings.volume_max_m
+        ) or self._formation_problem(
+            path.sample(np.arange(0.0, path.duration_s + CHECKED_EVERY_S, CHECKED_EVERY_S))
         )
         if problem is not None:
             return problem, ""
         guidance.fly(path, time_s)
         return None, f"{path.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
+
+    def _formation_problem(self, samples: Array) -> str | None:
+        """Who of those that follow would leave the volume."""
+        links, _ = formation_of(self._neighbours.statuses(), flying=(self._settings.vehicle,))
+        return move_problem(self._settings.vehicle, samples, links, self._room)
 
     def _lead(self, _: Lead) -> Decision:
         self.leading.lead()

@@ -86,10 +86,9 @@ def place_problem(
     if name not in where:
         return None
     along = followers(after, name)
-    for moved in (name, *along):
-        problem = room.outside(where[moved]) if moved in where else None
-        if problem is not None:
-            return f"{moved} would leave: {problem}"
+    problem = _leaving((name, *along), where, room)
+    if problem is not None:
+        return problem
     for moved in (name, *along):
         for other, place in where.items():
             if other == moved or moved not in where or (other in along and moved != name):
@@ -97,4 +96,36 @@ def place_problem(
             problem = room.too_close(where[moved], place)
             if problem is not None:
                 return f"{moved} and {other} would be {problem}"
+    return None
+
+
+def move_problem(name: str, samples: Array, links: Links, room: Room) -> str | None:
+    """Why a vehicle that leads must not go somewhere, None if it may: its followers come along.
+
+    Whether the places are free is not asked here: others may be on their way, too.
+
+    Parameters
+    ----------
+    name
+        The vehicle.
+    samples
+        Where it will be, x, y, z [m], yaw [rad] first, shape (n, 4 or more).
+    links
+        Who follows whom.
+    room
+        Limits.
+    """
+    along = followers(links, name)
+    for sample in samples:
+        problem = _leaving(along, places({**links, name: ()}, {name: sample[:4]}), room)
+        if problem is not None:
+            return problem
+    return None
+
+
+def _leaving(names: Iterable[str], where: Mapping[str, Array], room: Room) -> str | None:
+    for moved in names:
+        problem = room.outside(where[moved]) if moved in where else None
+        if problem is not None:
+            return f"{moved} would leave: {problem}"
     return None

@@ -1,14 +1,18 @@
 """Promises of the desk: every request is answered, refusals say why, and a task survives its process."""
 
+import numpy as np
 import pytest
-from support.desk import STATUS, UP, Office, follow, go_to, replace_following
+from support.desk import STATUS, UP, Office, follow, go_to, hovering, replace_following, say
 from support.plans import plan_of
 
 from agents.links import following_of, link_of
+from agents.paths import through
 from agents.phases import Phase
-from bus.messages import Following
+from bus.messages import FloatArray, Following, SetPoint
 from bus.requests import (
     Disarm,
+    Fly,
+    GoTo,
     Land,
     Lead,
     Request,
@@ -126,3 +130,36 @@ def test_a_restarted_agent_goes_on_landing_and_does_not_fly_into_the_floor(offic
     office.desk.resume(landing)
     assert office.pilot.guidance.phase is Phase.LANDING
     assert not office.pilot.guidance.follows
+
+
+def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(office: Office) -> None:
+    office.fly()
+    say(office, "h2", hovering((0.7, 0.2, 1.0), Following(leader="h9", offset_m=(0.6, 0.0, 0.0))))
+    words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
+    assert office.ask(go_to(0.8, 0.0, 1.0)).refusal == words
+    assert office.pilot.guidance.set_point()[0] == pytest.approx(UP)
+    assert office.ask(go_to(0.5, 0.0, 1.0)).refusal is None
+
+
+def test_turning_does_not_swing_a_follower_out_of_the_volume(office: Office) -> None:
+    office.fly()
+    abreast = Following(leader="h9", offset_m=(0.0, 0.6, 0.0), frame="heading")
+    say(office, "h2", hovering((0.8, 0.6, 1.0), abreast))
+    turned = GoTo(set_point=SetPoint(position_m=(0.8, 0.0, 1.0), yaw_rad=-np.pi / 2))
+    words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
+    assert office.ask(turned).refusal == words
+    assert office.ask(go_to(0.8, 0.0, 1.0)).refusal is None
+
+
+def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(office: Office) -> None:
+    office.fly()
+    say(office, "h2", hovering((0.7, 0.2, 1.0), Following(leader="h9", offset_m=(0.6, 0.0, 0.0))))
+    wide, narrow = (
+        Fly(knots=FloatArray.of(through([(0.0, *UP, 0.0), (6.0, x, 0.2, 1.0, 0.0)]).knots))
+        for x in (0.9, 0.4)
+    )
+    words = "h2 would leave: x: 1.2"
+    refusal = office.ask(wide).refusal
+    assert refusal is not None
+    assert refusal.startswith(words)
+    assert office.ask(narrow).refusal is None
