@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from bus.messages import Following
 from ground_station.fleet import Fleet
 from ground_station.state import VehicleState
 
@@ -81,16 +82,11 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
         "controller": agent.controller,
         "estimator": agent.estimator,
         "horizon": agent.horizon,
-        "following": [
-            {
-                "leader": link.leader,
-                "offset_m": list(link.offset_m),
-                "yaw_offset_rad": link.yaw_offset_rad,
-                "frame": link.frame,
-                "weight": link.weight,
-            }
-            for link in agent.following
-        ],
+        "following": [_link(link) for link in agent.following],
+        "assigned": [_link(link) for link in agent.assigned],
+        "stance": agent.stance,
+        "client": agent.client or None,
+        "path_left_s": agent.path_left_s,
         "set_point": {"position_m": list(agent.set_point.position_m), "yaw_rad": agent.set_point.yaw_rad},
         "position_m": None if agent.position_m is None else list(agent.position_m),
         "velocity_m_s": None if agent.velocity_m_s is None else list(agent.velocity_m_s),
@@ -104,6 +100,16 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
         "rejected": dict(agent.rejected),
         "realtime": agent.realtime,
         "process": agent.process,
+    }
+
+
+def _link(link: Following) -> dict[str, Any]:
+    return {
+        "leader": link.leader,
+        "offset_m": list(link.offset_m),
+        "yaw_offset_rad": link.yaw_offset_rad,
+        "frame": link.frame,
+        "weight": link.weight,
     }
 
 

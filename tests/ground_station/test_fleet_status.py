@@ -121,6 +121,18 @@ def test_the_status_tells_whom_a_vehicle_follows(
     assert "h2: ground, transmitter disarmed, paper, follows h1" in readable(status)
 
 
+def test_the_status_tells_what_is_done_about_a_lost_leader(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].assigned = (Following(leader="h1", offset_m=(1.0, 0.0, 0.0)),)
+    vehicles["h2"].stance = "hold"
+    wait_for(
+        lambda: fleet_status(fleet)["vehicles"]["h2"]["agent"]["stance"] == "hold", "the stance is not known"
+    )
+    agent = fleet_status(fleet)["vehicles"]["h2"]["agent"]
+    assert agent["following"] == []
+    assert [link["leader"] for link in agent["assigned"]] == ["h1"]
+    assert agent["client"] is None
+
+
 def test_a_tracker_that_gives_no_frames_is_named_first(
     bus_address: BusAddress, join: Callable[..., Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -53,6 +53,7 @@ class ScriptedVehicle:
         self.counts: dict[str, int] = {}
         self.following: tuple[Following, ...] = ()
         self.assigned: tuple[Following, ...] = ()
+        self.stance = "follow"
         self.set_point = SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0)
         self.position_m = (0.1, 0.2, 0.3)
         self.occluded_s: float | None = None
@@ -110,6 +111,7 @@ class ScriptedVehicle:
             position_m=self.position_m,
             following=self.following,
             assigned=self.assigned,
+            stance=self.stance,
             pose_age_s=self.pose_age_s,
             fallbacks=self.counts,
         )
