@@ -9,9 +9,10 @@ from rich.table import Table
 
 from bus.session import RequestFailedError
 from experiments.manoeuvres import fly_paper_sequence
-from ground_station.fleet import Fleet, RefusedError
+from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
+from ground_station.vehicle import RefusedError
 from ground_station.waiting import NotReachedError
 
 TURNS_PER_SEQUENCE = 3 * math.pi

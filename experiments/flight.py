@@ -13,9 +13,10 @@ from deploy.fleet import load_fleet
 from deploy.shipped import fleet_path
 from experiments.manoeuvres import Manoeuvre
 from experiments.steps import Say, Wait
-from ground_station.fleet import Fleet, RefusedError
+from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder, Recording
 from ground_station.report import FlightFigures, percentiles
+from ground_station.vehicle import RefusedError
 from ground_station.waiting import NotReachedError, StoppedError, stopped_by
 
 REPORT_NAME = "report.json"

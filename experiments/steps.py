@@ -8,7 +8,8 @@ from contextlib import suppress
 from typing import Final
 
 from bus.messages import Following
-from ground_station.fleet import Fleet, RefusedError, Vehicle
+from ground_station.fleet import Fleet
+from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
 
 Say = Callable[[str], None]

@@ -16,9 +16,10 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from bus.messages import Plan
 from deploy.fleet import Fleet as FleetFile
-from ground_station.fleet import Fleet, Vehicle
+from ground_station.fleet import Fleet
 from ground_station.launched import launched
 from ground_station.state import VehicleState
+from ground_station.vehicle import Vehicle
 from ground_station.waiting import stopped_by
 
 T = TypeVar("T")

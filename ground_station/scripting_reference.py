@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from ground_station.fleet import Fleet, Vehicle
+from ground_station.fleet import Fleet
 from ground_station.launched import launched
 from ground_station.state import VehicleState
+from ground_station.vehicle import Vehicle
 
 BEGIN: Final = "<!-- begin: python -m ground_station.scripting_reference -->\n"
 END: Final = "<!-- end -->\n"

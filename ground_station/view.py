@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from bus.messages import Plan
 from bus.session import RequestFailedError
-from ground_station.fleet import Fleet, RefusedError
+from ground_station.fleet import Fleet
 from ground_station.state import VehicleState
+from ground_station.vehicle import RefusedError
 
 Array = NDArray[np.float64]
 

@@ -2,9 +2,10 @@
 
 from agents.paths import FlightPath, PathError, circle, figure_eight, spiral, through
 from ground_station.asynchronous import AsyncFleet, AsyncVehicle
-from ground_station.fleet import Fleet, RefusedError, Vehicle
+from ground_station.fleet import Fleet
 from ground_station.launched import launched
 from ground_station.state import VehicleState
+from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
 
 __all__ = [

@@ -10,7 +10,8 @@ from bus.session import BusUnreachableError, RequestFailedError
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import FleetError, load_fleet
 from deploy.shipped import fleet_path
-from ground_station.fleet import Fleet, RefusedError
+from ground_station.fleet import Fleet
+from ground_station.vehicle import RefusedError
 from ground_station.waiting import NotReachedError
 
 DEFAULT_FLEET = "trio"

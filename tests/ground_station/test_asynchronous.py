@@ -13,7 +13,8 @@ from support.waiting import wait_for
 from bus.requests import Arm, GoTo, TakeOff
 from bus.session import BusAddress, Session
 from ground_station.asynchronous import AsyncFleet, AsyncVehicle
-from ground_station.fleet import Fleet, RefusedError, Vehicle
+from ground_station.fleet import Fleet
+from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]

@@ -16,9 +16,10 @@ from bus.messages import Following
 from bus.requests import Arm, Follow, GoTo, Land, TakeOff
 from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
 from deploy.fleet import parse_fleet
-from ground_station.fleet import Fleet, RefusedError
+from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.table import fleet_table
+from ground_station.vehicle import RefusedError
 from ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]

@@ -10,8 +10,9 @@ from support.scripted import fleet_file_text, scripted
 
 from bus.session import BusAddress, Session
 from ground_station.asynchronous import AsyncFleet
-from ground_station.fleet import Fleet, Vehicle
+from ground_station.fleet import Fleet
 from ground_station.scripting_reference import PAGE, reference, with_reference
+from ground_station.vehicle import Vehicle
 
 PAGES = (PAGE, PAGE.parent / "formation.md")
 EXAMPLES = [

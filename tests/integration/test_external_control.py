@@ -11,7 +11,7 @@ import pytest
 from integration_support import Flying, Truth
 
 from bus import channels
-from ground_station.fleet import RefusedError
+from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

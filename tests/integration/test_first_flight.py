@@ -13,9 +13,10 @@ from bus import channels
 from bus.messages import Command, FloatArray
 from bus.session import Session
 from deploy.role_settings import bus_address
-from ground_station.fleet import Fleet, RefusedError
+from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
+from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

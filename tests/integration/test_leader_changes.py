@@ -8,8 +8,8 @@ from integration_support import NAMES, Flying, Truth
 
 from bus import channels
 from bus.messages import Plan
-from ground_station.fleet import RefusedError
 from ground_station.recorder import Recorder, Recording
+from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

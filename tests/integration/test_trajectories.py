@@ -7,9 +7,9 @@ import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
 
 from agents.paths import circle, figure_eight
-from ground_station.fleet import RefusedError
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
+from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

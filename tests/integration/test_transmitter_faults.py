@@ -23,7 +23,7 @@ from bus.requests import SetRadio
 from bus.session import Session
 from deploy.fleet import load_fleet
 from deploy.role_settings import bus_address, calibration_of
-from ground_station.fleet import RefusedError
+from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
 
-from ground_station.fleet import RefusedError
+from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

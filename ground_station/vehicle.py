@@ -1,0 +1,209 @@
+"""The scripting interface of one vehicle: every call is a request on the bus."""
+
+from collections.abc import Mapping, Sequence
+
+from agents.paths import FlightPath
+from bus.messages import FloatArray, Following, Plan, SetPoint, Setting
+from bus.requests import (
+    Arm,
+    Disarm,
+    Fly,
+    Follow,
+    GoTo,
+    KillVehicle,
+    Land,
+    Lead,
+    Request,
+    ResetKill,
+    StartVehicle,
+    StopVehicle,
+    TakeOff,
+    Tune,
+)
+from ground_station.observer import Observer
+from ground_station.state import VehicleState
+
+RUN_IN_LIMIT_S = 30.0
+TUNING_LIMIT_S = 10.0
+"""Longest time to build a controller; the vehicle flies on with the present one."""
+
+
+class RefusedError(RuntimeError):
+    """A vehicle refused a request; the text is its reason."""
+
+
+class Vehicle:
+    """One vehicle of a running fleet."""
+
+    def __init__(self, fleet: Observer, name: str) -> None:
+        self._fleet = fleet
+        self.name = name
+
+    @property
+    def state(self) -> VehicleState:
+        """Present state."""
+        return self._fleet.state_of(self.name)
+
+    @property
+    def plan(self) -> Plan | None:
+        """Newest plan, None before the first."""
+        return self.state.plan
+
+    def arm(self) -> None:
+        """Let the vehicle's agent command its transmitter."""
+        self._ask(Arm(lease=self.name))
+
+    def disarm(self) -> None:
+        """Keep the throttle low."""
+        self._ask(Disarm())
+
+    def take_off(self, height_m: float = 1.0) -> None:
+        """Climb to a height [m] above the floor where the vehicle stands."""
+        self._ask(TakeOff(height_m=height_m))
+
+    def land(self) -> None:
+        """Descend and switch the rotor off."""
+        self._ask(Land())
+
+    def go_to(self, position_m: Sequence[float], yaw_rad: float = 0.0) -> None:
+        """Set point in the inertial frame [m, rad]."""
+        x, y, z = position_m
+        self._ask(GoTo(set_point=SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))))
+
+    def fly(self, path: FlightPath, wait: bool = False) -> str:
+        """Fly a trajectory, after a smooth way to its beginning.
+
+        Parameters
+        ----------
+        path
+            From `circle`, `figure_eight`, `spiral` or `through`.
+        wait
+            Return only when it has been flown.
+
+        Returns
+        -------
+        str
+            How long it takes.
+
+        Raises
+        ------
+        RefusedError
+            It leaves the flight volume or asks too much of the vehicle; the text says where.
+        """
+        answer = self._ask(Fly(knots=FloatArray.of(path.knots)))
+        if wait:
+            limit_s = path.duration_s + RUN_IN_LIMIT_S
+            self._fleet.wait_until(lambda: self._path_left_s() > 0.0, 2.0, "it does not begin", [self.name])
+            self._fleet.wait_until(
+                lambda: self._path_left_s() == 0.0, limit_s, "the trajectory has not ended", [self.name]
+            )
+        return answer
+
+    def _path_left_s(self) -> float:
+        status = self.state.agent
+        return 0.0 if status is None else status.path_left_s
+
+    def follow(
+        self,
+        leader: str | Sequence[Following],
+        offset_m: Sequence[float] = (0.0, 0.0, 0.0),
+        yaw_offset_rad: float = 0.0,
+        frame: str = "inertial",
+        transition_s: float | None = None,
+    ) -> str:
+        """Follow one leader at an offset, or several given as a sequence of `Following`.
+
+        Returns
+        -------
+        str
+            The line of ancestors, for instance `h3 follows h2 follows h1`.
+        """
+        if isinstance(leader, str):
+            x, y, z = offset_m
+            following: tuple[Following, ...] = (
+                Following(
+                    leader=leader,
+                    offset_m=(float(x), float(y), float(z)),
+                    yaw_offset_rad=float(yaw_offset_rad),
+                    frame=frame,
+                ),
+            )
+        else:
+            following = tuple(leader)
+        return self._ask(Follow(following=following, transition_s=transition_s))
+
+    def lead(self) -> None:
+        """Follow nobody any more; hold the present place."""
+        self._ask(Lead())
+
+    def tune(
+        self,
+        /,
+        controller: str | None = None,
+        estimator: str | None = None,
+        estimator_settings: Mapping[str, Setting] | None = None,
+        **controller_settings: Setting,
+    ) -> str:
+        """Fly with another controller, another estimator or other settings, without a bump.
+
+        Parameters
+        ----------
+        controller, estimator
+            Names; by default the present ones.
+        estimator_settings
+            Settings of the estimator by name.
+        **controller_settings
+            Settings of the controller: `horizon`, `state_weights`, `input_min` and so on. They are added to
+            the present ones; another controller takes only the horizon over.
+
+        Returns
+        -------
+        str
+            What flies now, and since which frame.
+
+        Raises
+        ------
+        RefusedError
+            A name or a value is not allowed; the text says which, and what is.
+        """
+        request = Tune(
+            controller=controller,
+            controller_settings=controller_settings,
+            estimator=estimator,
+            estimator_settings=dict(estimator_settings or {}),
+        )
+        return self._ask(request, TUNING_LIMIT_S)
+
+    def wait_for_phase(self, phase: str, timeout_s: float = 15.0) -> None:
+        """Wait for a flight phase; see `Fleet.wait_for_phase`."""
+        self._fleet.wait_for_phase(phase, [self.name], timeout_s)
+
+    def wait_for_formation(self, tolerance_m: float = 0.1, timeout_s: float = 20.0) -> None:
+        """Wait until it is at its place beside its leaders; see `Fleet.wait_for_formation`."""
+        self._fleet.wait_for_formation([self.name], tolerance_m, timeout_s)
+
+    def wait_for_arrival(self, tolerance_m: float = 0.1, timeout_s: float = 15.0) -> None:
+        """Wait until it is at its set point; see `Fleet.wait_for_arrival`."""
+        self._fleet.wait_for_arrival([self.name], tolerance_m, timeout_s)
+
+    def kill(self, reason: str = "operator") -> None:
+        """Cut the motors now, latching."""
+        self._ask(KillVehicle(cause=reason))
+
+    def reset(self) -> None:
+        """Leave KILLED."""
+        self._ask(ResetKill())
+
+    def start(self) -> str:
+        """Let the vehicle take part: its agent is started and kept running. It stays on the floor."""
+        return self._ask(StartVehicle())
+
+    def stop(self) -> str:
+        """Let the vehicle leave: its agent ends. It must be on the floor."""
+        return self._ask(StopVehicle())
+
+    def _ask(self, request: Request, timeout_s: float = 1.0) -> str:
+        reply = self._fleet.session.request(self.name, request, timeout_s)
+        if not reply.accepted:
+            raise RefusedError(f"{self.name}: {reply.reason}")
+        return reply.reason
