@@ -4,7 +4,18 @@ from collections.abc import Callable
 
 import typer
 
-from rcopterx.commands import bench, experiment, fly, launch, radio, roles, steer, trajectory, watch
+from rcopterx.commands import (
+    bench,
+    experiment,
+    fly,
+    laboratory,
+    launch,
+    radio,
+    roles,
+    steer,
+    trajectory,
+    watch,
+)
 
 app = typer.Typer(
     name="rcopterx",
@@ -24,6 +35,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
         steer.reset,
     ),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
+    "Try out the motion capture": (laboratory.replay_tracker,),
     "Experiment": (experiment.experiment,),
     "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
 }  # fmt: skip

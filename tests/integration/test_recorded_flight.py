@@ -1,0 +1,110 @@
+"""What a user sends with a bug report is what the gateway saw: recorded in one place, replayed in another."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from integration_support import free_port
+from support.fleets import HARDWARE_PAIR, PAIR
+from support.waiting import wait_for
+
+from bus import channels
+from bus.messages import Pose
+from bus.session import BusUnreachableError, Session
+from deploy.fleet import load_fleet
+from deploy.role_settings import bus_address
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
+
+Poses = dict[tuple[str, int], Pose]
+
+
+@pytest.fixture(autouse=True)
+def _own_run_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    with TemporaryDirectory(
+        prefix="rcopterx-"
+    ) as run:  # a short path, because the router's socket lives in it
+        monkeypatch.setenv("RCOPTERX_RUN", run)
+        yield
+
+
+@contextmanager
+def processes(*commands: list[str]) -> Iterator[list[subprocess.Popen[str]]]:
+    running = [
+        subprocess.Popen([sys.executable, "-m", *command], stderr=subprocess.PIPE, text=True)
+        for command in commands
+    ]
+    try:
+        yield running
+    finally:
+        for process in reversed(running):
+            process.terminate()
+            process.wait(10)
+
+
+@contextmanager
+def laboratory(path: Path, *roles: str) -> Iterator[Callable[[], Poses]]:
+    """Run these processes of a fleet; what is yielded returns all poses published so far."""
+    with processes(*(["deploy.roles", role, "main", str(path)] for role in roles)), joined(path) as session:
+        inboxes = {name: session.subscribe(channels.POSE, name, depth=10_000) for name in ("h1", "h2")}
+        poses: Poses = {}
+
+        def seen() -> Poses:
+            for name, inbox in inboxes.items():
+                poses.update({(name, item.message.frame): item.message for item in inbox.drain()})
+            return poses
+
+        yield seen
+
+
+@contextmanager
+def joined(path: Path) -> Iterator[Session]:
+    file = load_fleet(path)
+    sessions: list[Session] = []
+
+    def join() -> bool:
+        try:
+            sessions.append(Session(bus_address(file, "main"), timeout_s=1))
+        except BusUnreachableError:
+            return False
+        return True
+
+    wait_for(join, "no router")
+    with sessions[0] as session:
+        yield session
+
+
+def fleet_file(directory: Path, base: str, tracker_port: int, more: str = "") -> Path:
+    path = directory / f"{tracker_port}.toml"
+    tracker = f'[tracker]\naddress = "127.0.0.1:{tracker_port}"\n{more}\n'
+    path.write_text(f"{base}[hosts.main]\nrouter_port = {free_port()}\n{tracker}")
+    return path
+
+
+def test_replayed_recording_gives_the_same_poses_and_frame_numbers(tmp_path: Path) -> None:
+    recording = tmp_path / "session.raw"
+    live = fleet_file(tmp_path, PAIR, free_port(), f'record_raw = "{recording}"')
+    with laboratory(live, "router", "simulator", "tracker") as seen:
+        wait_for(lambda: len(seen()) > 200, "no poses")
+    original = seen()
+
+    command = ["rcopterx", "replay-tracker", str(recording), "--port", "0"]
+    with processes(command) as (player,):
+        assert player.stderr is not None
+        found = re.search(r"connect to 127\.0\.0\.1:(\d+)", player.stderr.readline())
+        assert found is not None
+        copy = fleet_file(tmp_path, HARDWARE_PAIR, int(found[1]))
+        with laboratory(copy, "router", "tracker") as seen:
+            assert player.wait(60) == 0
+            wait_for(lambda: len(seen()) > 190, "not all was replayed")
+    replayed = seen()
+    both = original.keys() & replayed.keys()
+    assert len(both) > 0.9 * len(original)
+    for key in both:
+        for field in ("position_m", "quaternion_xyzw", "occluded", "period_s", "quality"):
+            assert getattr(replayed[key], field) == getattr(original[key], field), (key, field)
