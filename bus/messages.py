@@ -395,6 +395,10 @@ class LaboratoryState(Message, frozen=True, kw_only=True):
     sent_s: float
     """Monotonic clock when the Tracker emulator sent this frame."""
     vehicles: dict[Name, LaboratoryVehicle]
+    faults: tuple[Text, ...] = ()
+    """Faults that were asked for and last now."""
+    refused_faults: tuple[Text, ...] = ()
+    """Faults of a scenario that could not begin when their time came: the newest reasons."""
 
 
 class LauncherStatus(Message, frozen=True, kw_only=True):

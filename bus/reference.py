@@ -176,12 +176,15 @@ def _section(kind: type, base: type, structures: dict[str, type]) -> Iterator[st
     documents = _field_documents(kind)
     info = types.type_info(kind)
     own = [field for field in getattr(info, "fields", ()) if field.name not in inherited]
-    if not own:
+    tag = getattr(info, "tag_field", None)
+    if not own and not tag:
         yield "No fields of its own."
         yield ""
         return
     yield "| field | type | unit | default | meaning |"
     yield "| --- | --- | --- | --- | --- |"
+    if tag:
+        yield f"| `{tag}` | `{getattr(info, 'tag', None)}` | | | which one it is |"
     for field in own:
         described = _type(field.type, structures)
         default = "" if field.required else f"`{_default(field)}`"

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Final
 import numpy as np
 from msgspec import Meta
 
+from bus.faults import TimedFault
 from bus.messages import (
     KNOT_COLUMNS,
     MAX_KNOTS,
@@ -26,6 +27,9 @@ from bus.messages import (
 )
 
 MAX_PATH_S: Final = 600.0
+
+MAX_FAULTS: Final = 200
+"""In one request."""
 
 
 class Request(Message, frozen=True, kw_only=True):
@@ -190,11 +194,11 @@ class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
     """Source whose commands it accepted."""
 
 
-class SetRadio(Request, frozen=True, kw_only=True):
-    """Break or mend a radio module of the simulated laboratory."""
+class Inject(Request, frozen=True, kw_only=True):
+    """Let the simulated laboratory show faults: its Tracker or its radio modules, now or later."""
 
-    condition: Annotated[str, Meta(pattern="^(ready|unplugged|off|refusing)$")]
-    """Cable pulled; module without power; firmware without DSM2."""
+    faults: Annotated[tuple[TimedFault, ...], Meta(min_length=1, max_length=MAX_FAULTS)]
+    """All of them, or none if one is refused."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +246,7 @@ VERBS: Final = {
             "what the previous transmitter gateway last wrote",
             RecallTransmitterReply,
         ),
-        Verb("set_radio", "simulator", SetRadio, "break or mend a simulated radio module"),
+        Verb("inject", "simulator", Inject, "let the simulated laboratory show faults"),
     )
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""

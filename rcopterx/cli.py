@@ -35,7 +35,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
         steer.reset,
     ),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
-    "Try out the motion capture": (laboratory.replay_tracker,),
+    "Try out faults": (laboratory.inject, laboratory.replay_tracker),
     "Experiment": (experiment.experiment,),
     "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
 }  # fmt: skip

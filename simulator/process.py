@@ -6,14 +6,16 @@ import signal
 import time
 
 from bus import channels
+from bus.faults import fault_words
 from bus.messages import LaboratoryState, LaboratoryVehicle
 from bus.realtime import request_realtime, settle
-from bus.requests import Reply, SetRadio
+from bus.requests import Inject, Reply
 from bus.session import Incoming, Session
-from simulator.radio_kinds import set_condition
+from simulator.radio_faults import RadioFaults
 from simulator.room import Room
 from simulator.settings import SimulatedVehicle, SimulatorSettings
 from simulator.tracker import TrackerServer
+from simulator.tracker_faults import FaultError
 from vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
 STEP_S = 0.004
@@ -33,8 +35,8 @@ class Simulator:
         self._room = Room(settings.vehicles, settings.conditions, settings.seed, start_s)
         self._frame = 0
         self._frame_at_s = start_s + self._period_s
-        for name in self._room.radios:
-            session.serve(name, ["set_radio"])
+        self._radio_faults = RadioFaults(self._room.radios)
+        session.serve(channels.SIMULATOR_UNIT, ["inject"])
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
     def wait(self) -> None:
@@ -50,6 +52,7 @@ class Simulator:
         now_s = self._clock()
         for incoming in self._session.pending():
             incoming.answer(self._obey(incoming, now_s))
+        self._radio_faults.advance(now_s)
         self._room.advance(min(now_s, self._frame_at_s))
         if now_s >= self._frame_at_s:
             published = self._tracker.publish(self._room.capture(self._frame))
@@ -61,10 +64,15 @@ class Simulator:
 
     def _obey(self, incoming: Incoming, now_s: float) -> Reply:
         request = incoming.request
-        if not isinstance(request, SetRadio):
+        if not isinstance(request, Inject):
             return Reply(accepted=False, reason=f"the simulator does not serve {incoming.verb}")
-        refusal = set_condition(self._room.radios[incoming.unit], request.condition, now_s)
-        return Reply(accepted=refusal is None, reason=refusal or "")
+        try:
+            self._radio_faults.check(request.faults)
+            self._tracker.schedule(request.faults)
+        except FaultError as error:
+            return Reply(accepted=False, reason=str(error)[:400])
+        self._radio_faults.schedule(request.faults, now_s)
+        return Reply(accepted=True)
 
     def close(self) -> None:
         """Switch the laboratory off."""
@@ -73,7 +81,16 @@ class Simulator:
 
     def _truth(self, frame: int, sent_s: float) -> LaboratoryState:
         vehicles = {vehicle.name: self._vehicle(vehicle) for vehicle in self._room.vehicles}
-        return LaboratoryState(frame=frame, sent_s=sent_s, vehicles=vehicles)
+        return LaboratoryState(
+            frame=frame,
+            sent_s=sent_s,
+            vehicles=vehicles,
+            faults=tuple(
+                fault_words(fault)[:400]
+                for fault in (*self._tracker.lasting_faults, *self._radio_faults.active)
+            ),
+            refused_faults=tuple(reason[:400] for reason in self._tracker.refused_faults),
+        )
 
     def _vehicle(self, vehicle: SimulatedVehicle) -> LaboratoryVehicle:
         plant = self._room.laboratory.plant(vehicle.name)

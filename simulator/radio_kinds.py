@@ -40,7 +40,14 @@ def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
     return _MODULES[radio.protocol.name](radio, start_s)
 
 
-def set_condition(radio: RadioPty, condition: str, now_s: float) -> str | None:
+def condition_refused(radio: RadioPty, condition: str) -> str | None:
+    """Why a module cannot be brought into a condition; None if it can. See `set_condition`."""
+    if condition == "refusing" and not isinstance(radio.link.module, MultiModule):
+        return "only a Multiprotocol module tells that it does not know the protocol"
+    return None
+
+
+def set_condition(radio: RadioPty, condition: str, now_s: float) -> None:
     """Break or mend a radio module while the laboratory runs.
 
     Parameters
@@ -52,23 +59,15 @@ def set_condition(radio: RadioPty, condition: str, now_s: float) -> str | None:
         `refusing`: a Multiprotocol module whose firmware knows no DSM2.
     now_s
         Clock of the simulator [s].
-
-    Returns
-    -------
-    str or None
-        Why it cannot be done.
     """
     module = radio.link.module
-    if condition == "refusing" and not isinstance(module, MultiModule):
-        return "only a Multiprotocol module tells that it does not know the protocol"
     if isinstance(module, MultiModule):
         module.knows_dsm2 = condition != "refusing"
     if condition == "unplugged":
         radio.unplug()
-        return None
+        return
     radio.replug(now_s)
     if condition == "off":
         radio.switch_off()
     else:
         radio.switch_on(now_s)
-    return None

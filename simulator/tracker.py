@@ -10,22 +10,23 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Self
 
-from simulator.tracker_faults import (
+from bus.faults import (
     Burst,
     Close,
     Delay,
     Dribble,
     EmptyPackets,
-    Fault,
     IgnorePings,
+    LastingFault,
     Reset,
     Silence,
     TimedFault,
-    TrackerFaults,
+    TrackerFault,
     UnknownObject,
     WrongMagic,
     YUp,
 )
+from simulator.tracker_faults import TrackerFaults
 from simulator.tracker_frame import PROFILES, FrameContent, TrackerFrame
 from simulator.tracker_link import NEVER, RECEIVE_BYTES, TrackerLink
 from simulator.tracker_session import EMPTY_PACKET, TrackerConnection
@@ -157,6 +158,11 @@ class TrackerServer:
         """Why lines of the time table were not carried out."""
         return tuple(self._faults.refused)
 
+    @property
+    def lasting_faults(self) -> tuple[LastingFault, ...]:
+        """Faults that last now."""
+        return self._faults.lasting
+
     def fileno(self) -> int:
         """Return a descriptor that is readable when `poll` has something to do."""
         return self._selector.fileno()
@@ -208,7 +214,7 @@ class TrackerServer:
         self._dispatch(packets, sent_s)
         return Published(frame.frame, sent_s, len(packets))
 
-    def apply(self, fault: Fault) -> None:
+    def apply(self, fault: TrackerFault) -> None:
         """Start a fault now; raises `FaultError` when it cannot be carried out."""
         now_s = self._clock()
         self._faults.apply(fault, now_s)

@@ -1,8 +1,6 @@
 """Faults of the Tracker emulator (vicon_datastream.md section 11.9), on request or by a time table.
 
-A fault is a small message with a `kind`; `msgspec.convert({"kind": "silence", "duration_s": 0.5}, Fault)`
-makes one from a bus request or a scenario file. Faults with `duration_s` end by themselves; None lasts until
-`Recover`.
+What the faults are is in `bus.faults`. Those with `duration_s` end by themselves; None lasts until `Recover`.
 """
 
 import heapq
@@ -12,161 +10,31 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
-import msgspec
-
+from bus.faults import (
+    AddSubject,
+    BreakRadio,
+    Burst,
+    Delay,
+    Dribble,
+    Freeze,
+    FreezePose,
+    LastingFault,
+    Occlude,
+    Recover,
+    RemoveSubject,
+    RenameRootSegment,
+    ResetFrameId,
+    SetQuality,
+    SwapSubjects,
+    TimedFault,
+    TrackerFault,
+    UnknownObject,
+    YUp,
+)
 from simulator.tracker_frame import TrackedBody, TrackerFrame
 from vicon_gateway.control_objects import ObjectType
 
 MAX_FRAME_ID = 0xFFFFFFFE
-
-
-class FaultRequest(msgspec.Struct, frozen=True, tag_field="kind", forbid_unknown_fields=True):
-    """Base of all fault requests."""
-
-
-class LastingFault(FaultRequest, frozen=True, kw_only=True):
-    """Base of the faults that stay for a while; the same fault again replaces the first."""
-
-    duration_s: float | None = None
-
-    @property
-    def slot(self) -> tuple[object, ...]:
-        """What a second request of this sort replaces."""
-        return (type(self), getattr(self, "subject", None))
-
-
-class Close(FaultRequest, frozen=True, tag="close"):
-    """Close every connection in order."""
-
-
-class Reset(FaultRequest, frozen=True, tag="reset"):
-    """Reset every connection (TCP RST)."""
-
-
-class WrongMagic(FaultRequest, frozen=True, tag="wrong_magic"):
-    """Send one packet that begins with wrong bytes to every client."""
-
-
-class ResetFrameId(FaultRequest, frozen=True, tag="reset_frame_id"):
-    """Let the frame id go on from `frame`, as after a restart of the capture."""
-
-    frame: int = 0
-
-
-class Burst(FaultRequest, frozen=True, tag="burst"):
-    """Hold back this many frames and send them together with the last one."""
-
-    frames: int = 10
-
-
-class Recover(FaultRequest, frozen=True, tag="recover"):
-    """End all lasting faults; the frame id keeps its offset."""
-
-
-class Silence(LastingFault, frozen=True, tag="silence"):
-    """Send nothing at all, connections stay open."""
-
-
-class EmptyPackets(LastingFault, frozen=True, tag="empty_packets"):
-    """Send empty packets in place of frames."""
-
-
-class IgnorePings(LastingFault, frozen=True, tag="ignore_pings"):
-    """Leave pings unanswered."""
-
-
-class Dribble(LastingFault, frozen=True, tag="dribble"):
-    """Send a few bytes at a time."""
-
-    chunk_bytes: int = 7
-    interval_s: float = 0.0002
-
-
-class Delay(LastingFault, frozen=True, tag="delay"):
-    """Send every packet late."""
-
-    delay_s: float = 0.05
-
-
-class UnknownObject(LastingFault, frozen=True, tag="unknown_object"):
-    """Put an object of an unknown type into every frame packet."""
-
-    object_type: int = 64_123
-    size_bytes: int = 40
-
-
-class YUp(LastingFault, frozen=True, tag="y_up"):
-    """Send Y-up data, and say so in ApplicationInfo."""
-
-
-class Occlude(LastingFault, frozen=True, tag="occlude"):
-    """List a subject without a pose."""
-
-    subject: str
-
-
-class RemoveSubject(LastingFault, frozen=True, tag="remove_subject"):
-    """Take a subject off the list."""
-
-    subject: str
-
-
-class AddSubject(LastingFault, frozen=True, tag="add_subject"):
-    """List one more subject, standing still."""
-
-    subject: str
-    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-class SetQuality(LastingFault, frozen=True, tag="set_quality"):
-    """Report this quality for a subject."""
-
-    subject: str
-    quality: float
-
-
-class RenameRootSegment(LastingFault, frozen=True, tag="rename_root_segment"):
-    """Give a subject's root segment another name."""
-
-    subject: str
-    segment: str
-
-
-class SwapSubjects(LastingFault, frozen=True, tag="swap_subjects"):
-    """Take two subjects for one another."""
-
-    subject: str
-    other: str
-
-
-Fault = (
-    Close
-    | Reset
-    | WrongMagic
-    | ResetFrameId
-    | Burst
-    | Recover
-    | Silence
-    | EmptyPackets
-    | IgnorePings
-    | Dribble
-    | Delay
-    | UnknownObject
-    | YUp
-    | Occlude
-    | RemoveSubject
-    | AddSubject
-    | SetQuality
-    | RenameRootSegment
-    | SwapSubjects
-)
-
-
-class TimedFault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A line of a time table."""
-
-    at_s: float
-    fault: Fault
 
 
 class FaultError(ValueError):
@@ -205,13 +73,15 @@ class TrackerFaults:
         self._offer = offer
         self._subjects: frozenset[str] | None = None
         self._active: dict[tuple[object, ...], _Active] = {}
-        self._pending: list[Fault] = []
-        self._table: list[tuple[float, int, Fault]] = []
+        self._pending: list[TrackerFault] = []
+        self._table: list[tuple[float, int, TrackerFault]] = []
         self._order = itertools.count()
         self._frame_offset = 0
         self._next_frame_id: int | None = None
+        self._last: TrackerFrame | None = None
+        self._frozen: dict[str, TrackedBody] = {}
 
-    def apply(self, fault: Fault, now_s: float) -> None:
+    def apply(self, fault: TrackerFault, now_s: float) -> None:
         """Start a fault now.
 
         Raises
@@ -233,12 +103,16 @@ class TrackerFaults:
                 self._pending.append(fault)
 
     def schedule(self, table: Iterable[TimedFault], start_s: float) -> None:
-        """Apply faults later, at `start_s` plus their own time; raises `FaultError` and accepts none."""
-        lines = list(table)
-        for line in lines:
-            self._check(line.fault)
-        for line in lines:
-            heapq.heappush(self._table, (start_s + line.at_s, next(self._order), line.fault))
+        """Apply faults later, at `start_s` plus their own time; raises `FaultError` and accepts none.
+
+        Lines that concern radios are left to others.
+        """
+        lines = [(line.at_s, line.fault) for line in table if not isinstance(line.fault, BreakRadio)]
+        planned = frozenset(fault.subject for _, fault in lines if isinstance(fault, AddSubject))
+        for _, fault in lines:
+            self._check(fault, planned)
+        for at_s, fault in lines:
+            heapq.heappush(self._table, (start_s + at_s, next(self._order), fault))
 
     def advance(self, now_s: float) -> None:
         """Start what the time table says and end what is over."""
@@ -257,12 +131,17 @@ class TrackerFaults:
         times += [line[0] for line in self._table[:1]]
         return min(times, default=None)
 
+    @property
+    def lasting(self) -> tuple[LastingFault, ...]:
+        """Faults that last now."""
+        return tuple(entry.fault for entry in self._active.values())
+
     def active(self, kind: type[_F]) -> _F | None:
         """Return the active fault of a sort that concerns no particular subject, None when there is none."""
         entry = self._active.get((kind, None))
         return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
 
-    def take_pending(self) -> list[Fault]:
+    def take_pending(self) -> list[TrackerFault]:
         """Return what is to be done once to connections or packets, and forget it."""
         pending, self._pending = self._pending, []
         return pending
@@ -272,13 +151,26 @@ class TrackerFaults:
         if self._next_frame_id is not None:
             self._frame_offset = self._next_frame_id - frame.frame
             self._next_frame_id = None
-        bodies = frame.bodies
-        self._subjects = frozenset(body.name for body in bodies)
+        self._subjects = frozenset(body.name for body in frame.bodies)
+        if self.active(Freeze) is not None and self._last is not None:
+            return self._last
+        bodies = self._with_frozen(frame.bodies)
         for entry in self._active.values():
             bodies = _changed(bodies, entry.fault)
-        return frame._replace(frame=(frame.frame + self._frame_offset) % (MAX_FRAME_ID + 1), bodies=bodies)
+        number = (frame.frame + self._frame_offset) % (MAX_FRAME_ID + 1)
+        self._last = frame._replace(frame=number, bodies=bodies)
+        return self._last
 
-    def _check(self, fault: Fault) -> None:
+    def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
+        """Return the bodies with those that are to stand still where they were first."""
+        names = {
+            entry.fault.subject for entry in self._active.values() if isinstance(entry.fault, FreezePose)
+        }
+        seen = {body.name: body for body in bodies}
+        self._frozen = {name: self._frozen.get(name, seen[name]) for name in names & seen.keys()}
+        return tuple(self._frozen.get(body.name, body) for body in bodies)
+
+    def _check(self, fault: TrackerFault, planned: frozenset[str] = frozenset()) -> None:
         _check_ranges(fault)
         if isinstance(fault, YUp) and ObjectType.APPLICATION_INFO not in self._offer:
             raise FaultError("y_up: this Tracker does not offer ApplicationInfo (tracker2 and tracker3 do)")
@@ -289,7 +181,7 @@ class TrackerFaults:
         added = {
             entry.fault.subject for entry in self._active.values() if isinstance(entry.fault, AddSubject)
         }
-        tracked = self._subjects | added
+        tracked = self._subjects | added | planned
         if isinstance(fault, AddSubject):
             if fault.subject in self._subjects:
                 raise FaultError(f"add_subject: {fault.subject!r} is tracked already")
@@ -299,11 +191,11 @@ class TrackerFaults:
                 raise FaultError(f"no subject {name!r}; tracked are {', '.join(map(repr, sorted(tracked)))}")
 
 
-def _subjects_of(fault: Fault) -> tuple[str, ...]:
+def _subjects_of(fault: TrackerFault) -> tuple[str, ...]:
     match fault:
         case SwapSubjects(subject=subject, other=other):
             return subject, other
-        case Occlude() | RemoveSubject() | SetQuality() | RenameRootSegment():
+        case Occlude() | RemoveSubject() | FreezePose() | SetQuality() | RenameRootSegment():
             return (fault.subject,)
         case _:
             return ()
@@ -347,7 +239,7 @@ def _swapped(bodies: tuple[TrackedBody, ...], first: str, second: str) -> tuple[
     return tuple(seen[body.name]._replace(name=body.name, root_segment=body.root_segment) for body in bodies)
 
 
-def _check_ranges(fault: Fault) -> None:
+def _check_ranges(fault: TrackerFault) -> None:
     """Raise `FaultError` for a value nothing sensible can be done with."""
     if isinstance(fault, LastingFault) and fault.duration_s is not None:
         _require(0.0 <= fault.duration_s < math.inf, "duration_s", fault.duration_s, "zero or more")

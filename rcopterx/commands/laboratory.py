@@ -1,14 +1,29 @@
-"""The motion capture of a laboratory that is not there: replaying a recorded Tracker."""
+"""A laboratory that is not there: faults of the simulator, and replaying a recorded Tracker."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
 
-from deploy.fleet import FleetError
-from rcopterx.fleet_option import user_errors
+from bus.faults import TimedFault, fault_words
+from deploy.fleet import Fleet as FleetFile
+from deploy.fleet import FleetError, load_fleet
+from deploy.shipped import fleet_path
+from ground_station.scenario import (
+    FaultRefusedError,
+    ScenarioError,
+    fault_from,
+    fault_list,
+    field_from,
+    inject_faults,
+    read_scenario,
+)
+from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, running_fleet, user_errors
 from simulator.tracker_replay import ReplayProgress, TrackerReplay
 from vicon_gateway.recording import RecordedConnection, RecordingError, connections, read_records
 
@@ -74,3 +89,85 @@ def _play(replay: TrackerReplay, loop: bool) -> None:
                 total=now.total_s or 1.0,
                 time=f"{now.played_s:.1f} of {now.total_s:.1f} s",
             )
+
+
+def inject(
+    fault: Annotated[
+        str | None, typer.Argument(metavar="FAULT", help="What shall go wrong; --list names them all.")
+    ] = None,
+    fields: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="FIELD=VALUE", help="Other fields of the fault, for instance frames=20."),
+    ] = None,
+    subject: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Subject of the Tracker, or vehicle of the fleet.")
+    ] = None,
+    other: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The second one, where a fault concerns two.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="SECONDS", min=0, help="How long; else until 'recover'.")
+    ] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML file with faults and their times.")
+    ] = None,
+    show_list: Annotated[bool, typer.Option("--list", help="List all faults and their fields.")] = False,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """Let the simulated laboratory go wrong: its Tracker or a radio module, now or by a scenario file."""
+    if show_list:
+        _show_faults()
+        return
+    with user_errors():
+        file = load_fleet(fleet_path(fleet))
+        if file.simulator is None:
+            raise FleetError(f"{fleet} flies hardware: there is no simulator to inject faults into")
+        options = {"subject": subject, "other": other, "duration_s": seconds}
+        try:
+            lines = _wanted(file, fault, fields or [], options, scenario)
+        except ScenarioError as error:
+            raise FleetError(str(error)) from None
+    with running_fleet(fleet) as running:
+        try:
+            inject_faults(running.session, lines)
+        except FaultRefusedError as error:
+            typer.echo(f"error: refused: {error}", err=True)
+            raise typer.Exit(EXIT_FAILED) from None
+    for line in lines:
+        typer.echo(f"{line.at_s:6.2f} s  {fault_words(line.fault)}")
+
+
+def _wanted(
+    file: FleetFile,
+    fault: str | None,
+    fields: Sequence[str],
+    options: dict[str, str | float | None],
+    scenario: Path | None,
+) -> tuple[TimedFault, ...]:
+    """Faults of the command line; vehicles may stand for their subjects."""
+    if scenario is not None:
+        if fault is not None:
+            raise ScenarioError("either a fault or --scenario")
+        return read_scenario(scenario)
+    if fault is None:
+        raise ScenarioError("a fault is missing; --list names them all")
+    values = dict(field_from(words) for words in fields) | {
+        name: value for name, value in options.items() if value is not None
+    }
+    if fault == "break_radio" and "subject" in values:
+        values["vehicle"] = values.pop("subject")
+    subjects = {vehicle.subject for vehicle in file.vehicles.values()}
+    for name in ("subject", "other"):
+        named = values.get(name)
+        if isinstance(named, str) and named in file.vehicles and named not in subjects:
+            values[name] = file.vehicles[named].subject
+    return (TimedFault(0.0, fault_from(fault, values)),)
+
+
+def _show_faults() -> None:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("fault", "fields", "what happens"):
+        table.add_column(heading)
+    for row in fault_list():
+        table.add_row(*row)
+    Console().print(table, highlight=False)

@@ -18,11 +18,12 @@ from integration_support import NAMES, Flying, Truth, fleet_text, free_port, tra
 
 import deploy.supervisor
 from bus import channels
+from bus.faults import BreakRadio, Recover
 from bus.messages import Command, FloatArray
-from bus.requests import SetRadio
 from bus.session import Session
 from deploy.fleet import load_fleet
 from deploy.role_settings import bus_address, calibration_of
+from ground_station.scenario import inject_faults
 from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
@@ -278,7 +279,7 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
     flying.fleet.take_off(["h1", "h3"], height_m=0.8)
     flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M)
     truth.start_watch()
-    assert flying.fleet.session.request("h2", SetRadio(condition=condition)).accepted
+    inject_faults(flying.fleet.session, BreakRadio("h2", condition))
 
     def told() -> bool:
         status = flying.fleet.state_of("h2").transmitter
@@ -295,7 +296,7 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
         assert not vehicle.on_floor
         assert transmitter_state(flying, name) == "armed"
         assert counter(flying, name, "entered DESCEND") == 0
-    assert flying.fleet.session.request("h2", SetRadio(condition="ready")).accepted
+    inject_faults(flying.fleet.session, Recover())
     flying.fleet.wait_until(
         lambda: (status := flying.fleet.state_of("h2").transmitter) is not None and status.ready,
         10,

@@ -3,14 +3,22 @@
 import re
 import subprocess
 import sys
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import Result
+from support.fleets import HARDWARE_PAIR
+from support.scripted import fleet_file_text
 from support.tracker import running_tracker
 from support.waiting import wait_for
 from typer.testing import CliRunner
 
+from bus.channels import SIMULATOR_UNIT
+from bus.faults import AddSubject, BreakRadio, Occlude, Silence, SwapSubjects, TimedFault
+from bus.requests import Inject, Reply
+from bus.session import BusAddress, Session
 from rcopterx.cli import app
 from vicon_gateway.client import DataStreamClient
 from vicon_gateway.recording import FILE_MAGIC
@@ -69,3 +77,118 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
     finally:
         process.kill()
         process.wait()
+
+
+class ScriptedSimulator:
+    """Accepts faults, or refuses them all for a reason."""
+
+    def __init__(self, session: Session) -> None:
+        self.faults: list[TimedFault] = []
+        self.refusal = ""
+        self._session = session
+        self._stopping = threading.Event()
+        session.serve(SIMULATOR_UNIT, ["inject"])
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stopping.wait(0.01):
+            for incoming in self._session.pending():
+                assert isinstance(incoming.request, Inject)
+                self.faults += incoming.request.faults
+                incoming.answer(Reply(accepted=not self.refusal, reason=self.refusal))
+
+    def close(self) -> None:
+        self._stopping.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def simulator(join: Callable[..., Session]) -> Iterator[ScriptedSimulator]:
+    running = ScriptedSimulator(join())
+    yield running
+    running.close()
+
+
+@pytest.fixture
+def up(bus_address: BusAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Fleet file of a fleet in the simulator: subjects heli1 and heli2."""
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
+    path = tmp_path / "up.toml"
+    text = fleet_file_text(bus_address) + "[simulator]\n"
+    path.write_text(text.replace('subject = "h', 'subject = "heli'))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (("silence", "--seconds", "0.5"), Silence(duration_s=0.5)),
+        (("occlude", "--subject", "heli1"), Occlude("heli1")),
+        (("occlude", "--subject", "h2", "--seconds", "1"), Occlude("heli2", duration_s=1.0)),
+        (("swap-subjects", "--subject", "h1", "--other", "heli2"), SwapSubjects("heli1", "heli2")),
+        (("add_subject", "--subject", "ghost", "position_m=[0,1,2]"), AddSubject("ghost", (0.0, 1.0, 2.0))),
+        (("break_radio", "--subject", "h2", "condition=off"), BreakRadio("h2", "off")),
+    ],
+)
+def test_fault_of_the_command_line_reaches_the_simulator(
+    words: tuple[str, ...], fault: object, up: str, simulator: ScriptedSimulator
+) -> None:
+    result = run("inject", *words, "-f", up)
+    assert result.exit_code == 0, result.stderr
+    assert simulator.faults == [TimedFault(0.0, fault)]
+    assert words[0].replace("-", "_") in result.output
+
+
+def test_scenario_file_reaches_the_simulator_as_a_whole(
+    up: str, simulator: ScriptedSimulator, tmp_path: Path
+) -> None:
+    path = tmp_path / "faults.toml"
+    path.write_text("[[fault]]\nat_s = 1\nkind = 'silence'\n[[fault]]\nat_s = 0\nkind = 'close'\n")
+    result = run("inject", "--scenario", str(path), "-f", up)
+    assert [line.split() for line in result.output.splitlines()] == [
+        ["0.00", "s", "close"],
+        ["1.00", "s", "silence"],
+    ]
+    assert [line.at_s for line in simulator.faults] == [0.0, 1.0]
+
+
+def test_refusal_of_the_simulator_is_told(up: str, simulator: ScriptedSimulator) -> None:
+    simulator.refusal = "no subject 'heli9'; tracked are 'heli1', 'heli2'"
+    result = run("inject", "occlude", "--subject", "heli9", "-f", up)
+    assert (result.exit_code, result.stderr) == (1, f"error: refused: {simulator.refusal}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ((), "a fault is missing; --list names them all"),
+        (("explode",), "unknown fault 'explode', known are close, reset, wrong_magic"),
+        (("occlude",), "occlude: object missing required field `subject`"),
+        (("close", "--seconds", "1"), "close: unknown field 'duration_s', allowed are none"),
+        (("burst", "frames"), "'frames': must be FIELD=VALUE"),
+        (("set_quality", "--subject", "h1", "quality=2"), "set_quality: expected `float` <= 1.0"),
+        (("close", "--scenario", "x.toml"), "either a fault or --scenario"),
+        (("--scenario", "nowhere.toml"), "nowhere.toml: cannot be read: No such file or directory"),
+    ],
+)
+def test_wrong_fault_is_a_usage_error_that_says_what_is_allowed(
+    words: tuple[str, ...], reason: str, up: str
+) -> None:
+    result = run("inject", *words, "-f", up)
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"error: {reason}")
+
+
+def test_fleet_that_flies_hardware_has_no_faults_to_inject(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text(HARDWARE_PAIR)
+    result = run("inject", "close", "-f", str(path))
+    assert (result.exit_code, "flies hardware" in result.stderr) == (2, True)
+
+
+def test_all_faults_are_listed_without_a_fleet() -> None:
+    result = run("inject", "--list")
+    assert result.exit_code == 0
+    assert "swap_subjects" in result.output
+    assert "Take two subjects for one another." in result.output

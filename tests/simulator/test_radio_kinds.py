@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from simulator.radio import RadioLink, RadioPty
-from simulator.radio_kinds import module_of, set_condition
+from simulator.radio_kinds import condition_refused, module_of, set_condition
 from simulator.radio_multi import MultiModule
 from simulator.radio_receiver import Receiver, ReceiverState
 from simulator.settings import SimulatedRadio
@@ -68,10 +68,10 @@ def test_every_radio_is_set_up_as_its_protocol_expects(bench: Bench) -> None:
 @pytest.mark.parametrize("condition", ["unplugged", "off"])
 def test_a_radio_without_power_is_silent_until_it_is_mended(bench: Bench, condition: str) -> None:
     bench.run(1.5)
-    assert set_condition(bench.radio, condition, bench.now_s) is None
+    set_condition(bench.radio, condition, bench.now_s)
     bench.run(1.5)
     assert bench.state is ReceiverState.FAILSAFE
-    assert set_condition(bench.radio, "ready", bench.now_s) is None
+    set_condition(bench.radio, "ready", bench.now_s)
     bench.run(2.5)
     assert bench.state is ReceiverState.LINKED
 
@@ -90,5 +90,6 @@ def test_a_module_that_refuses_the_protocol_says_so_and_can_be_mended(bench: Ben
 
 @pytest.mark.parametrize("bench", ["ppm"], indirect=True)
 def test_only_a_module_with_answers_can_refuse(bench: Bench) -> None:
-    assert set_condition(bench.radio, "refusing", 0.0) is not None
+    assert condition_refused(bench.radio, "refusing") is not None
+    assert condition_refused(bench.radio, "off") is None
     assert not isinstance(bench.radio.link.module, MultiModule)

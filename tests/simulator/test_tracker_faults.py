@@ -1,14 +1,16 @@
 import msgspec
 import pytest
 
-from simulator.tracker_faults import (
+from bus.faults import (
     AddSubject,
+    BreakRadio,
     Burst,
     Close,
     Delay,
     Dribble,
     Fault,
-    FaultError,
+    Freeze,
+    FreezePose,
     Occlude,
     Recover,
     RemoveSubject,
@@ -19,11 +21,11 @@ from simulator.tracker_faults import (
     Silence,
     SwapSubjects,
     TimedFault,
-    TrackerFaults,
     UnknownObject,
     WrongMagic,
     YUp,
 )
+from simulator.tracker_faults import FaultError, TrackerFaults
 from simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
 
 H1, H2 = TrackedBody("h1", (1.0, 0.0, 0.0)), TrackedBody("h2", (2.0, 0.0, 0.0))
@@ -99,6 +101,47 @@ def test_frame_id_never_takes_the_value_that_means_none() -> None:
     active = faults()
     active.apply(ResetFrameId(0xFFFFFFFE), 0.0)
     assert [active.transform(frame(number)).frame for number in (0, 1)] == [0xFFFFFFFE, 0]
+
+
+def test_frozen_tracker_repeats_its_last_frame_number_and_all() -> None:
+    active = faults()
+    active.apply(ResetFrameId(50), 0.0)
+    last = active.transform(frame(7))
+    active.apply(Freeze(duration_s=1.0), 0.0)
+    moved = TrackerFrame(8, (H1._replace(position_m=(9.0, 9.0, 9.0)), H2))
+    assert active.transform(moved) == last
+    active.advance(1.0)
+    assert active.transform(moved._replace(frame=9)) == moved._replace(frame=52)
+
+
+def test_frozen_pose_stays_where_it_was_while_frames_and_others_go_on() -> None:
+    active = faults()
+    active.apply(FreezePose("h1"), 0.0)
+    for number in range(3):
+        place = (float(number), 0.0, 1.0)
+        bodies = H1._replace(position_m=place), H2._replace(position_m=place)
+        seen_now = active.transform(TrackerFrame(number, bodies))
+        assert seen_now.frame == number
+        assert [body.position_m for body in seen_now.bodies] == [(0.0, 0.0, 1.0), place]
+    active.apply(Recover(), 0.0)
+    assert active.transform(frame(4)).bodies == (H1, H2)
+    active.apply(FreezePose("h1"), 0.0)
+    assert active.transform(frame(5)).bodies[0] == H1
+
+
+def test_fault_of_a_subject_that_is_added_by_the_same_time_table_is_accepted() -> None:
+    active = faults()
+    active.schedule([TimedFault(1.0, AddSubject("ghost")), TimedFault(2.0, Occlude("ghost"))], 0.0)
+    active.advance(1.5)
+    active.advance(2.5)
+    assert list(active.refused) == []
+    assert active.transform(frame()).bodies[2].occluded
+
+
+def test_time_table_leaves_radios_to_others() -> None:
+    active = faults()
+    active.schedule([TimedFault(0.0, BreakRadio("h1"))], 0.0)
+    assert active.next_change_s() is None
 
 
 def test_time_table_is_carried_out_in_its_order() -> None:

@@ -66,8 +66,9 @@ def _as_fly(plain: dict[str, Any]) -> dict[str, Any]:
 
 
 def _struct(kind: Any) -> st.SearchStrategy[dict[str, Any]]:
+    tag = {} if kind.tag_field is None else {kind.tag_field: st.just(kind.tag)}
     return st.fixed_dictionaries(
-        {field.name: _matrix_or_value(field.name, field.type) for field in kind.fields}
+        tag | {field.name: _matrix_or_value(field.name, field.type) for field in kind.fields}
     )
 
 
@@ -109,7 +110,7 @@ def _value(kind: Any) -> st.SearchStrategy[Any]:
         case inspect.StrType(pattern=str() as pattern):
             return st.from_regex(pattern, fullmatch=True).filter(lambda text: not text.endswith("\n"))
         case inspect.StrType():
-            return st.text(max_size=20)
+            return st.text(min_size=kind.min_length or 0, max_size=20)
         case inspect.NoneType():
             return st.none()
         case inspect.UnionType():

@@ -11,8 +11,8 @@ import pytest
 from datastream_strategies import float32
 from tracker_bench import BODIES
 
+from bus.faults import Close, Occlude, Silence
 from simulator.tracker import TrackerServer
-from simulator.tracker_faults import Close, Occlude, Silence
 from simulator.tracker_frame import TrackerFrame
 from vicon_gateway.brands import BrandClient
 from vicon_gateway.client import ClientLimits

@@ -3,8 +3,7 @@
 import pytest
 from tracker_bench import BODIES, PATIENT, QUICK, Bench
 
-from simulator.tracker import TrackerServer
-from simulator.tracker_faults import (
+from bus.faults import (
     AddSubject,
     Burst,
     Close,
@@ -25,6 +24,7 @@ from simulator.tracker_faults import (
     WrongMagic,
     YUp,
 )
+from simulator.tracker import TrackerServer
 from vicon_gateway.client import MAX_DRAIN_BYTES
 from vicon_gateway.datastream import NETWORK_LATENCY
 

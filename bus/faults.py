@@ -1,0 +1,204 @@
+"""Faults of the simulated laboratory, as they travel and as scenario files tell them.
+
+A fault is a small message with a `kind`. Faults with `duration_s` end by themselves; without one they last
+until `recover`. Source: vicon_datastream.md section 11.9.
+"""
+
+from typing import Annotated, Final, get_args
+
+from msgspec import Meta, Struct
+from msgspec.structs import asdict
+
+RadioCondition = Annotated[str, Meta(pattern="^(unplugged|off|refusing)$")]
+Subject = Annotated[str, Meta(min_length=1, max_length=400)]
+
+
+class FaultRequest(Struct, frozen=True, tag_field="kind", forbid_unknown_fields=True):
+    """Base of all faults."""
+
+
+class LastingFault(FaultRequest, frozen=True, kw_only=True):
+    """Base of the faults that stay for a while; the same fault again replaces the first."""
+
+    duration_s: float | None = None
+    """How long it lasts; without it until `recover`."""
+
+    @property
+    def slot(self) -> tuple[object, ...]:
+        """What a second request of this sort replaces."""
+        return (type(self), getattr(self, "subject", None))
+
+
+class Close(FaultRequest, frozen=True, tag="close"):
+    """Close every connection to the Tracker in order."""
+
+
+class Reset(FaultRequest, frozen=True, tag="reset"):
+    """Reset every connection to the Tracker (TCP RST)."""
+
+
+class WrongMagic(FaultRequest, frozen=True, tag="wrong_magic"):
+    """Send one packet that begins with wrong bytes to every client."""
+
+
+class ResetFrameId(FaultRequest, frozen=True, tag="reset_frame_id"):
+    """Let the frame number go on from `frame`, as after a restart of the capture."""
+
+    frame: int = 0
+
+
+class Burst(FaultRequest, frozen=True, tag="burst"):
+    """Hold back this many frames and send them together with the last one."""
+
+    frames: int = 10
+
+
+class Recover(FaultRequest, frozen=True, tag="recover"):
+    """End all lasting faults; the frame number keeps its offset."""
+
+
+class Silence(LastingFault, frozen=True, tag="silence"):
+    """Send nothing at all, connections stay open."""
+
+
+class Freeze(LastingFault, frozen=True, tag="freeze"):
+    """Send the same frame again and again, number and all."""
+
+
+class EmptyPackets(LastingFault, frozen=True, tag="empty_packets"):
+    """Send empty packets in place of frames."""
+
+
+class IgnorePings(LastingFault, frozen=True, tag="ignore_pings"):
+    """Leave pings unanswered."""
+
+
+class Dribble(LastingFault, frozen=True, tag="dribble"):
+    """Send a few bytes at a time."""
+
+    chunk_bytes: int = 7
+    interval_s: float = 0.0002
+
+
+class Delay(LastingFault, frozen=True, tag="delay"):
+    """Send every packet late."""
+
+    delay_s: float = 0.05
+
+
+class UnknownObject(LastingFault, frozen=True, tag="unknown_object"):
+    """Put an object of an unknown type into every frame packet."""
+
+    object_type: int = 64_123
+    size_bytes: int = 40
+
+
+class YUp(LastingFault, frozen=True, tag="y_up"):
+    """Send Y-up data, and say so in ApplicationInfo."""
+
+
+class Occlude(LastingFault, frozen=True, tag="occlude"):
+    """List a subject without a pose."""
+
+    subject: Subject
+
+
+class RemoveSubject(LastingFault, frozen=True, tag="remove_subject"):
+    """Take a subject off the list."""
+
+    subject: Subject
+
+
+class AddSubject(LastingFault, frozen=True, tag="add_subject"):
+    """List one more subject, standing still."""
+
+    subject: Subject
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class FreezePose(LastingFault, frozen=True, tag="freeze_pose"):
+    """Show a subject where it was when the fault began, while the frames go on."""
+
+    subject: Subject
+
+
+class SetQuality(LastingFault, frozen=True, tag="set_quality"):
+    """Report this quality for a subject."""
+
+    subject: Subject
+    quality: Annotated[float, Meta(ge=0, le=1)]
+
+
+class RenameRootSegment(LastingFault, frozen=True, tag="rename_root_segment"):
+    """Give a subject's root segment another name."""
+
+    subject: Subject
+    segment: Annotated[str, Meta(max_length=400)]
+
+
+class SwapSubjects(LastingFault, frozen=True, tag="swap_subjects"):
+    """Take two subjects for one another."""
+
+    subject: Subject
+    other: Subject
+
+
+class BreakRadio(LastingFault, frozen=True, tag="break_radio"):
+    """Break a vehicle's radio module: cable pulled, no power, or a firmware without DSM2."""
+
+    vehicle: Annotated[str, Meta(max_length=400)]
+    condition: RadioCondition = "unplugged"
+
+    @property
+    def slot(self) -> tuple[object, ...]:
+        """What a second request of this sort replaces."""
+        return (type(self), self.vehicle)
+
+
+TrackerFault = (
+    Close
+    | Reset
+    | WrongMagic
+    | ResetFrameId
+    | Burst
+    | Recover
+    | Silence
+    | Freeze
+    | EmptyPackets
+    | IgnorePings
+    | Dribble
+    | Delay
+    | UnknownObject
+    | YUp
+    | Occlude
+    | RemoveSubject
+    | AddSubject
+    | FreezePose
+    | SetQuality
+    | RenameRootSegment
+    | SwapSubjects
+)
+"""What the emulated Tracker can do wrong."""
+
+Fault = TrackerFault | BreakRadio
+"""What the simulated laboratory can do wrong."""
+
+FAULTS: Final[dict[str, type[FaultRequest]]] = {
+    str(kind.__struct_config__.tag): kind for kind in get_args(Fault)
+}
+"""Every fault by its kind."""
+
+
+class TimedFault(Struct, frozen=True, forbid_unknown_fields=True):
+    """A line of a scenario."""
+
+    at_s: Annotated[float, Meta(ge=0, le=86_400)]
+    """When it begins, counted from the arrival of the request."""
+    fault: Fault
+
+
+def fault_words(fault: FaultRequest) -> str:
+    """Return the kind of a fault and its fields, for people."""
+    fields = ", ".join(f"{name} {value}" for name, value in asdict(fault).items() if value is not None)
+    kind = str(fault.__struct_config__.tag)
+    return f"{kind} ({fields})" if fields else kind
