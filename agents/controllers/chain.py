@@ -9,6 +9,7 @@ motion are all of this form (control.md section 6). Positions determine everythi
 differences, actuators differences of those, inputs differences of those. In the positions y_i alone there are
 no dynamics left to respect, every quantity of stage i is a row times the window (y_i, .., y_{i + levels}),
 and the Hessian is a band: one Newton step is one banded Cholesky factorisation (LAPACK pbtrf), linear in N.
+Rows that keep the vehicle clear of others are of the same kind: a direction times the stage's position.
 """
 
 from dataclasses import dataclass
@@ -40,6 +41,10 @@ class ChainParameters:
         Weight of the squared excess over a state bound.
     position_bounded
         False for an axis whose position has no bounds (yaw), m entries.
+    clearances
+        Rows per stage for `Chain.set_clearances`, K.
+    clearance_weight
+        Weight of the squared excess over their bounds.
     """
 
     stages: int
@@ -51,6 +56,8 @@ class ChainParameters:
     input_weights: Array
     soft_weight: float
     position_bounded: tuple[bool, ...]
+    clearances: int = 0
+    clearance_weight: float = 1.0
 
     @property
     def axes(self) -> int:
@@ -70,11 +77,12 @@ class ChainTarget:
     Attributes
     ----------
     rows
-        Shape (N, 3 m): position, velocity, input of each stage; the last stage has no input.
+        Shape (N, 3 m + K): position, velocity, input of each stage, the last stage without input; clearances
+        have no reference.
     terminal
         Shape (levels m,): position, velocity[, actuator] of stage N.
     lower, upper
-        Shape (3 m,).
+        Shape (3 m + K,), or (N, 3 m + K) where they differ from stage to stage.
     """
 
     rows: Array
@@ -94,9 +102,12 @@ class Chain:
     Attributes
     ----------
     weights
-        Cost of each row, shape (N, 3 m).
+        Cost of each row, shape (N, 3 m + K).
     bounded
-        1 where a row has bounds that bind, 0 else, shape (N, 3 m).
+        1 where a row has bounds that bind, 0 else, shape (N, 3 m + K).
+    soft_weights
+        Weight of the squared excess over a bound; meaningless for inputs, whose bounds are hard. Shape
+        (3 m + K,).
     inputs
         Columns of the inputs among the rows.
     flat
@@ -107,20 +118,25 @@ class Chain:
         self.parameters = parameters
         stages, m, levels = parameters.stages, parameters.axes, parameters.levels
         self.inputs = slice(2 * m, 3 * m)
+        self._clearances = slice(3 * m, 3 * m + parameters.clearances)
+        rows = self._clearances.stop
         self._push = parameters.period_s * parameters.gain
         self._width = width = (levels + 1) * m
-        self._rows: Array = np.zeros((stages, 3 * m, width))
+        self._rows: Array = np.zeros((stages, rows, width))
         self._rows[:, :m, :m] = np.eye(m)
         self._terminal_map: Array = np.eye(levels * m)
-        self.weights: Array = np.zeros((stages, 3 * m))
+        self.weights: Array = np.zeros((stages, rows))
         self.weights[1:-1, :m] = parameters.position_weights
         self.weights[1:-1, m : 2 * m] = parameters.velocity_weights
         self.weights[:-1, self.inputs] = parameters.input_weights
         # the measured first state and the input after the horizon cannot be chosen, so no bound binds them
-        self.bounded: Array = np.ones((stages, 3 * m))
+        self.bounded: Array = np.ones((stages, rows))
         self.bounded[0, : 2 * m] = 0.0
         self.bounded[-1, self.inputs] = 0.0
         self.bounded[:, :m] *= parameters.position_bounded
+        self.bounded[:, self._clearances] = 0.0
+        self.soft_weights: Array = np.full(rows, parameters.soft_weight)
+        self.soft_weights[self._clearances] = parameters.clearance_weight
         self._products: Array = np.zeros((stages, width, 2 * width))
         step, row, item = self._products.strides
         # entry (s, j, a, d) of this view is products[s, j m + a, j m + a + d]: a diagonal as a column
@@ -171,6 +187,19 @@ class Chain:
         self._terminal_cost = terminal_cost
         self._terminal_hessian = self._terminal_map.T @ terminal_cost @ self._terminal_map
 
+    def set_clearances(self, directions: Array) -> None:
+        """Replace the rows that keep clear of others.
+
+        Parameters
+        ----------
+        directions
+            Shape (N, K, m); a row is the product with the stage's position. Rows of zeros bind nothing, and
+            so do those of the positions that the measured state determines.
+        """
+        self._rows[:, self._clearances, : self.parameters.axes] = directions
+        self.bounded[:, self._clearances] = directions.any(axis=2)
+        self.bounded[: self.parameters.levels, self._clearances] = 0.0
+
     def balance(self, disturbance: Array) -> Array:
         """What a disturbance adds to the inputs, as an input, shape (m,)."""
         return np.asarray(self.parameters.period_s * disturbance / self._push)
@@ -195,11 +224,11 @@ class Chain:
             )
 
     def values(self) -> Array:
-        """Rows at the present positions, shape (N, 3 m)."""
+        """Rows at the present positions, shape (N, 3 m + K)."""
         return np.asarray(np.einsum("srk,sk->sr", self._rows, self._flat_windows))
 
     def change_of_values(self, step: Array) -> Array:
-        """Change of the rows under a step of the free positions, shape (N, 3 m)."""
+        """Change of the rows under a step of the free positions, shape (N, 3 m + K)."""
         self._change[self._free] = step
         return np.asarray(np.einsum("srk,sk->sr", self._rows, self._change_windows))
 
@@ -217,7 +246,7 @@ class Chain:
             self.flat[stage + first] = np.linalg.solve(windows[stage, :, -m:], wanted - known)
 
     def gradient(self, pull: Array) -> Array:
-        """Derivative with respect to the free positions of sum(pull * rows); `pull` has shape (N, 3 m)."""
+        """Derivative with respect to the free positions of sum(pull * rows), both of the same shape."""
         return np.asarray(self._overlapped(pull).reshape(-1)[self._free])
 
     def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:

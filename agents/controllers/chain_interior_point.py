@@ -31,7 +31,7 @@ class InteriorPoint:
     Attributes
     ----------
     slacks, multipliers
-        Shape (2, N, 3 m): upper and lower bounds.
+        Shape (2, N, 3 m + K): upper and lower bounds.
     iterations
         Factorisations so far.
     """
@@ -40,9 +40,10 @@ class InteriorPoint:
         self._chain, self._target = chain, target
         self._mask = np.stack((chain.bounded, chain.bounded))
         self._count = self._mask.sum()
-        self._give = chain.bounded / chain.parameters.soft_weight
+        self._give = chain.bounded / chain.soft_weights
         self._give[:, chain.inputs] = 0.0
-        bounds = np.stack((target.upper, -target.lower))[:, None, :]
+        shape = chain.bounded.shape
+        bounds = np.stack((np.broadcast_to(target.upper, shape), -np.broadcast_to(target.lower, shape)))
         self._bounds = np.where(self._mask > 0, bounds, 0.0)
         span = np.where(chain.bounded > 0, target.upper - target.lower, 1.0)
         self._values = chain.values()

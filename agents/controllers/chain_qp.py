@@ -35,7 +35,8 @@ class ActiveBounds:
     Attributes
     ----------
     side
-        Bound each row presses on, shape (N, 3 m): -1 lower, 1 upper, 0 none; None if no row presses on any.
+        Bound each row presses on, shape (N, 3 m + K): -1 lower, 1 upper, 0 none; None if no row
+        presses on any.
     multipliers
         Of the input bounds, shape (N, m).
     """
@@ -91,11 +92,9 @@ class ChainQP:
     """
 
     def __init__(self, parameters: ChainParameters, max_iterations: int) -> None:
-        self._chain = chain = Chain(parameters)
+        self._chain = Chain(parameters)
         self._max_iterations = max_iterations
-        self._penalty: Array = chain.bounded * parameters.soft_weight
-        self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
-        self._can_press = chain.bounded > 0.0
+        self._weigh_bounds()
         self._unbound = ActiveBounds(None, np.zeros((parameters.stages, parameters.axes)))
         self._active = self._unbound.copy()
         self._cruising = False
@@ -107,6 +106,18 @@ class ChainQP:
         """Replace E, F and the terminal cost (`Chain.set_matrices`)."""
         self._chain.set_matrices(turn, transition, terminal_cost)
         self._factor = None
+
+    def set_clearances(self, directions: Array) -> None:
+        """Replace the rows that keep clear of others (`Chain.set_clearances`)."""
+        self._chain.set_clearances(directions)
+        self._weigh_bounds()
+        self._factor = None
+
+    def _weigh_bounds(self) -> None:
+        chain = self._chain
+        self._penalty: Array = chain.bounded * chain.soft_weights
+        self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
+        self._can_press = chain.bounded > 0.0
 
     def balance(self, disturbance: Array) -> Array:
         """What a disturbance adds to the inputs (`Chain.balance`)."""
@@ -147,7 +158,7 @@ class ChainQP:
         self._warm = True
         inputs = chain.values()[:-1, chain.inputs]
         if not solved:
-            inputs = np.clip(inputs, target.lower[chain.inputs], target.upper[chain.inputs])
+            inputs = np.clip(inputs, *self._input_bounds(target))
             chain.roll_out(inputs)
         return ChainSolution(chain.flat[:-1].copy(), inputs - chain.balance(disturbance), solved, iterations)
 
@@ -230,7 +241,8 @@ class ChainQP:
             self._active.multipliers[:] = 0.0
             return True
         columns = self._chain.inputs
-        inputs, lower, upper = values[:-1, columns], target.lower[columns], target.upper[columns]
+        inputs = values[:-1, columns]
+        lower, upper = self._input_bounds(target)
         multipliers = self._active.multipliers[:-1]
         pressed = inputs + multipliers / INPUT_PENALTY
         updated = INPUT_PENALTY * (pressed - np.clip(pressed, lower, upper))
@@ -238,6 +250,14 @@ class ChainQP:
         distance = np.abs(updated - multipliers).max() / INPUT_PENALTY
         multipliers[:] = updated
         return bool(distance <= INPUT_TOLERANCE)
+
+    def _input_bounds(self, target: ChainTarget) -> tuple[Array, Array]:
+        """Of the inputs of the horizon, which are the same at every stage."""
+        columns = self._chain.inputs
+        return (
+            np.atleast_2d(target.lower)[0, columns],
+            np.atleast_2d(target.upper)[0, columns],
+        )
 
     def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
         """Interior-point steps until the active bounds can be read off and give the exact solution."""

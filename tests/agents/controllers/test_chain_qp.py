@@ -1,6 +1,6 @@
 """The chain's solver against an independent one, and its dynamics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -146,6 +146,31 @@ def test_solution_is_the_one_an_independent_solver_finds(lag: bool, distance_m: 
     expected = independent(problem, first, disturbance, rows, terminal)
     assert found.solved
     assert found.inputs == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("lag", [True, False])
+def test_rows_that_keep_clear_say_the_same_as_bounds_along_the_axes(lag: bool) -> None:
+    """A row along an axis against a bound of that axis, at every stage that is free."""
+    problem = case(16, lag)
+    first = np.array([[0.4, -0.6], [0.3, -0.4], [0.2, 0.1]])[: problem.levels]
+    aim = problem.target(np.zeros(2))
+    aim.lower[0] = 0.3
+    bounded = problem.workspace().solve(first, np.zeros(2), aim)
+    parameters = replace(problem.parameters, clearances=2, clearance_weight=problem.parameters.soft_weight)
+    qp = ChainQP(parameters, 60)
+    qp.set_matrices(problem.turn, problem.transition, problem.terminal_cost)
+    directions = np.zeros((16, 2, 2))
+    directions[:, 1, 0] = -1.0
+    qp.set_clearances(directions)
+    wide = problem.target(np.zeros(2))
+    rows = np.hstack((wide.rows, np.zeros((16, 2))))
+    lower = np.tile(np.append(wide.lower, [0.0, -20.0]), (16, 1))
+    upper = np.tile(np.append(wide.upper, [0.0, -0.3]), (16, 1))
+    found = qp.solve(first, np.zeros(2), ChainTarget(rows, wide.terminal, lower, upper))
+    assert found.solved
+    assert bounded.solved
+    assert found.inputs == pytest.approx(bounded.inputs, abs=1e-3)
+    assert found.flat[:16, 0].min() > 0.29
 
 
 @pytest.mark.parametrize("lag", [True, False])
