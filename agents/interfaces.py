@@ -4,6 +4,7 @@ Write a class with the methods of `Controller` (or `Estimator`), register it und
 `rcopterx.controllers` (or `rcopterx.estimators`), and it flies in the same fleet.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -129,4 +130,30 @@ class SharesAuthority(Protocol):
 
     def set_input_range(self, fraction: float) -> None:
         """Plan with a share of the input range around hovering, from the next step on."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Another vehicle on its way, with the ellipsoid around it that is to stay free.
+
+    Attributes
+    ----------
+    positions_m
+        Its centre at the stages of the own horizon, inertial frame, shape (N, 3).
+    horizontal_m, vertical_m
+        Half axes.
+    """
+
+    positions_m: Array
+    horizontal_m: float
+    vertical_m: float
+
+
+@runtime_checkable
+class KeepsClear(Protocol):
+    """A controller that plans around other vehicles."""
+
+    def keep_clear(self, obstacles: Sequence[Obstacle]) -> None:
+        """Keep clear of these in the next step; to be told anew before every step."""
         ...

@@ -9,12 +9,14 @@ the motion capture is one call of `observe`; every control period is one call of
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
+from agents.avoidance import Clearance, Neighbour, near
 from agents.fleet_clock import FleetClock, InputHistory
 from agents.guidance import Guidance, LeaderPlan, resting
-from agents.interfaces import Controller, Estimate, Estimator, Measurement
+from agents.interfaces import Controller, Estimate, Estimator, KeepsClear, Measurement
 from agents.phases import Event, Phase
 from agents.prediction import predict
 from agents.trajectory import Trajectory
@@ -28,6 +30,8 @@ BLIND_LIMIT_S = 0.3
 TRANSFER_DECAY = 0.8
 """What is left, after a period, of the difference that another controller or estimator makes to the input."""
 TRANSFER_END = 1e-3
+
+_NOBODY: Mapping[str, Neighbour] = MappingProxyType({})
 
 _EVENT_OF_STATE = {
     "armed": Event.ARM,
@@ -83,15 +87,29 @@ class Pilot:
         Any pair that keeps the promises of `agents.interfaces`.
     guidance
         Phase and task.
+    clearance
+        What is kept clear of other vehicles; None for no avoidance.
     """
 
     def __init__(
-        self, model: Model, controller: Controller, estimator: Estimator, guidance: Guidance
+        self,
+        model: Model,
+        controller: Controller,
+        estimator: Estimator,
+        guidance: Guidance,
+        clearance: Clearance | None = None,
     ) -> None:
         self.model = model
         self.controller = controller
         self.estimator = estimator
         self.guidance = guidance
+        self.clearance = clearance
+        self.avoiding_ticks = 0
+        """Control periods in which separation constraints held the plan off another one."""
+        self.closest_m: float | None = None
+        """Smallest distance to another plan in any of them."""
+        self.plan: Trajectory | None = None
+        """Newest plan of the controller; None on the floor."""
         self.clock = FleetClock()
         self.inputs = InputHistory(np.zeros(INPUT_SIZE))
         self.fallbacks: Counter[str] = Counter()
@@ -188,13 +206,17 @@ class Pilot:
         self.estimator = estimator
         self._transfer_pending = self._flown_by_controller
 
-    def control(self, plans: Mapping[str, LeaderPlan]) -> Flight:
+    def control(
+        self, plans: Mapping[str, LeaderPlan], neighbours: Mapping[str, Neighbour] = _NOBODY
+    ) -> Flight:
         """Compute the command and plan of the present control period.
 
         Parameters
         ----------
         plans
             Newest plan of each leader that has one.
+        neighbours
+            Vehicles that may come near.
 
         Returns
         -------
@@ -213,9 +235,11 @@ class Pilot:
         if not self._flown_by_controller:
             self.controller.reset(estimate, self.inputs.newest)
             self._flown_by_controller = True
+        self._keep_clear(neighbours, delay_s)
         step = self.controller.step(estimate, reference, self.inputs.newest)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
+        self.plan = step.plan
         inputs = self._transferred(step.inputs[: 1 + BRIDGE_STAGES])
         self.inputs.append(time_s + delay_s, self.sequence, inputs[0])
         return Flight(
@@ -225,6 +249,23 @@ class Pilot:
             delay_s,
             reference.samples[0, :4],
         )
+
+    def _keep_clear(self, neighbours: Mapping[str, Neighbour], delay_s: float) -> None:
+        """Tell the controller who comes near; only in free flight is there anywhere to go."""
+        controller = self.controller if isinstance(self.controller, KeepsClear) else None
+        if controller is not None:
+            controller.keep_clear(())
+        if not neighbours or self.clearance is None or self.plan is None or not self.guidance.followable:
+            return
+        period_s = self.controller.period_s
+        own_m = self.plan.positions_from(period_s, period_s, self.controller.horizon)
+        found = near(self.clearance, neighbours, own_m, period_s, delay_s)
+        self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
+        if controller is not None:
+            controller.keep_clear(found.obstacles)
+            self.avoiding_ticks += found.touching
+        elif found.touching:
+            self.fallbacks["cannot_avoid"] += 1
 
     def _transferred(self, inputs: Array) -> Array:
         """Inputs without the bump of a switch: their first difference fades away (control.md section 8)."""
@@ -255,6 +296,7 @@ class Pilot:
             progress = 1 - (self._spool_up_until_s - self.clock.time_s) / SPOOL_UP_S
             command[U_THRUST] = progress * SPOOL_UP_SHARE * self.model.hover_input[U_THRUST]
         self._flown_by_controller = False
+        self.plan = None
         self.inputs.append(effect_from_s, self.sequence, command)
         plan = resting(self.estimate, self.controller.period_s, self.controller.horizon)
         return Flight(command, np.zeros((0, INPUT_SIZE)), plan, self.model.delay_s, None)

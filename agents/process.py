@@ -48,6 +48,7 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         configuration.controller_for(settings.model, settings.period_s, settings.generations_below),
         configuration.estimator_for(settings.model, settings.period_s),
         Guidance([link_of(link) for link in settings.following]),
+        settings.clearance,
     )
 
 

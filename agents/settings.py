@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from agents.avoidance import Clearance
 from agents.configuration import Configuration
 from bus.messages import Following
 from bus.session import BusAddress
@@ -53,6 +54,8 @@ class AgentSettings:
         Offsets that bring vehicles closer together are refused; None for no limit.
     succession
         What to do about lost leaders.
+    clearance
+        What is kept clear of other vehicles; None for no avoidance.
     """
 
     bus: BusAddress
@@ -73,6 +76,7 @@ class AgentSettings:
     leader_wait_s: float = 0.002
     minimum_distance_m: float | None = 0.3
     succession: Succession = field(default_factory=Succession)
+    clearance: Clearance | None = field(default_factory=Clearance)
 
     @property
     def configuration(self) -> Configuration:

@@ -114,6 +114,20 @@ class Trajectory:
         samples[at < 0, 4:] = 0.0
         return Trajectory(samples, period_s)
 
+    def positions_from(self, start_s: float, period_s: float, stages: int) -> Array:
+        """Positions at other instants, as of `resampled` but without the rest; shape (`stages`, 3)."""
+        shift = start_s / self.period_s
+        first = round(shift)
+        if first < 0 or first >= self.stages or abs(shift - first) > 1e-6 or period_s != self.period_s:
+            return self.resampled(start_s, period_s, stages).position_m
+        inside = self.samples[first : first + stages, POSITION]
+        missing = stages - len(inside)
+        if not missing:
+            return inside
+        ahead_s = period_s * np.arange(1, missing + 1)[:, None]
+        last = self.samples[-1]
+        return np.vstack((inside, last[POSITION] + ahead_s * last[VELOCITY]))
+
 
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:
     """Trajectory of a set point: rest at one place.

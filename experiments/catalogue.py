@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from experiments import chain, formation, horizon, hover
+from experiments import chain, formation, horizon, hover, swapping
 from experiments.runner import Options, Result, Tell
 
 
@@ -42,6 +42,7 @@ EXPERIMENTS: Final = MappingProxyType(
                 "formation", "Fig. 3: formation errors of every scheme over five minutes", 5, formation.run
             ),
             Experiment("chain", "Errors along chains, trees and with several leaders", 3, chain.run),
+            Experiment("swapping", "Ten vehicles swap places without collision", 5, swapping.run),
         )
     }
 )

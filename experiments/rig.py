@@ -13,11 +13,15 @@ from typing import Final
 
 import numpy as np
 
+from agents.avoidance import Clearance, Neighbour
+from agents.clearance_shares import share_kept_clear
 from agents.guidance import LeaderPlan
 from agents.interfaces import Measurement
+from agents.links import following_at_rest
 from agents.pilot import Flight, Frame, Pilot
 from agents.process import build_pilot
 from agents.settings import AgentSettings
+from agents.topology import places
 from bus.messages import Following
 from bus.session import BusAddress
 from experiments.events import Event
@@ -34,6 +38,8 @@ Progress = Callable[[float], None]
 NO_BUS: Final = BusAddress((), "rig")
 ROOM_M: Final = 100.0
 PROGRESS_EVERY_S: Final = 5.0
+SHARES_EVERY_FRAMES: Final = 10
+"""As often as agents hear each other's statuses."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +68,14 @@ class RigOptions:
         Period of the motion capture; control periods are whole multiples of it.
     previous_frame
         Followers get their leaders' plans of the previous control period instead of the present one.
+    clearance
+        What vehicles keep clear of each other; None for experiments about the formation law alone, in which
+        references may cross.
     """
 
     frame_period_s: float = 0.02
     previous_frame: bool = False
+    clearance: Clearance | None = None
 
 
 SAME_FRAME: Final = RigOptions()
@@ -112,6 +122,7 @@ class Rig:
         )
         self._frame = 0
         self._plans: dict[str, tuple[int, Flight]] = {}
+        self._shares: dict[str, dict[str, float]] = {}
         self._frames_per_tick = {
             name: self._frames_per_period(vehicle) for name, vehicle in self._vehicles.items()
         }
@@ -165,6 +176,8 @@ class Rig:
             now_s = self._frame * period_s
             while waiting and waiting[0].time_s <= now_s + 1e-9:
                 self._apply(waiting.popleft())
+            if self._frame % SHARES_EVERY_FRAMES == 0:
+                self._share_the_room()
             self._control(now_s, recorders)
             self._laboratory.advance(period_s)
             self._frame += 1
@@ -195,6 +208,7 @@ class Rig:
             estimator_settings=vehicle.estimator_settings,
             following=vehicle.following,
             generations_below=generations,
+            clearance=self._options.clearance,
         )
 
     def _frames_per_period(self, vehicle: RigVehicle) -> int:
@@ -226,8 +240,9 @@ class Rig:
                 continue
             pilot = self.pilots[name]
             plans = self._leader_plans(name, known, self._leaders(pilot))
+            neighbours = self._neighbours(name, known)
             started_s = time.perf_counter()
-            flight = pilot.control(plans)
+            flight = pilot.control(plans, neighbours)
             step_s = time.perf_counter() - started_s
             self._laboratory.set_input(name, flight.input)
             # The transmitter gateway's report of what it applied comes back before the next pose.
@@ -240,6 +255,31 @@ class Rig:
     @staticmethod
     def _leaders(pilot: Pilot) -> list[str]:
         return [link.leader for link in pilot.guidance.links]
+
+    def _share_the_room(self) -> None:
+        """Who keeps how clear of whom, as agents work it out from each other's statuses."""
+        clearance = self._options.clearance
+        if clearance is None:
+            return
+        links = {
+            name: tuple(following_at_rest(link) for link in pilot.guidance.links)
+            for name, pilot in self.pilots.items()
+        }
+        heads = {name: np.append(*pilot.guidance.set_point()) for name, pilot in self.pilots.items()}
+        where, order = places(links, heads), list(self.pilots)
+        self._shares = {
+            name: {
+                other: share_kept_clear(clearance, links, where, name, other)
+                for other in order
+                if other != name
+            }
+            for name in order
+        }
+
+    def _neighbours(self, name: str, known: Mapping[str, tuple[int, Flight]]) -> dict[str, Neighbour]:
+        shares = self._shares.get(name, {})
+        plans = self._leader_plans(name, known, [other for other, share in shares.items() if share > 0.0])
+        return {other: Neighbour(plan, shares[other]) for other, plan in plans.items()}
 
     def _leader_plans(
         self, name: str, known: Mapping[str, tuple[int, Flight]], leaders: Sequence[str]

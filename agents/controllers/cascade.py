@@ -7,6 +7,9 @@ frozen ones, with actuator lags as states, estimated disturbances in the predict
 the reference as input reference.
 """
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Annotated, ClassVar, Final
 
 import msgspec
@@ -21,10 +24,11 @@ from agents.controllers.cascade_terms import (
 )
 from agents.controllers.chain import ChainParameters, ChainTarget
 from agents.controllers.chain_qp import ChainQP, ChainSolution
+from agents.controllers.clearance import SLOTS, Clearances, clearances
 from agents.controllers.disturbance_observer import DisturbanceObserver
 from agents.controllers.prediction import lag_poles
 from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
-from agents.interfaces import Estimate
+from agents.interfaces import Estimate, Obstacle
 from agents.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import U_THRUST, Array
@@ -62,6 +66,10 @@ class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
     """Share of the input range around hovering to plan with; leaders leave their followers the rest."""
     soft_weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e7)] = 1e5
     """Weight of the squared excess over a state bound, in SI units."""
+    separation_weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e8)] = 5e5
+    """Weight of the squared excess over a separation constraint, in SI units."""
+    avoidance: bool = True
+    """Keep clear of the plans of other vehicles."""
     max_iterations: Annotated[int, msgspec.Meta(ge=1, le=200)] = 40
     """Interior-point steps in each problem before its best point is taken."""
 
@@ -98,6 +106,10 @@ class CascadeController(GuardedController):
         self._horizontal_chain = horizontal = self._parameters(_HORIZONTAL, (True, True))
         self._steady = self.workspace(steady, settings.max_iterations)
         self._horizontal = self.workspace(horizontal, settings.max_iterations)
+        # Only periods in which somebody comes near pay for the rows that keep clear.
+        crowded = replace(horizontal, clearances=SLOTS, clearance_weight=settings.separation_weight)
+        self._crowded = ChainQP(crowded, settings.max_iterations)
+        self._obstacles: tuple[Obstacle, ...] = ()
         self._heading_cost = HeadingCost(horizontal, self._decay[_HORIZONTAL])
         decay = self._decay[_STEADY]
         stages = self._horizon + self._levels - 2
@@ -105,6 +117,10 @@ class CascadeController(GuardedController):
         self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
         self._heading_plan: Array | None = None
         self.set_input_range(settings.input_range)
+
+    def keep_clear(self, obstacles: Sequence[Obstacle]) -> None:
+        """Keep clear of these in the next step (`agents.interfaces.KeepsClear`)."""
+        self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
 
     def set_input_range(self, fraction: float) -> None:
         """Plan with a share of the input range around hovering, from the next step on.
@@ -157,16 +173,29 @@ class CascadeController(GuardedController):
         self._observer.start(estimate.motion, last_input)
         self._steady.forget()
         self._horizontal.forget()
+        self._crowded.forget()
 
     def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution:  # noqa: ARG002
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
         aim = self._steady_reference(reference)
-        steady = self._solve(self._steady, _STEADY, estimate, push, aim, self._steady_bounds)
+        clear = self._clearances(estimate, reference)
+        bounds = self._steady_bounds
+        steady = self._solve(
+            self._steady, _STEADY, estimate, push, aim, bounds, None if clear is None else clear.bound_heights
+        )
         heading = steady.flat[:, 1]
         self._linearize(heading)
-        aim = self._horizontal_reference(heading, reference)
-        horizontal = self._solve(self._horizontal, _HORIZONTAL, estimate, push, aim, self._horizontal_bounds)
+        aim, bounds = self._horizontal_reference(heading, reference), self._horizontal_bounds
+        if clear is None:
+            self._crowded.forget()
+            horizontal = self._solve(self._horizontal, _HORIZONTAL, estimate, push, aim, bounds)
+        else:
+            self._horizontal.forget()
+            self._crowded.set_matrices(*self._matrices)
+            self._crowded.set_clearances(clear.directions)
+            rows = partial(clear.add_rows, steady.flat[: self._horizon, 0])
+            horizontal = self._solve(self._crowded, _HORIZONTAL, estimate, push, aim, bounds, rows)
         inputs = np.concatenate((horizontal.inputs, steady.inputs), axis=1)
         np.maximum(inputs, self._limits.input_min, out=inputs)
         np.minimum(inputs, self._limits.input_max, out=inputs)
@@ -176,6 +205,17 @@ class CascadeController(GuardedController):
             horizontal.iterations + steady.iterations,
             early=not (horizontal.solved and steady.solved),
         )
+
+    def _clearances(self, estimate: Estimate, reference: Trajectory) -> Clearances | None:
+        """Separation constraints around the previous plan; None while nobody is near."""
+        if not self._obstacles:
+            return None
+        own = self._last_plan
+        if own is None:
+            previous = np.tile(estimate.motion[:3], (self._horizon, 1))
+        else:
+            previous = own.positions_from(self._period_s, self._period_s, self._horizon)
+        return clearances(previous, reference.position_m, self._obstacles)
 
     def _disturbance(self, estimate: Estimate) -> Array:
         """Accelerations to predict with, in the order of `Estimate.disturbance`."""
@@ -197,6 +237,7 @@ class CascadeController(GuardedController):
         push: Array,
         reference: tuple[Array, Array],
         bounds: tuple[Array, ...],
+        clear: Callable[[ChainTarget], ChainTarget] | None = None,
     ) -> ChainSolution:
         rows, terminal = reference
         balance = qp.balance(push[axes])
@@ -208,7 +249,8 @@ class CascadeController(GuardedController):
         first = np.empty((3, 2))
         first[0], first[1] = estimate.motion[:4][axes], estimate.motion[4:][axes]
         first[2] = estimate.actuator[axes]
-        return qp.solve(first[: self._levels], push[axes], ChainTarget(rows, terminal, lower, upper))
+        target = ChainTarget(rows, terminal, lower, upper)
+        return qp.solve(first[: self._levels], push[axes], target if clear is None else clear(target))
 
     def _shared(self, axes: slice, least: Array, most: Array) -> tuple[Array, Array]:
         """Bounds of the commands by the share; where the disturbance leaves none of it, the whole range."""
@@ -263,7 +305,8 @@ class CascadeController(GuardedController):
         transition[:, 0, 1] = heading[1:-1] - heading[:-2]
         transition[:, 1, 0] = -transition[:, 0, 1]
         last = float(middle[self._horizon - 1])
-        self._horizontal.set_matrices(turn, transition, self._heading_cost.at(last))
+        self._matrices = turn, transition, self._heading_cost.at(last)
+        self._horizontal.set_matrices(*self._matrices)
 
     def _plan(self, flat: Array) -> Trajectory:
         """Trajectory whose velocities and accelerations are the differences of its positions."""

@@ -22,6 +22,7 @@ def test_experiments_are_listed() -> None:
         "horizon",
         "formation",
         "chain",
+        "swapping",
     ]
 
 

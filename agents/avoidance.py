@@ -1,0 +1,108 @@
+"""Which plans of others a vehicle keeps clear of in a control period. Pure; knows no bus."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from agents.guidance import LeaderPlan
+from agents.interfaces import Obstacle
+from vehicles.state import Array
+
+NEAR: Final = 1.3
+"""Plans that come no closer than this, in ellipsoids, constrain nothing."""
+TOUCHING: Final = 1.02
+"""Plans that come so close are held apart by their constraints."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Half axes of the ellipsoid around a vehicle that no other one is to enter [m]."""
+
+    horizontal_m: float = 0.35
+    vertical_m: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name, value in (("horizontal_m", self.horizontal_m), ("vertical_m", self.vertical_m)):
+            if not 0.0 < value <= 5.0:
+                raise ValueError(f"{name}: {value:g}, must be above 0 and at most 5")
+
+    def normalised(self, gap_m: Array) -> Array:
+        """Length of gaps, shape (.., 3), in ellipsoids: 1 on its surface."""
+        return np.asarray(np.sqrt(gap_m**2 @ self.stiffness))
+
+    @property
+    def stiffness(self) -> Array:
+        """What squares of gaps x, y, z are multiplied by, shape (3,)."""
+        return np.array([self.horizontal_m, self.horizontal_m, self.vertical_m]) ** -2
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """Another vehicle: its newest plan, and the share of the ellipsoid that is kept clear of it."""
+
+    plan: LeaderPlan
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Near:
+    """Whom to keep clear of.
+
+    Attributes
+    ----------
+    obstacles
+        Vehicles whose plans come near.
+    touching
+        Whether the constraints hold any of them off, or shall do so.
+    closest_m
+        Smallest distance to any plan; infinite without one.
+    """
+
+    obstacles: tuple[Obstacle, ...]
+    touching: bool
+    closest_m: float
+
+
+def near(
+    clearance: Clearance,
+    neighbours: Mapping[str, Neighbour],
+    own_m: Array,
+    period_s: float,
+    delay_s: float,
+) -> Near:
+    """Find the plans that come near.
+
+    Parameters
+    ----------
+    clearance
+        The ellipsoid.
+    neighbours
+        The others by name.
+    own_m
+        Positions of the own previous plan at the present stages, shape (N, 3).
+    period_s
+        Time between them.
+    delay_s
+        Time from the present to the first stage.
+
+    Returns
+    -------
+    Near
+        In the order of the names, so that a vehicle keeps its place among the constraints.
+    """
+    obstacles: list[Obstacle] = []
+    closest, closest_m = np.inf, np.inf
+    for name in sorted(neighbours):
+        plan, share = neighbours[name].plan, neighbours[name].share
+        if share <= 0.0:
+            continue
+        other_m = plan.trajectory.positions_from(plan.ahead_s + delay_s, period_s, len(own_m))
+        squares = (own_m - other_m) ** 2
+        distance = float(np.sqrt((squares @ clearance.stiffness).min())) / share
+        closest = min(closest, distance)
+        closest_m = min(closest_m, float(np.sqrt(squares.sum(axis=1).min())))
+        if distance < NEAR:
+            obstacles.append(Obstacle(other_m, share * clearance.horizontal_m, share * clearance.vertical_m))
+    return Near(tuple(obstacles), closest < TOUCHING, closest_m)

@@ -1,0 +1,49 @@
+"""How much of the ellipsoid a vehicle keeps clear of each other one: by who follows whom, and where.
+
+Every vehicle works it out by itself from what all of them say of themselves. Strangers both keep clear of
+each other, as in traffic without right of way; who passes on which side is settled in
+`agents.controllers.clearance`.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from agents.avoidance import Clearance
+from agents.topology import Links, ancestors, roots
+from vehicles.state import Array
+
+PLACE_SHARE: Final = 0.9
+"""Share of the distance of two places in a formation that its vehicles keep."""
+
+
+def share_kept_clear(
+    clearance: Clearance, links: Links, places: Mapping[str, Array], name: str, other: str
+) -> float:
+    """Share of the ellipsoid that a vehicle keeps clear of another one.
+
+    Nothing of its followers, whose plans are made from its own: a leader gives no way to them. Places in a
+    formation that an operator has chosen are respected: mates keep at most `PLACE_SHARE` of their distance.
+
+    Parameters
+    ----------
+    clearance
+        The ellipsoid.
+    links
+        Who follows whom.
+    places
+        Where vehicles are once their formations have settled, x y z first.
+    name, other
+        Own and other vehicle.
+
+    Returns
+    -------
+    float
+        0 to 1.
+    """
+    if name in ancestors(links, other):
+        return 0.0
+    mates = set(roots(links, name)) & set(roots(links, other))
+    if not mates or name not in places or other not in places:
+        return 1.0
+    gap_m = places[name][:3] - places[other][:3]
+    return min(1.0, PLACE_SHARE * float(clearance.normalised(gap_m)))

@@ -1,0 +1,225 @@
+"""Ten vehicles on a circle swap places: collision avoidance by published plans.
+
+Everybody is sent to the opposite place at the same moment, or to a place drawn at random, so that all paths
+cross in the middle. The pilots know each other's plans as they do on the bus; nobody coordinates them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+
+from agents.avoidance import Clearance
+from experiments.events import GoTo
+from experiments.record import FlightRecord
+from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks
+from experiments.runner import Options, Result, Tell, Work, run_all
+from experiments.schemes import CASCADE
+from simulator.conditions import LABORATORY
+from simulator.plant import Pose
+from transmitter_gateway.limits import SurveillanceLimits
+from vehicles.state import Array
+from vehicles.types import COAXIAL
+
+VEHICLES: Final = 10
+QUICK_VEHICLES: Final = 4
+HORIZON: Final = 50
+RADIUS_M: Final = 0.85
+HEIGHT_M: Final = 1.0
+START_S: Final = 2.0
+"""Estimators settle before everybody is sent off."""
+FLIGHT_S: Final = 14.0
+QUICK_FLIGHT_S: Final = 8.0
+ARRIVED_M: Final = 0.1
+HARD_M: Final = SurveillanceLimits().minimum_distance_m or 0.0
+"""Distance below which transmitter gateways hold vehicles."""
+CLEARANCE: Final = Clearance()
+
+ANTIPODES: Final = "antipodes"
+RANDOM: Final = "random"
+WITHOUT: Final = "without_avoidance"
+CASES: Final = (ANTIPODES, RANDOM, WITHOUT)
+
+
+@dataclass(frozen=True)
+class Swap:
+    """What one flight showed.
+
+    Attributes
+    ----------
+    tracks_m
+        True positions, shape (K, vehicles, 3).
+    time_s
+        Since everybody was sent off, shape (K,).
+    goals_m
+        Shape (vehicles, 3).
+    fallbacks
+        Fallbacks of all vehicles.
+    avoiding_ticks
+        Control periods with separation constraints, all vehicles together.
+    ticks
+        All control periods.
+    """
+
+    tracks_m: Array
+    time_s: Array
+    goals_m: Array
+    fallbacks: Mapping[str, int]
+    avoiding_ticks: int
+    ticks: int
+
+    def gaps_m(self) -> Array:
+        """Gaps of all pairs, shape (K, pairs, 3)."""
+        pairs = list(combinations(range(self.tracks_m.shape[1]), 2))
+        first, second = np.array(pairs).T
+        return np.asarray(self.tracks_m[:, first] - self.tracks_m[:, second])
+
+    def nearest_m(self) -> Array:
+        """Smallest distance of any two vehicles, shape (K,)."""
+        return np.asarray(np.linalg.norm(self.gaps_m(), axis=2).min(axis=1))
+
+    def nearest_normalised(self) -> Array:
+        """The same in ellipsoids, shape (K,)."""
+        return np.asarray(CLEARANCE.normalised(self.gaps_m()).min(axis=1))
+
+    def outside_m(self) -> float:
+        """Farthest that any vehicle was outside the volume in which it plans."""
+        low, high = np.array(COAXIAL.state_min[:3]), np.array(COAXIAL.state_max[:3])
+        return float(np.maximum(self.tracks_m - high, low - self.tracks_m).max(initial=0.0))
+
+    def finished_s(self) -> float | None:
+        """When the last vehicle was at its goal to stay; None if one is not."""
+        away = (np.linalg.norm(self.tracks_m - self.goals_m, axis=2) > ARRIVED_M).any(axis=1)
+        if away[-1]:
+            return None
+        return float(self.time_s[away].max(initial=0.0))
+
+
+def places(vehicles: int) -> Array:
+    """Places on the circle, shape (vehicles, 3)."""
+    angle = 2 * np.pi * np.arange(vehicles) / vehicles
+    across = RADIUS_M * np.column_stack((np.cos(angle), np.sin(angle)))
+    return np.column_stack((across, np.full(vehicles, HEIGHT_M)))
+
+
+def goals_of(case: str, vehicles: int, seed: int) -> Array:
+    """Places in the order of the vehicles that go there, shape (vehicles, 3)."""
+    number = np.arange(vehicles)
+    if case == RANDOM:
+        order = np.random.default_rng(seed).permutation(number)
+    else:
+        order = (number + vehicles // 2) % vehicles
+    return np.asarray(places(vehicles)[order])
+
+
+def fly_swap(case: str, seed: int, quick: bool = False, progress: Progress | None = None) -> Swap:
+    """Fly one swap in laboratory conditions."""
+    count = QUICK_VEHICLES if quick else VEHICLES
+    starts, goals = places(count), goals_of(case, count, seed)
+    names = [f"h{number + 1}" for number in range(count)]
+    vehicles = [
+        RigVehicle(name, COAXIAL, Pose(_three(place)), CASCADE.controller, CASCADE.settings, horizon=HORIZON)
+        for name, place in zip(names, starts, strict=True)
+    ]
+    options = RigOptions(clearance=None if case == WITHOUT else CLEARANCE)
+    rig = Rig(vehicles, LABORATORY, seed, options)
+    events = [GoTo(START_S, name, _three(goal)) for name, goal in zip(names, goals, strict=True)]
+    record = rig.fly(QUICK_FLIGHT_S if quick else FLIGHT_S, events, progress)
+    return _swap(record, rig, names, goals)
+
+
+def _swap(record: FlightRecord, rig: Rig, names: list[str], goals: Array) -> Swap:
+    rows = record[names[0]].time_s >= START_S
+    return Swap(
+        np.stack([record[name].motion[rows, :3] for name in names], axis=1),
+        record[names[0]].time_s[rows] - START_S,
+        goals,
+        total_fallbacks(record),
+        sum(rig.pilots[name].avoiding_ticks for name in names),
+        sum(len(record[name].time_s) for name in names),
+    )
+
+
+def _three(place: Array) -> tuple[float, float, float]:
+    x, y, z = place.tolist()
+    return (x, y, z)
+
+
+def run(options: Options, tell: Tell) -> Result:
+    """Fly every case on every seed; without avoidance only the first seed, to show what it is for.
+
+    Returns
+    -------
+    Result
+        Document: `hard_distance_m`, the clearance, and case -> seed -> figures of the flight.
+    """
+    flights = [(case, seed) for case in CASES for seed in options.seeds]
+    flights = [(case, seed) for case, seed in flights if case != WITHOUT or seed == options.seeds[0]]
+    works = [
+        Work(f"{case}, seed {seed}", partial(fly_swap, case, seed, options.quick)) for case, seed in flights
+    ]
+    swaps = dict(zip(flights, run_all(works, options.processes, tell), strict=True))
+    document: dict[str, Any] = {
+        "vehicles": QUICK_VEHICLES if options.quick else VEHICLES,
+        "hard_distance_m": HARD_M,
+        "clearance": {"horizontal_m": CLEARANCE.horizontal_m, "vertical_m": CLEARANCE.vertical_m},
+    }
+    for (case, seed), swap in swaps.items():
+        document.setdefault(case, {})[str(seed)] = figures(swap)
+    return Result(document, partial(draw_swapping, swaps))
+
+
+def figures(swap: Swap) -> dict[str, Any]:
+    """Figures of a flight."""
+    finished_s = swap.finished_s()
+    return {
+        "minimum_distance_m": round(float(swap.nearest_m().min()), 3),
+        "minimum_in_ellipsoids": round(float(swap.nearest_normalised().min()), 3),
+        "finished_s": None if finished_s is None else round(finished_s, 2),
+        "outside_m": round(swap.outside_m(), 3),
+        "avoiding_share": round(swap.avoiding_ticks / swap.ticks, 3),
+        "fallbacks": sum(swap.fallbacks.values()),
+    }
+
+
+def draw_swapping(swaps: Mapping[tuple[str, int], Swap], figure: Any) -> None:
+    """Draw the tracks of the first seed from above, and the smallest distance over time of every flight.
+
+    Parameters
+    ----------
+    swaps
+        Flights by case and seed.
+    figure
+        Empty `matplotlib.figure.Figure`.
+    """
+    figure.set_size_inches(13, 4.6)
+    left, middle, right = figure.subplots(1, 3)
+    first = {case: swap for (case, seed), swap in reversed(list(swaps.items()))}
+    for axes, case, title in ((left, ANTIPODES, "opposite places"), (middle, RANDOM, "places at random")):
+        swap = first[case]
+        for number in range(swap.tracks_m.shape[1]):
+            (line,) = axes.plot(swap.tracks_m[:, number, 0], swap.tracks_m[:, number, 1], linewidth=1)
+            axes.plot(*swap.tracks_m[0, number, :2], "o", color=line.get_color(), markersize=4)
+            axes.plot(*swap.goals_m[number, :2], "s", color=line.get_color(), fillstyle="none")
+        axes.set_aspect("equal")
+        axes.set_title(title)
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+        axes.grid(alpha=0.3)
+    colours = {ANTIPODES: "C0", RANDOM: "C1", WITHOUT: "0.6"}
+    labels = {ANTIPODES: "opposite places", RANDOM: "places at random", WITHOUT: "without avoidance"}
+    for (case, _), swap in swaps.items():
+        label = labels.pop(case, None)
+        right.plot(swap.time_s, swap.nearest_m(), color=colours[case], label=label, linewidth=1)
+    right.axhline(HARD_M, color="k", linestyle=":", label="hard distance")
+    right.set_xlim(0.0, 6.0)
+    right.set_ylim(bottom=0.0)
+    right.set_xlabel("time since everybody was sent off [s]")
+    right.set_ylabel("smallest distance of two vehicles [m]")
+    right.grid(alpha=0.3)
+    right.legend(fontsize="small")
+    figure.suptitle("Swapping places in laboratory conditions")
+    figure.tight_layout()

@@ -1,0 +1,119 @@
+"""Who is near, and how much of the ellipsoid is kept clear of whom."""
+
+import numpy as np
+import pytest
+
+from agents.avoidance import NEAR, Clearance, Neighbour, near
+from agents.clearance_shares import PLACE_SHARE, share_kept_clear
+from agents.controllers.registry import available_controllers, build_controller
+from agents.estimators.registry import build_estimator
+from agents.guidance import Guidance, LeaderPlan
+from agents.interfaces import KeepsClear, Measurement
+from agents.phases import Event
+from agents.pilot import Frame, Pilot
+from agents.topology import places
+from agents.trajectory import COLUMNS, Trajectory, hold
+from bus.messages import Following
+from vehicles.types import COAXIAL
+
+CLEARANCE = Clearance()
+OWN = np.zeros((30, 3))
+LINKS = {
+    "h1": (),
+    "h2": (Following(leader="h1", offset_m=(-0.4, 0.5, 0.0)),),
+    "h3": (Following(leader="h2", offset_m=(-0.3, 0.0, 0.0)),),
+    "h4": (),
+}
+HEADS = {"h1": np.array([0.0, 0, 1, 0]), "h4": np.array([0.2, 0, 1, 0])}
+WHERE = places(LINKS, HEADS)
+
+
+def flying(velocity: float, start: float, ahead_s: float = 0.0, share: float = 1.0) -> Neighbour:
+    samples = np.zeros((30, COLUMNS))
+    samples[:, 0] = start + velocity * 0.02 * np.arange(30)
+    samples[:, 4] = velocity
+    return Neighbour(LeaderPlan(Trajectory(samples, 0.02), ahead_s), share)
+
+
+def test_only_plans_that_come_near_are_kept_clear_of() -> None:
+    others = {"comes": flying(-1.0, 0.8), "leaves": flying(1.0, 0.8), "far": flying(0.0, 2.0)}
+    found = near(CLEARANCE, others, OWN, 0.02, 0.0)
+    assert len(found.obstacles) == 1
+    assert found.touching
+    assert found.closest_m == pytest.approx(0.8 - 0.58)
+    assert near(CLEARANCE, {}, OWN, 0.02, 0.0).closest_m == np.inf
+
+
+def test_an_old_plan_is_read_at_the_present_and_goes_on_beyond_its_end() -> None:
+    found = near(CLEARANCE, {"h2": flying(-1.0, 1.0, ahead_s=0.08)}, OWN, 0.02, 0.02)
+    assert found.obstacles[0].positions_m[:, 0] == pytest.approx(0.9 - 0.02 * np.arange(30))
+
+
+def test_the_share_shrinks_the_ellipsoid_and_what_counts_as_near() -> None:
+    beside = flying(0.0, 0.35 * 0.5 * (NEAR + 0.1), share=0.5)
+    assert near(CLEARANCE, {"h2": beside}, OWN, 0.02, 0.0).obstacles == ()
+    nearer = flying(0.0, 0.35 * 0.5 * (NEAR - 0.1), share=0.5)
+    (obstacle,) = near(CLEARANCE, {"h2": nearer}, OWN, 0.02, 0.0).obstacles
+    assert obstacle.horizontal_m == pytest.approx(0.175)
+    assert near(CLEARANCE, {"h2": flying(0.0, 0.0, share=0.0)}, OWN, 0.02, 0.0).obstacles == ()
+
+
+@pytest.mark.parametrize("axes", [(0.0, 0.6), (0.35, -1.0), (6.0, 0.6), (float("nan"), 0.6)])
+def test_half_axes_that_make_no_sense_are_refused(axes: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match=r"_m: .* must be above 0"):
+        Clearance(*axes)
+
+
+def test_a_leader_gives_no_way_to_those_who_follow_it() -> None:
+    for follower in ("h2", "h3"):
+        assert share_kept_clear(CLEARANCE, LINKS, WHERE, "h1", follower) == 0.0
+        assert share_kept_clear(CLEARANCE, LINKS, WHERE, follower, "h1") > 0.0
+
+
+def test_chosen_places_closer_than_the_ellipsoid_are_respected() -> None:
+    share = share_kept_clear(CLEARANCE, LINKS, WHERE, "h3", "h2")
+    assert share == pytest.approx(PLACE_SHARE * 0.3 / 0.35)
+    assert share_kept_clear(CLEARANCE, LINKS, WHERE, "h2", "h1") == 1.0
+
+
+def test_strangers_keep_the_whole_ellipsoid_wherever_they_shall_be() -> None:
+    assert share_kept_clear(CLEARANCE, LINKS, WHERE, "h1", "h4") == 1.0
+    assert share_kept_clear(CLEARANCE, LINKS, {}, "h3", "h2") == 1.0
+
+
+def pilot_with(controller: str) -> Pilot:
+    """In the air at one metre, sent straight on."""
+    built = build_controller(controller, COAXIAL, 0.02, {"horizon": 30})
+    estimator = build_estimator("extended_kalman", COAXIAL, 0.02, {})
+    pilot = Pilot(COAXIAL, built, estimator, Guidance(), CLEARANCE)
+    pilot.observe(Frame(1, 1, 0.02, Measurement(np.array([0.0, 0.0, 1.0]), 0.0)))
+    pilot.note_applied("armed", 0, COAXIAL.hover_input)
+    pilot.guidance.go_to(np.array([1.0, 0.0, 1.0]), 0.0)
+    return pilot
+
+
+ACROSS = {"h2": Neighbour(LeaderPlan(hold(np.array([0.3, 0.0, 1.0]), 0.0, 0.02, 30), 0.0), 1.0)}
+
+
+@pytest.mark.parametrize("controller", available_controllers())
+def test_a_controller_that_cannot_avoid_says_so(controller: str) -> None:
+    pilot = pilot_with(controller)
+    for _ in range(3):
+        pilot.control({}, ACROSS)
+    if isinstance(pilot.controller, KeepsClear):
+        assert pilot.avoiding_ticks == 2
+        assert pilot.closest_m is not None
+        assert 0.0 <= pilot.closest_m < 0.31
+        assert not pilot.fallbacks["cannot_avoid"]
+    else:
+        assert pilot.fallbacks["cannot_avoid"] == 2
+        assert pilot.avoiding_ticks == 0
+
+
+def test_a_vehicle_that_takes_off_or_lands_goes_straight_on() -> None:
+    pilot = pilot_with("cascade")
+    pilot.control({}, ACROSS)
+    pilot.guidance.on_event(Event.LAND, pilot.estimate)
+    for _ in range(3):
+        pilot.control({}, ACROSS)
+    assert pilot.avoiding_ticks == 0
