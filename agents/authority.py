@@ -1,36 +1,89 @@
-"""Leaders leave input range to their followers (control.md section 6), whoever these are at the moment."""
+"""Leaders leave authority to their followers (control.md section 6), whoever these are at the moment.
+
+A leader that flies at its own limits cannot be followed by an equal vehicle in a gust, and not at all by one
+that accelerates less. So a leader plans with four fifths of what the weakest of its followers may plan with,
+and no faster than the slowest of them.
+"""
 
 from collections.abc import Mapping
 
-from agents.interfaces import Controller, SharesAuthority
-from agents.topology import Links, levels_below
+import numpy as np
+
+from agents.interfaces import Controller, Share, SharesAuthority
+from agents.topology import Links, leaders_of
+from vehicles.model import Model
+from vehicles.state import Array
 
 LEADER_SHARE = 0.8
-"""Share of its input range a leader plans with, once for every level of followers below it."""
+"""Share of its followers' accelerations a leader plans with."""
 
 
-def share_of(links: Links, name: str) -> float:
-    """Share of its input range a vehicle may plan with, given who follows whom."""
-    return share_above(levels_below(links, name))
+def share_of(links: Links, models: Mapping[str, Model], name: str) -> Share:
+    """Share of its own limits a vehicle may plan with.
+
+    Parameters
+    ----------
+    links
+        Who follows whom.
+    models
+        Vehicles by name; one that is missing is taken for an equal of its leader.
+    name
+        The vehicle.
+    """
+    return _share(links, models, name, len(links))
 
 
-def share_above(levels: int) -> float:
-    """Share of a vehicle with so many levels of followers below it."""
-    return LEADER_SHARE**levels
+def _share(links: Links, models: Mapping[str, Model], name: str, levels: int) -> Share:
+    """Share by the followers of so many levels; there are no more of them, except in a cycle."""
+    inputs, rates = np.ones(4), np.ones(4)
+    followers = [other for other in links if name in leaders_of(links, other)] if levels else []
+    for other in followers:
+        below = _share(links, models, other, levels - 1)
+        weaker, slower = _compared(models.get(other), models.get(name))
+        inputs = np.minimum(inputs, LEADER_SHARE * weaker * below.inputs)
+        rates = np.minimum(rates, slower * below.rates)
+    return Share(tuple(inputs.tolist()), tuple(rates.tolist()))
+
+
+def _compared(follower: Model | None, leader: Model | None) -> tuple[Array, Array]:
+    """Accelerations and speeds of a follower over those of its leader."""
+    if follower is None or leader is None:
+        return np.ones(4), np.ones(4)
+    return _accelerations(follower) / _accelerations(leader), _speeds(follower) / _speeds(leader)
+
+
+def _accelerations(model: Model) -> Array:
+    """What the inputs can do in either direction from hovering, in the order of the inputs."""
+    reach = model.b * np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
+    return _at_any_heading(reach)
+
+
+def _speeds(model: Model) -> Array:
+    """Half the ranges of body velocities and yaw rate."""
+    return _at_any_heading(0.5 * np.subtract(model.state_max, model.state_min)[3:])
+
+
+def _at_any_heading(reach: Array) -> Array:
+    """Pitch and roll alike, because a follower's heading is another one than its leader's."""
+    horizontal = float(reach[:2].min())
+    return np.array([horizontal, horizontal, *reach[2:]])
 
 
 class Authority:
-    """Keeps a controller's input range in step with the vehicles that follow.
+    """Keeps a controller's limits in step with the vehicles that follow.
 
     Parameters
     ----------
     vehicle
         Own name.
+    models
+        All vehicles of the fleet by name.
     """
 
-    def __init__(self, vehicle: str) -> None:
+    def __init__(self, vehicle: str, models: Mapping[str, Model]) -> None:
         self._vehicle = vehicle
-        self._told: tuple[Controller, float] | None = None
+        self._models = models
+        self._told: tuple[Controller, Share] | None = None
 
     def tend(self, controller: Controller, settings: Mapping[str, object], links: Links) -> None:
         """Tell the controller its share if that, or the controller, is another one than before.
@@ -47,7 +100,7 @@ class Authority:
         fixed = "input_range" in settings
         if fixed or not isinstance(controller, SharesAuthority) or not links.keys() - {self._vehicle}:
             return
-        share = share_of(links, self._vehicle)
+        share = share_of(links, self._models, self._vehicle)
         if self._told is None or self._told[0] is not controller or self._told[1] != share:
-            controller.set_input_range(share)
+            controller.set_share(share)
             self._told = (controller, share)

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from agents.authority import share_above
 from agents.controllers.registry import build_controller
 from agents.estimators.registry import build_estimator
-from agents.interfaces import Controller, Estimator, SharesAuthority
+from agents.interfaces import Controller, Estimator, Share, SharesAuthority
 from vehicles.model import Model
 
 
@@ -58,7 +57,7 @@ class Configuration:
             estimator_settings={**kept_by_estimator, **estimator_settings},
         )
 
-    def controller_for(self, model: Model, period_s: float, generations_below: int) -> Controller:
+    def controller_for(self, model: Model, period_s: float, share: Share) -> Controller:
         """Build the controller.
 
         Parameters
@@ -67,8 +66,8 @@ class Configuration:
             The vehicle.
         period_s
             Control period.
-        generations_below
-            Levels of followers below the vehicle, which leaves them authority.
+        share
+            What the vehicle's followers leave it; a fixed `input_range` of the settings goes before.
 
         Raises
         ------
@@ -77,7 +76,7 @@ class Configuration:
         """
         built = build_controller(self.controller, model, period_s, self.controller_settings)
         if isinstance(built, SharesAuthority) and "input_range" not in self.controller_settings:
-            built.set_input_range(share_above(generations_below))
+            built.set_share(share)
         return built
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:

@@ -124,12 +124,38 @@ class Controller(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Shares of a vehicle's limits to plan with, each above 0 and at most 1.
+
+    Attributes
+    ----------
+    inputs
+        Of the ranges of pitch, roll, thrust and yaw around hovering.
+    rates
+        Of the bounds of xd_B, yd_B, zd_B and psid.
+    """
+
+    inputs: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    rates: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "rates"):
+            four = getattr(self, name)
+            if len(four) != 4 or not all(0.0 < fraction <= 1.0 for fraction in four):
+                raise ValueError(f"share of {name}: four numbers above 0 and at most 1, got {four}")
+
+
+WHOLE = Share()
+"""All that the vehicle can do."""
+
+
 @runtime_checkable
 class SharesAuthority(Protocol):
-    """A controller that can leave input range to the vehicles that follow (control.md section 6)."""
+    """A controller that can leave authority to the vehicles that follow (control.md section 6)."""
 
-    def set_input_range(self, fraction: float) -> None:
-        """Plan with a share of the input range around hovering, from the next step on."""
+    def set_share(self, share: Share) -> None:
+        """Plan with a share of the vehicle's limits, from the next step on."""
         ...
 
 

@@ -45,7 +45,7 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     configuration = settings.configuration
     return Pilot(
         settings.model,
-        configuration.controller_for(settings.model, settings.period_s, settings.generations_below),
+        configuration.controller_for(settings.model, settings.period_s, settings.share),
         configuration.estimator_for(settings.model, settings.period_s),
         Guidance([link_of(link) for link in settings.following]),
         settings.clearance,
@@ -69,7 +69,7 @@ class Agent:
         # Statuses are looked up when they are needed; they wake nobody.
         statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
         self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
-        self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.generations_below)
+        self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.share)
         self._answers = session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
         self._external = External(
             vehicle, pilot, self._answers, lambda task: session.publish(channels.CONTROL_TASK, vehicle, task)
@@ -78,7 +78,7 @@ class Agent:
             settings, pilot, self._leaders, self._neighbours, self._tuning, self._external, self._clock
         )
         self._lost = LostLeaders(settings, pilot, self._leaders, self._neighbours, self._clock)
-        self._authority = Authority(vehicle)
+        self._authority = Authority(vehicle, settings.models)
         self._pacing = Pacing(settings.period_s)
         self._solve = SolveTimer()
         # Sequences continue over restarts because they start from the wall clock.

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from agents.avoidance import Clearance
 from agents.configuration import Configuration
+from agents.interfaces import WHOLE, Share
 from bus.messages import Following
 from bus.session import BusAddress
 from vehicles.model import Model
@@ -46,8 +47,10 @@ class AgentSettings:
         Names of all vehicles of the fleet.
     volume_min_m, volume_max_m
         Flight volume, inertial frame; set points outside are refused.
-    generations_below
-        Levels of followers below this vehicle at start; leaders leave their followers authority.
+    share
+        Share of its limits it plans with at the start; leaders leave their followers authority.
+    models
+        All vehicles of the fleet by name, to know what followers can do.
     leader_wait_s
         How long after its own pose a follower waits for the leader's plan of the same frame.
     minimum_distance_m
@@ -71,7 +74,8 @@ class AgentSettings:
     controller_settings: Mapping[str, object] = field(default_factory=dict)
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     following: tuple[Following, ...] = ()
-    generations_below: int = 0
+    share: Share = WHOLE
+    models: Mapping[str, Model] = field(default_factory=dict)
     realtime_priority: int = 0
     leader_wait_s: float = 0.002
     minimum_distance_m: float | None = 0.3

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.configuration import Configuration
-from agents.interfaces import Controller, Estimate, Estimator
+from agents.interfaces import Controller, Estimate, Estimator, Share
 from agents.pilot import Pilot
 from agents.trajectory import hold
 from vehicles.model import Model
@@ -42,7 +42,7 @@ def prepare(
     wanted: Configuration,
     model: Model,
     period_s: float,
-    generations_below: int,
+    share: Share,
     occasion: Occasion,
 ) -> Replacement:
     """Build what differs between two configurations and let it run a few steps.
@@ -54,7 +54,7 @@ def prepare(
     """
     controller = estimator = None
     if (wanted.controller, wanted.controller_settings) != (present.controller, present.controller_settings):
-        controller = wanted.controller_for(model, period_s, generations_below)
+        controller = wanted.controller_for(model, period_s, share)
         motion = occasion.estimate.motion
         reference = hold(motion[:3], float(motion[YAW]), period_s, controller.horizon)
         controller.reset(occasion.estimate, occasion.last_input)
@@ -79,8 +79,8 @@ class Tuning:
         The vehicle's pilot.
     period_s
         Control period.
-    generations_below
-        Levels of followers below the vehicle.
+    share
+        What the followers leave the vehicle until more is known of them.
     """
 
     def __init__(
@@ -88,12 +88,12 @@ class Tuning:
         configuration: Configuration,
         pilot: Pilot,
         period_s: float,
-        generations_below: int,
+        share: Share,
     ) -> None:
         self.configuration = configuration
         self._pilot = pilot
         self._period_s = period_s
-        self._generations_below = generations_below
+        self._share = share
         self._thread: threading.Thread | None = None
         self._result: Replacement | ValueError | None = None
 
@@ -116,9 +116,7 @@ class Tuning:
     def _prepare(self, wanted: Configuration, occasion: Occasion) -> None:
         try:
             model = self._pilot.model
-            self._result = prepare(
-                self.configuration, wanted, model, self._period_s, self._generations_below, occasion
-            )
+            self._result = prepare(self.configuration, wanted, model, self._period_s, self._share, occasion)
         except ValueError as error:
             self._result = error
 

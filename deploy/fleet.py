@@ -375,16 +375,6 @@ def _cycle_from(fleet: Fleet, start: str) -> list[str]:
     return []
 
 
-def leader_generations(fleet: Fleet, name: str) -> int:
-    """Levels of vehicles below a vehicle in the tree of leaders; 0 for one nobody follows."""
-    followers = [
-        other
-        for other, vehicle in fleet.vehicles.items()
-        if any(link.leader == name for link in vehicle.follow)
-    ]
-    return 0 if not followers else 1 + max(leader_generations(fleet, other) for other in followers)
-
-
 def formation_place(fleet: Fleet, name: str) -> Four:
     """Place of a vehicle in the formation with the first leader at the origin: x, y, z [m], yaw [rad]."""
     x = y = z = yaw = 0.0

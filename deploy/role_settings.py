@@ -5,9 +5,10 @@ from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from agents.authority import share_of
 from agents.settings import AgentSettings, Succession
 from bus.session import BusAddress
-from deploy.fleet import Fleet, FleetError, Vehicle, formation_place, leader_generations
+from deploy.fleet import Fleet, FleetError, Vehicle, formation_place
 from deploy.formation_check import check_formation, links_of
 from deploy.run_directory import router_socket, run_directory, serial_path
 from deploy.tables import dataclass_from, replaced
@@ -85,11 +86,13 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
     """Settings of the agent of a vehicle."""
     vehicle = fleet.vehicles[name]
     control = vehicle.control
+    links = links_of(fleet)
+    models = {other: model_of(fleet, other) for other in fleet.vehicles}
     return AgentSettings(
         bus=bus_address(fleet, vehicle.host),
         vehicle=name,
         vehicles=tuple(fleet.vehicles),
-        model=model_of(fleet, name),
+        model=models[name],
         volume_min_m=fleet.volume.min_m,
         volume_max_m=fleet.volume.max_m,
         controller=control.controller,
@@ -99,8 +102,9 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
         controller_settings=control.settings,
         estimator_settings=control.estimator_settings,
         leader_wait_s=control.leader_wait_s,
-        following=links_of(fleet)[name],
-        generations_below=leader_generations(fleet, name),
+        following=links[name],
+        share=share_of(links, models, name),
+        models=models,
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),

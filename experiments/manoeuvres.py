@@ -244,6 +244,18 @@ ROWS: Final = (
         fleet="quintet",
     ),
     Manoeuvre(
+        "mixed-types",
+        "Two helicopters and a quadrotor in one formation; the helicopter leads, then the quadrotor",
+        20.0,
+        in_order(
+            go_to((0.4, 0.0, 1.2)), go_to((0.4, 0.2, 1.0), 90), steps.formed(),
+            steps.promote("q1"), steps.formed(),
+            go_to((-0.3, 0.5, 1.2), name="q1"), steps.formed(), pause(1.0),
+        ),
+        (*always(), formation_held(), followed("q1"), followed("h1", "q1"), distance_kept()),
+        fleet="mixed",
+    ),
+    Manoeuvre(
         "two-leaders",
         "A follower keeps between two leaders with weights 1 and 2",
         12.0,

@@ -13,15 +13,16 @@ from typing import Final
 
 import numpy as np
 
+from agents.authority import share_of
 from agents.avoidance import Clearance, Neighbour
 from agents.clearance_shares import share_kept_clear
 from agents.guidance import LeaderPlan
-from agents.interfaces import Measurement
+from agents.interfaces import Measurement, Share
 from agents.links import following_at_rest
 from agents.pilot import Flight, Frame, Pilot
 from agents.process import build_pilot
 from agents.settings import AgentSettings
-from agents.topology import places
+from agents.topology import leaders_of, places
 from bus.messages import Following
 from bus.session import BusAddress
 from experiments.events import Event
@@ -126,12 +127,11 @@ class Rig:
         self._frames_per_tick = {
             name: self._frames_per_period(vehicle) for name, vehicle in self._vehicles.items()
         }
-        leaders = {
-            name: [link.leader for link in vehicle.following] for name, vehicle in self._vehicles.items()
-        }
-        flying_order(leaders)
+        links = {name: vehicle.following for name, vehicle in self._vehicles.items()}
+        flying_order({name: leaders_of(links, name) for name in links})
+        models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
         self.pilots = {
-            name: build_pilot(self._settings(vehicle, generations_below(leaders, name)))
+            name: build_pilot(self._settings(vehicle, share_of(links, models, name)))
             for name, vehicle in self._vehicles.items()
         }
         for name, pilot in self.pilots.items():
@@ -192,7 +192,7 @@ class Rig:
             }
         )
 
-    def _settings(self, vehicle: RigVehicle, generations: int) -> AgentSettings:
+    def _settings(self, vehicle: RigVehicle, share: Share) -> AgentSettings:
         return AgentSettings(
             bus=NO_BUS,
             vehicle=vehicle.name,
@@ -207,7 +207,7 @@ class Rig:
             controller_settings=vehicle.controller_settings,
             estimator_settings=vehicle.estimator_settings,
             following=vehicle.following,
-            generations_below=generations,
+            share=share,
             clearance=self._options.clearance,
         )
 
@@ -349,12 +349,6 @@ def flying_order(leaders: Mapping[str, Sequence[str]]) -> list[str]:
     for name in leaders:
         visit(name)
     return order
-
-
-def generations_below(leaders: Mapping[str, Sequence[str]], name: str) -> int:
-    """Levels of followers below a vehicle."""
-    followers = [other for other, links in leaders.items() if name in links]
-    return 1 + max(generations_below(leaders, other) for other in followers) if followers else 0
 
 
 def total_fallbacks(record: FlightRecord) -> Counter[str]:

@@ -98,6 +98,9 @@ class Model:
         if min(self.input_min) < -1 or max(self.input_max) > 1:
             limits = f"{self.input_min} .. {self.input_max}"
             raise ValueError(f"input_max: inputs are normalised sticks from -1 to 1, got {limits}")
+        if not (np.less(self.input_min, self.hover_input) & np.less(self.hover_input, self.input_max)).all():
+            limits = f"{self.input_min} .. {self.input_max}"
+            raise ValueError(f"input_max: {limits} must contain {self.hover_input}, which keeps it at rest")
 
     @cached_property
     def b(self) -> Array:

@@ -28,7 +28,7 @@ from agents.controllers.clearance import SLOTS, Clearances, clearances
 from agents.controllers.disturbance_observer import DisturbanceObserver
 from agents.controllers.prediction import lag_poles
 from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
-from agents.interfaces import Estimate, Obstacle
+from agents.interfaces import Estimate, Obstacle, Share
 from agents.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import U_THRUST, Array
@@ -116,34 +116,23 @@ class CascadeController(GuardedController):
         turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
         self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
         self._heading_plan: Array | None = None
-        self.set_input_range(settings.input_range)
+        self.set_share(Share(4 * (settings.input_range,)))
 
     def keep_clear(self, obstacles: Sequence[Obstacle]) -> None:
         """Keep clear of these in the next step (`agents.interfaces.KeepsClear`)."""
         self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
 
-    def set_input_range(self, fraction: float) -> None:
-        """Plan with a share of the input range around hovering, from the next step on.
+    def set_share(self, share: Share) -> None:
+        """Plan with a share of the vehicle's limits, from the next step on.
 
-        The share is what is left to accelerate with once the disturbance is balanced, because that is what
-        followers must be able to do as well: a gust that carries a leader along does not make it faster, and
-        one that brakes it is balanced with the rest of the range.
-
-        Parameters
-        ----------
-        fraction
-            Above 0, at most 1.
-
-        Raises
-        ------
-        ValueError
-            Outside that range.
+        The share of the inputs is what is left to accelerate with once the disturbance is balanced, because
+        that is what followers must be able to do as well: a gust that carries a leader along does not make it
+        faster, and one that brakes it is balanced with the rest of the range.
         """
-        if not 0.0 < fraction <= 1.0:
-            raise ValueError(f"input range must be above 0 and at most 1, got {fraction}")
         hover, limits = self._model.hover_input, self._limits
         positions = (np.append(limits.state_min[:3], -_FREE), np.append(limits.state_max[:3], _FREE))
-        rates = (limits.state_min[3:], limits.state_max[3:])
+        slower = np.array(share.rates)
+        rates = (slower * limits.state_min[3:], slower * limits.state_max[3:])
         self._steady_bounds, self._horizontal_bounds = (
             tuple(
                 np.concatenate((positions[side][axes], rates[side][axes], inputs[axes]))
@@ -151,8 +140,9 @@ class CascadeController(GuardedController):
             )
             for axes in (_STEADY, _HORIZONTAL)
         )
-        share = fraction if fraction < 1.0 else np.inf
-        self._share = share * (limits.input_min - hover), share * (limits.input_max - hover)
+        whole = np.array(share.inputs)
+        part = np.where(whole < 1.0, whole, np.inf)
+        self._share = part * (limits.input_min - hover), part * (limits.input_max - hover)
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         weights = np.array(self._settings.state_weights)

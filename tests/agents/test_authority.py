@@ -5,8 +5,11 @@ import pytest
 from support.flight import NotedController
 
 from agents.authority import LEADER_SHARE, Authority, share_of
+from agents.interfaces import Share
 from agents.topology import exchanged, places
 from bus.messages import Following
+from vehicles.quadrotor import QUADROTOR
+from vehicles.types import COAXIAL
 
 TREE = {
     "h1": (),
@@ -21,17 +24,46 @@ class Sharing(NotedController):
         super().__init__(np.zeros((1, 4)))
         self.shares: list[float] = []
 
-    def set_input_range(self, fraction: float) -> None:
-        self.shares.append(fraction)
+    def set_share(self, share: Share) -> None:
+        assert len(set(share.inputs)) == 1
+        self.shares.append(share.inputs[0])
 
 
 def test_every_level_of_followers_below_takes_a_share() -> None:
-    shares = {name: share_of(TREE, name) for name in TREE}
-    assert shares == {"h1": LEADER_SHARE**2, "h2": LEADER_SHARE, "h3": 1.0, "h4": 1.0}
+    for models in ({}, dict.fromkeys(TREE, COAXIAL), dict.fromkeys(TREE, QUADROTOR)):
+        shares = {name: share_of(TREE, models, name) for name in TREE}
+        assert {name: share.rates for name, share in shares.items()} == dict.fromkeys(TREE, 4 * (1.0,))
+        inputs = {name: share.inputs for name, share in shares.items()}
+        steps = {"h1": LEADER_SHARE**2, "h2": LEADER_SHARE, "h3": 1.0, "h4": 1.0}
+        assert inputs == {name: pytest.approx(4 * (share,)) for name, share in steps.items()}
+
+
+def test_a_leader_does_no_more_than_its_weakest_follower_can() -> None:
+    """Whoever leads: what is left of accelerations and speeds, at any heading, is within the other's."""
+    for leader, follower in ((QUADROTOR, COAXIAL), (COAXIAL, QUADROTOR)):
+        models = {"h1": leader, "h2": follower, "h3": leader, "h4": leader}
+        share = share_of(TREE, models, "h1")
+        for axis, part in enumerate(share.inputs):
+            strongest = min(1.0, part) * leader.b[axis] * (leader.u_max - leader.hover_input)[axis]
+            weakest = follower.b * np.minimum(
+                follower.u_max - follower.hover_input, follower.hover_input - follower.u_min
+            )
+            limit = weakest[:2].min() if axis < 2 else weakest[axis]
+            assert strongest <= LEADER_SHARE * limit * (1.06 if axis < 2 else 1.0) + 1e-9
+        speeds = np.array(share.rates) * leader.state_max[3:]
+        assert (speeds <= np.maximum(follower.state_max[3:], 1e-9) + 1e-9).all()
+    assert share_of(TREE, {"h1": QUADROTOR, "h2": COAXIAL}, "h1").inputs[0] == pytest.approx(
+        LEADER_SHARE**2 * 2.0 / QUADROTOR.b[0]
+    )
+
+
+def test_a_cycle_is_survived() -> None:
+    circle = {"h1": (Following(leader="h2"),), "h2": (Following(leader="h1"),)}
+    assert share_of(circle, {}, "h1").inputs == pytest.approx(4 * (LEADER_SHARE**2,))
 
 
 def test_the_share_changes_with_the_leader_and_is_told_once() -> None:
-    authority, controller = Authority("h4"), Sharing()
+    authority, controller = Authority("h4", {}), Sharing()
     authority.tend(controller, {}, TREE)
     authority.tend(controller, {}, TREE)
     promoted = TREE | exchanged(TREE, places(TREE, {"h1": np.zeros(4)}), "h1", "h4")
@@ -40,7 +72,7 @@ def test_the_share_changes_with_the_leader_and_is_told_once() -> None:
 
 
 def test_another_controller_is_told_too() -> None:
-    authority, first, second = Authority("h2"), Sharing(), Sharing()
+    authority, first, second = Authority("h2", {}), Sharing(), Sharing()
     authority.tend(first, {}, TREE)
     authority.tend(second, {}, TREE)
     assert first.shares == second.shares == pytest.approx([LEADER_SHARE])
@@ -48,7 +80,7 @@ def test_another_controller_is_told_too() -> None:
 
 def test_a_fixed_range_and_an_unknown_formation_change_nothing() -> None:
     controller = Sharing()
-    Authority("h1").tend(controller, {"input_range": 0.5}, TREE)
-    Authority("h1").tend(controller, {}, {"h1": ()})
-    Authority("h1").tend(NotedController(np.zeros((1, 4))), {}, TREE)
+    Authority("h1", {}).tend(controller, {"input_range": 0.5}, TREE)
+    Authority("h1", {}).tend(controller, {}, {"h1": ()})
+    Authority("h1", {}).tend(NotedController(np.zeros((1, 4))), {}, TREE)
     assert controller.shares == []

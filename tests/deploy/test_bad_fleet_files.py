@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from deploy.fleet import Fleet, FleetError, leader_generations, load_fleet, parse_fleet
+from deploy.fleet import Fleet, FleetError, load_fleet, parse_fleet
 from deploy.launcher import check_resources
 from deploy.processes import processes_of
 from deploy.role_settings import check_fleet
@@ -108,9 +108,3 @@ def test_fleet_without_simulator_starts_the_same_processes_but_the_simulator() -
     hardware = {spec.name for spec in processes_of(parse_fleet(HARDWARE), "main")}
     assert simulated - hardware == {"simulator"}
     assert hardware <= simulated
-
-
-def test_leader_of_two_levels_counts_both() -> None:
-    text = TRIO.replace('leader = "h1", offset_m = [-0.4, -0.5', 'leader = "h2", offset_m = [-0.4, -0.5')
-    fleet = parse_fleet(text)
-    assert [leader_generations(fleet, name) for name in ("h1", "h2", "h3")] == [2, 1, 0]

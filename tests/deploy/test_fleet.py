@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet import FleetError, formation_place, leader_generations, load_fleet, merged, parse_fleet
+from deploy.fleet import FleetError, formation_place, load_fleet, merged, parse_fleet
 
 ONE = 'name = "lab"\n[vehicles.h1]\nsubject = "a"\ntransmitter = { port = "p" }\n'
 
@@ -194,13 +194,6 @@ def test_a_file_is_refused_exactly_when_its_leaders_form_a_cycle(graph: dict[str
             parse_fleet(text)
     else:
         assert parse_fleet(text).vehicles.keys() == graph.keys()
-
-
-def test_generations_count_the_levels_of_followers_below() -> None:
-    fleet = parse_fleet(following(a="", b="a", c="a b", d="c", e=""))
-    assert {name: leader_generations(fleet, name) for name in fleet.vehicles} == {
-        "a": 3, "b": 2, "c": 1, "d": 0, "e": 0,
-    }  # fmt: skip
 
 
 def test_places_in_the_formation_add_up_along_the_line_of_leaders() -> None:

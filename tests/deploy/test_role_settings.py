@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
+from agents.authority import LEADER_SHARE
+from agents.interfaces import WHOLE
 from deploy.fleet import FleetError, parse_fleet
 from deploy.role_settings import (
     Priority,
@@ -132,14 +134,14 @@ def test_the_model_is_that_of_the_type_with_changes_and_the_bounds_of_the_volume
     assert model.state_min[:3] == fleet.volume.min_m
 
 
-def test_agents_get_their_leaders_and_the_levels_below_them() -> None:
+def test_agents_get_their_leaders_and_the_share_their_followers_leave_them() -> None:
     fleet = parse_fleet(PAIR)
     leader, follower = agent_settings(fleet, "h1"), agent_settings(fleet, "h2")
     assert leader.following == ()
-    assert leader.generations_below == 1
-    assert follower.generations_below == 0
+    assert leader.share.inputs == 4 * (LEADER_SHARE,)
+    assert follower.share == WHOLE
     assert [(link.leader, link.offset_m) for link in follower.following] == [("h1", (-0.4, 0.5, 0.0))]
-    assert leader.vehicles == ("h1", "h2")
+    assert leader.vehicles == tuple(leader.models) == ("h1", "h2")
     assert leader.volume_max_m == fleet.volume.max_m
 
 

@@ -16,7 +16,6 @@ from experiments.rig import (
     RigOptions,
     RigVehicle,
     flying_order,
-    generations_below,
     total_fallbacks,
 )
 from experiments.schemes import NO_HURRY
@@ -211,4 +210,3 @@ def test_leaders_come_before_their_followers() -> None:
     leaders = {"h4": ["h3", "h2"], "h3": ["h1"], "h2": ["h1"], "h1": []}
     order = flying_order(leaders)
     assert all(order.index(one) < order.index(name) for name, links in leaders.items() for one in links)
-    assert [generations_below(leaders, name) for name in ("h1", "h2", "h3", "h4")] == [2, 1, 1, 0]

@@ -8,7 +8,7 @@ import numpy as np
 from agents.desk import Desk
 from agents.external import External
 from agents.guidance import Guidance
-from agents.interfaces import Measurement
+from agents.interfaces import WHOLE, Measurement
 from agents.leaders import Leaders
 from agents.neighbours import Neighbours
 from agents.phases import Event
@@ -75,7 +75,7 @@ class Office:
         self.leaders = Leaders("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         neighbours = Neighbours("h9", self.statuses, self.clock)
-        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, 0)
+        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, WHOLE)
         external = External("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
         self.desk = Desk(SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, external, self.clock)
         self.frame = 10

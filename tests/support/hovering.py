@@ -6,7 +6,7 @@ import numpy as np
 
 from agents.configuration import Configuration
 from agents.guidance import Guidance
-from agents.interfaces import Measurement
+from agents.interfaces import WHOLE, Measurement
 from agents.pilot import Flight, Frame, Pilot
 from agents.tuning import Tuning
 from simulator.conditions import LABORATORY
@@ -25,11 +25,11 @@ class HoveringFlight:
         configuration = Configuration(controller, estimator, {"horizon": 20})
         self.pilot = Pilot(
             COAXIAL,
-            configuration.controller_for(COAXIAL, PERIOD_S, 0),
+            configuration.controller_for(COAXIAL, PERIOD_S, WHOLE),
             configuration.estimator_for(COAXIAL, PERIOD_S),
             Guidance(),
         )
-        self.tuning = Tuning(configuration, self.pilot, PERIOD_S, 0)
+        self.tuning = Tuning(configuration, self.pilot, PERIOD_S, WHOLE)
         self.laboratory = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, 1.0))}, LABORATORY, 4)
         self.frame = 0
         self.flown: list[Flight] = []
