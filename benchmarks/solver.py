@@ -35,7 +35,8 @@ HORIZONS: Final = (10, 18, 30, 50, 80, 110)
 STEPS: Final = 2000
 PERIOD_S: Final = 0.02
 WARM_UP_STEPS: Final = 20
-JUDGED_STEPS: Final = 800
+ON_LIMIT: Final = 1e-6
+"""An input this close to a limit is on it."""
 
 Progress = Callable[[str], None]
 
@@ -96,6 +97,8 @@ CONTESTANTS: Final[Mapping[str, Contestant]] = MappingProxyType(
         "piqp_multistage": Contestant("paper", _EVERY_STEP, "peer_piqp:PiqpMultistageQP", "piqp"),
         "piqp_sparse": Contestant("paper", _EVERY_STEP, "peer_piqp:PiqpStageQP", "piqp"),
         "hpipm": Contestant("paper", _EVERY_STEP, "peer_hpipm:HpipmStageQP", "casadi"),
+        "clarabel": Contestant("paper", _EVERY_STEP, "peer_clarabel:ClarabelStageQP", "clarabel"),
+        "proxqp": Contestant("paper", _EVERY_STEP, "peer_proxqp:ProxqpStageQP", "proxsuite"),
         "piqp_cascade": Contestant("cascade", {}, "peer_piqp:PiqpChainQP", "piqp"),
     }
 )
@@ -126,8 +129,9 @@ def run(
     dict
         `horizons`: per horizon and solver `mean_ms`, `p99_ms`, `p999_ms`, `max_ms` of the whole step, and
         `error`, the largest distance of an input of the plan to the exact solution in scaled inputs
-        (`error_median` its median over the steps; null without PIQP, which judges at 1e-9). `early_stops`:
-        steps on which a solver gave up. `missing`: contestants whose package is not installed.
+        (`error_median` its median over the steps; null without PIQP, which judges at 1e-9). `hard_steps`:
+        steps whose plan has inputs on their limits, and `hard_mean_ms`, `hard_max_ms` of these alone.
+        `early_stops`: steps on which a solver gave up. `missing`: contestants whose package is not installed.
     """
     present = {name: contestant for name, contestant in CONTESTANTS.items() if contestant.installed}
     flight = record_flight(COAXIAL, PERIOD_S, steps, seed)
@@ -138,7 +142,7 @@ def run(
             timed = _timed(present, horizon, flight)
             progress(f"N = {horizon}: distances to the exact solutions")
             for name, contestant in present.items():
-                timed[name] |= _judged(contestant, horizon, flight[:JUDGED_STEPS])
+                timed[name] |= _judged(contestant, horizon, flight)
             results[str(horizon)] = timed
     return {
         "horizons": results,
@@ -155,6 +159,7 @@ def _timed(
     """Step all contestants through the flight in turn, beginning with another one at every step."""
     controllers = [(name, contestant.build(horizon)) for name, contestant in present.items()]
     taken: dict[str, list[float]] = {name: [] for name in present}
+    hard: dict[str, list[bool]] = {name: [] for name in present}
     early = dict.fromkeys(present, 0)
     for _, controller in controllers:
         for moment in _reset(controller, flight)[:WARM_UP_STEPS]:
@@ -171,9 +176,20 @@ def _timed(
                 step = controller.step(moment.estimate, reference, moment.last_input)
                 taken[name].append(1e-6 * (time.thread_time_ns() - begun))
                 early[name] += step.fallback is not None
+                hard[name].append(_on_limits(step.inputs))
     finally:
         gc.enable()
-    return {name: _figures(np.array(times)) | {"early_stops": early[name]} for name, times in taken.items()}
+    return {
+        name: _figures(np.array(times))
+        | _hard_figures(np.array(times)[np.array(hard[name])])
+        | {"early_stops": early[name]}
+        for name, times in taken.items()
+    }
+
+
+def _on_limits(inputs: Array) -> bool:
+    at_limit = (inputs <= COAXIAL.u_min + ON_LIMIT) | (inputs >= COAXIAL.u_max - ON_LIMIT)
+    return bool(at_limit.any())
 
 
 def _reset(controller: Controller, flight: Sequence[Moment]) -> Sequence[Moment]:
@@ -188,6 +204,14 @@ def _figures(times_ms: Array) -> dict[str, Any]:
         "p999_ms": round(float(np.percentile(times_ms, 99.9)), 4),
         "max_ms": round(float(times_ms.max()), 4),
     }
+
+
+def _hard_figures(times_ms: Array) -> dict[str, Any]:
+    table: dict[str, Any] = {"hard_steps": len(times_ms), "hard_mean_ms": None, "hard_max_ms": None}
+    if len(times_ms):
+        table["hard_mean_ms"] = round(float(times_ms.mean()), 4)
+        table["hard_max_ms"] = round(float(times_ms.max()), 4)
+    return table
 
 
 def _judged(contestant: Contestant, horizon: int, flight: Sequence[Moment]) -> dict[str, float | None]:

@@ -1,11 +1,14 @@
 """Measuring speed, side by side with peers: `bench`."""
 
 import json
+from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from deploy.shipped import fleet_path
+from rcopterx.commands.experiment import check_plot
 from rcopterx.commands.numbers import different_numbers
 from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
 
@@ -31,16 +34,26 @@ def solver(
     seed: Annotated[
         int, typer.Option(metavar="N", min=0, help="Seed of the flight the steps come from.")
     ] = 0,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
+    ] = None,
 ) -> None:
     """Whole control steps of the cascade, the paper's scheme and other solvers, on the same problems."""
     from benchmarks.solver import STEPS, run
+    from benchmarks.solver_figure import draw_solver
+    from experiments.catalogue import save_figure
+    from experiments.runner import Result
 
+    check_plot(plot)
     document = run(
         different_numbers(horizons, "--horizons", lowest=2, highest=200),
         STEPS if steps is None else steps,
         seed,
         lambda text: typer.echo(f"bench solver: {text}", err=True),
     )
+    if plot is not None:
+        save_figure(Result(document, partial(draw_solver, document)), plot)
+        typer.echo(f"figure: {plot}", err=True)
     typer.echo(json.dumps(document, indent=2) if as_json else _readable(document))
 
 

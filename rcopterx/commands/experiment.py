@@ -48,7 +48,7 @@ def experiment(
     numbers = (
         tuple(range(seed, seed + chosen.flights)) if seeds is None else different_numbers(seeds, "--seeds")
     )
-    _check_plot(plot)
+    check_plot(plot)
     result = chosen.run(Options(numbers, quick, processes), ProgressLine(name))
     if plot is not None:
         save_figure(result, plot)
@@ -93,8 +93,8 @@ def readable(document: object, indent: str = "") -> str:
     return "\n".join(lines)
 
 
-def _check_plot(path: Path | None) -> None:
-    """Refuse a figure that could not be written before anything is flown."""
+def check_plot(path: Path | None) -> None:
+    """Refuse a figure that could not be written before anything is computed."""
     if path is None:
         return
     try:

@@ -18,6 +18,8 @@ def test_every_installed_contestant_is_timed_and_solves_its_problems(monkeypatch
     for name, row in figures.items():
         assert row["mean_ms"] > 0
         assert row["p99_ms"] <= row["p999_ms"] <= row["max_ms"]
+        assert 0 < row["hard_steps"] < 40, name
+        assert row["hard_mean_ms"] <= row["hard_max_ms"] <= row["max_ms"]
         if row["error"] is not None:
             assert row["error_median"] < 1e-2, name
             assert row["error"] < 0.2, name
@@ -26,5 +28,7 @@ def test_every_installed_contestant_is_timed_and_solves_its_problems(monkeypatch
 def test_a_missing_peer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solver, "find_spec", lambda package: None)
     result = solver.run(horizons=(4,), steps=3)
-    assert result["missing"] == ["hpipm", "piqp_cascade", "piqp_multistage", "piqp_sparse"]
+    assert result["missing"] == sorted(
+        name for name, contestant in solver.CONTESTANTS.items() if contestant.package is not None
+    )
     assert result["horizons"]["4"]["cascade"]["error"] is None

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -48,3 +49,16 @@ def test_horizons_that_no_controller_has_are_refused(horizons: str) -> None:
     result = runner.invoke(app, ["bench", "solver", "--horizons", horizons], env={"COLUMNS": "200"})
     assert result.exit_code == 2
     assert "whole numbers" in result.stderr
+
+
+def test_bench_draws_its_figure_and_refuses_one_it_cannot_write(
+    asked: list[tuple[Any, ...]], tmp_path: Path
+) -> None:
+    figure = tmp_path / "solver.svg"
+    result = runner.invoke(app, ["bench", "solver", "--plot", str(figure)])
+    assert result.exit_code == 0, result.output
+    assert figure.read_text(encoding="utf-8").startswith("<?xml")
+    refused = runner.invoke(app, ["bench", "solver", "--plot", "figure.doc"], env={"COLUMNS": "200"})
+    assert refused.exit_code == 2
+    assert "allowed endings" in refused.stderr
+    assert len(asked) == 1
