@@ -10,6 +10,13 @@ from bus.messages import Plan
 from bus.subscription import Subscription
 
 
+def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
+    """A plan on a vehicle's own clock; of the same epoch."""
+    ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
+    trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
+    return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
+
+
 class Leaders:
     """Subscriptions to the plans a vehicle needs, re-keyed as its leaders change.
 
@@ -73,9 +80,7 @@ class Leaders:
                 # Two vehicles that began to follow each other at the same moment; none of them moves on.
                 self.rejected["plan.cycle"] += 1
                 continue
-            ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
-            trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
-            found[name] = LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
+            found[name] = leader_plan(plan, clock)
         return found
 
     def ancestors(self, names: Iterable[str]) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from agents.phases import AIRBORNE
 from agents.pilot import Flight, Frame, Pilot
 from agents.settings import AgentSettings
 from agents.telemetry import command_message, plan_message, status_message
+from agents.traffic import Traffic
 from agents.tuning import Tuning
 from bus import channels
 from bus.messages import AgentStatus, Pose
@@ -69,6 +70,9 @@ class Agent:
         # Statuses are looked up when they are needed; they wake nobody.
         statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
         self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
+        self._traffic = Traffic(
+            vehicle, settings.clearance, lambda name: session.subscribe(channels.PLAN, name, waking=False)
+        )
         self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.share)
         self._answers = session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
         self._external = External(
@@ -85,6 +89,7 @@ class Agent:
         self._sequence = time.time_ns() // 1_000_000
         self._control_by_s: float | None = None
         self._status_at_s = self._clock() + STATUS_PERIOD_S
+        self._said: AgentStatus | None = None
         self._previous = self._recall()
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
         self._answer_from_s = self._clock() + ORIENTATION_S
@@ -154,7 +159,7 @@ class Agent:
             self._desk.leading.keep_leaders()
         self._external.before_control()
         started_s = self._clock()
-        flight = self._pilot.control(plans)
+        flight = self._pilot.control(plans, self._traffic.neighbours(self._pilot.clock, plans))
         self._solve.add(self._clock() - started_s)
         # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
         publish_first, publish_then = self._publish_command, self._publish_plan
@@ -163,6 +168,8 @@ class Agent:
         publish_first(flight)
         publish_then(flight)
         self._external.after_control()
+        if self._said is not None and self._traffic.due():
+            self._traffic.tend(self._said, self._neighbours.statuses())
 
     def _publish_command(self, flight: Flight) -> None:
         sequence = self._sequence + self._pilot.sequence
@@ -188,13 +195,14 @@ class Agent:
         rejected = {f"pose.{kind}": count for kind, count in self._poses.rejected.items()}
         rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
         rejected |= {f"external_input.{kind}": count for kind, count in self._answers.rejected.items()}
-        rejected |= self._leaders.counts()
+        rejected |= self._leaders.counts() | self._traffic.counts()
         decisions = self._lost.events + self._desk.leading.regrouping.events + self._external.events
         status = status_message(
             self._tuning.configuration, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
             self._realtime, self._lost.stance, decisions, self._external.client,
         )  # fmt: skip
+        self._said = status
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
 
 

@@ -103,6 +103,8 @@ def status_message(
         assigned=tuple(following_at_rest(link) for link in pilot.guidance.assigned),
         stance=stance,
         client=client,
+        avoiding_ticks=pilot.avoiding_ticks,
+        closest_plan_m=pilot.closest_m,
         path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
     )
 

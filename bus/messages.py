@@ -301,6 +301,10 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     """Time until the trajectory ends that the vehicle flies; 0 without one."""
     client: Text = ""
     """Program outside that flies the vehicle; empty while its own controller does."""
+    avoiding_ticks: Count = 0
+    """Control periods in which the plan was held off that of another vehicle."""
+    closest_plan_m: Annotated[float, Meta(ge=0)] | None = None
+    """Smallest distance predicted to a vehicle whose plan was heard."""
 
 
 class TransmitterStatus(Message, frozen=True, kw_only=True):

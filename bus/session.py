@@ -153,10 +153,13 @@ class Session:
             )
         publisher.put(encode(message))
 
-    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1) -> Subscription[M]:
-        """Receive a channel of one unit."""
+    def subscribe(
+        self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True
+    ) -> Subscription[M]:
+        """Receive a channel of one unit; `waking` tells whether its messages wake the loop."""
         full_key = channels.key(self.address.fleet, unit, channel.topic)
-        return Subscription(self._zenoh, channel, full_key, self.clock, self._wake, depth)
+        wake = self._wake if waking else lambda: None
+        return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth)
 
     def subscribe_all(
         self, channel: Channel[M], depth: int = 1, *, waking: bool = True

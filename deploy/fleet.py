@@ -130,6 +130,15 @@ class Vehicle(Table, frozen=True, kw_only=True):
     """Parameters that differ from those of the type."""
 
 
+class Avoidance(Table, frozen=True, kw_only=True):
+    """Vehicles keep clear of each other's plans."""
+
+    enabled: bool = True
+    horizontal_m: Annotated[float, Meta(gt=0, le=5)] = 0.35
+    """Half axes of the ellipsoid around a vehicle that no other one enters; rotor wash makes it tall."""
+    vertical_m: Annotated[float, Meta(gt=0, le=5)] = 0.6
+
+
 class Safety(Table, frozen=True, kw_only=True):
     """Limits the transmitter gateway enforces by itself."""
 
@@ -147,6 +156,7 @@ class Fleet(Table, frozen=True, kw_only=True):
     tracker: Tracker = field(default_factory=Tracker)
     simulator: Simulator | None = None
     gateways: dict[Name, Gateway] = field(default_factory=lambda: {"transmitters": Gateway()})
+    avoidance: Avoidance = field(default_factory=Avoidance)
     safety: Safety = field(default_factory=Safety)
     vehicles: dict[Name, Vehicle]
 

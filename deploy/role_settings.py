@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from agents.authority import share_of
+from agents.avoidance import Clearance
 from agents.settings import AgentSettings, Succession
 from bus.session import BusAddress
 from deploy.fleet import Fleet, FleetError, Vehicle, formation_place
@@ -107,8 +108,15 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
         models=models,
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
+        clearance=clearance_of(fleet),
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )
+
+
+def clearance_of(fleet: Fleet) -> Clearance | None:
+    """What vehicles keep clear of each other; None for no avoidance."""
+    avoidance = fleet.avoidance
+    return Clearance(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None
 
 
 def succession_of(fleet: Fleet, name: str) -> Succession:

@@ -97,6 +97,16 @@ def distance_kept(least_m: float = 0.3) -> Check:
     return Check(f"distance at least {least_m:g} m", judge)
 
 
+def avoided() -> Check:
+    """Somebody had to give way."""
+
+    def judge(_: FlightFigures, vehicles: Tables) -> Result:
+        ticks = {name: table["avoiding_ticks"] for name, table in vehicles.items()}
+        return sum(ticks.values()) > 0, ticks
+
+    return Check("plans were held off each other", judge)
+
+
 def ends_at(name: str, position_m: tuple[float, float, float], tolerance_m: float = 0.1) -> Check:
     """Where a vehicle is when the manoeuvre is over."""
 

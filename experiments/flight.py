@@ -11,7 +11,7 @@ from typing import Any
 from bus.session import RequestFailedError
 from deploy.fleet import load_fleet
 from deploy.shipped import fleet_path
-from experiments.manoeuvres import Manoeuvre
+from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Say, Wait
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder, Recording

@@ -4,14 +4,12 @@ The same table is acceptance test, demonstration and tutorial: `rcopterx fly NAM
 """
 
 import math
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
 from bus.messages import Following
 from experiments import steps
 from experiments.checks import (
-    Check,
     agents_started_again,
     always,
     controlled,
@@ -23,53 +21,15 @@ from experiments.checks import (
     heading_ends_at,
     in_the_air,
     latency_checks,
-    longest_silence,
-    played_in_state,
-    position_kept,
     reached_height,
     touched_down_gently,
     transmitters_undisturbed,
 )
+from experiments.crossing_manoeuvres import CROSSING_ROWS
+from experiments.fault_manoeuvres import FAULT_ROWS
+from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Say, Step, Wait, go_to, in_order, leader_of, pause
 from ground_station.fleet import Fleet
-
-DEFAULT_FLEET: Final = "trio"
-
-
-@dataclass(frozen=True)
-class Manoeuvre:
-    """One row of the table.
-
-    Attributes
-    ----------
-    name, title
-        For the command line and for reports.
-    seconds
-        About how long the recorded part takes.
-    fly
-        Flies it on a fleet that is in the air; waits through the given function.
-    checks
-        What must be true of the recorded flight.
-    height_m
-        Take-off height.
-    fleet
-        Shipped fleet it is made for.
-    from_floor
-        Take-off and landing are part of the manoeuvre and recorded.
-    launched
-        Does something to processes, so that whoever flies it has to have started the fleet.
-    """
-
-    name: str
-    title: str
-    seconds: float
-    fly: Step
-    checks: tuple[Check, ...]
-    height_m: float = 1.0
-    fleet: str = DEFAULT_FLEET
-    from_floor: bool = False
-    launched: bool = False
-
 
 PAPER_PERIOD_S: Final = 4.0
 PAPER_SET_POINTS: Final = (
@@ -116,19 +76,6 @@ def _place(second_m: steps.Three, third_m: steps.Three, frame: str = "inertial")
     """Put both followers of the trio somewhere else and wait until they are there."""
     return in_order(
         steps.follow("h2", "h1", second_m, frame), steps.follow("h3", "h1", third_m, frame), steps.formed()
-    )
-
-
-def _broken(process: str) -> Step:
-    """Kill a process in flight, and fly on."""
-    return in_order(
-        steps.spare_ready,
-        pause(1.0),
-        steps.killed(process),
-        steps.everybody_commanded,
-        steps.formed(),
-        go_to((0.2, 0.0, 1.1)),
-        pause(1.0),
     )
 
 
@@ -335,64 +282,8 @@ ROWS: Final = (
         ),
         (*in_the_air(), formation_held(), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0))),
     ),
-    Manoeuvre(
-        "follower-killed",
-        "The agent of a follower is killed in flight; its successor flies on",
-        8.0,
-        _broken("agent-h2"),
-        (
-            *in_the_air(), agents_started_again("h2"), agents_started_again("h3", 0),
-            longest_silence("h2", 0.2), position_kept("h2", 150.0), distance_kept(),
-        ),
-        launched=True,
-    ),
-    Manoeuvre(
-        "leader-killed",
-        "The agent of the leader is killed in flight; its followers do not notice",
-        8.0,
-        _broken("agent-h1"),
-        (
-            *in_the_air(), agents_started_again("h1"), agents_started_again("h2", 0),
-            longest_silence("h1", 0.2), position_kept("h2", 150.0), distance_kept(),
-        ),
-        launched=True,
-    ),
-    Manoeuvre(
-        "agent-frozen",
-        "An agent hangs for 150 ms: its plan's inputs bridge, then the transmitter gateway holds",
-        6.0,
-        in_order(
-            pause(1.0), steps.frozen("agent-h2", 0.15), steps.everybody_commanded, steps.formed(), pause(1.0),
-        ),
-        (*in_the_air(), played_in_state("h2", "hold"), agents_started_again("h2", 0), distance_kept()),
-        launched=True,
-    ),
-    Manoeuvre(
-        "tracking-lost",
-        "The Vicon gateway hangs for 200 ms: agents predict, transmitter gateways hold, then all fly on",
-        6.0,
-        in_order(
-            pause(1.0), steps.frozen("tracker", 0.2), steps.everybody_commanded, steps.formed(), pause(1.0),
-        ),
-        (*in_the_air(), played_in_state("h1", "hold"), distance_kept()),
-        launched=True,
-    ),
-    Manoeuvre(
-        "vicon-gateway-killed",
-        "The Vicon gateway is killed in flight; its successor continues and everybody flies on",
-        8.0,
-        _broken("tracker"),
-        (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
-        launched=True,
-    ),
-    Manoeuvre(
-        "router-killed",
-        "The bus router is killed in flight; its successor continues and everybody flies on",
-        8.0,
-        _broken("router"),
-        (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
-        launched=True,
-    ),
+    *FAULT_ROWS,
+    *CROSSING_ROWS,
     Manoeuvre(
         "refusals",
         "Requests that make no sense are refused with the reason, and nobody notices",

@@ -3,7 +3,7 @@
 import math
 import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -70,6 +70,20 @@ def go_to(position_m: Three, yaw_deg: float = 0.0, name: str | None = None) -> S
         say(f"{who}: set point {position_m} m, yaw {yaw_deg:g} deg")
         fleet[who].go_to(position_m, math.radians(yaw_deg))
         fleet[who].wait_for_arrival(SETTLED_M)
+        wait(REST_S)
+
+    return fly
+
+
+def go_together(places_m: Mapping[str, Three]) -> Step:
+    """Send several vehicles off at once and wait until all are where they shall be."""
+
+    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
+        for name, position_m in places_m.items():
+            say(f"{name}: set point {position_m} m")
+            fleet[name].go_to(position_m)
+        for name in places_m:
+            fleet[name].wait_for_arrival(SETTLED_M)
         wait(REST_S)
 
     return fly

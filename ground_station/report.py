@@ -216,10 +216,13 @@ class FlightFigures:
             "safety": self._safety_events(name),
         }
         if not status:
-            return table | {"ticks": 0, "missed_ticks": 0, "fallbacks": {}, "solve_ms": None}
+            return table | {
+                "ticks": 0, "missed_ticks": 0, "avoiding_ticks": 0, "fallbacks": {}, "solve_ms": None,
+            }  # fmt: skip
         return table | {
             "ticks": _growth(status, lambda s: {"ticks": s.ticks})["ticks"],
             "missed_ticks": _growth(status, lambda s: {"missed": s.missed_ticks})["missed"],
+            "avoiding_ticks": _growth(status, lambda s: {"avoiding": s.avoiding_ticks})["avoiding"],
             "fallbacks": dict(_growth(status, lambda s: s.fallbacks)),
             "solve_ms": {
                 "p50": round(float(np.median([s.solve_ms_p50 for s in status])), 3),

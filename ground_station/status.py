@@ -96,6 +96,8 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
         "missed_ticks": agent.missed_ticks,
         "solve_ms": {"p50": agent.solve_ms_p50, "p99": agent.solve_ms_p99, "max": agent.solve_ms_max},
         "fallbacks": dict(agent.fallbacks),
+        "avoiding_ticks": agent.avoiding_ticks,
+        "closest_plan_m": agent.closest_plan_m,
         "estimator_events": dict(agent.estimator_events),
         "rejected": dict(agent.rejected),
         "realtime": agent.realtime,

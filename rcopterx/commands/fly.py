@@ -17,7 +17,7 @@ from rcopterx.commands.launch import launched
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 
 if TYPE_CHECKING:
-    from experiments.manoeuvres import Manoeuvre
+    from experiments.manoeuvre import Manoeuvre
 
 SLICE_S = 0.25
 """Between two looks at the clock and at Ctrl-C."""

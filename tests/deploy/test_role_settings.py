@@ -7,6 +7,7 @@ import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
 from agents.authority import LEADER_SHARE
+from agents.avoidance import Clearance
 from agents.interfaces import WHOLE
 from deploy.fleet import FleetError, parse_fleet
 from deploy.role_settings import (
@@ -237,3 +238,13 @@ def test_conditions_are_the_preset_with_single_changes_and_no_second_radio_delay
 def test_a_fleet_that_flies_hardware_has_nothing_to_simulate(tmp_path: Path) -> None:
     with pytest.raises(FleetError, match=r"simulator: this fleet flies hardware"):
         simulator_settings(parse_fleet(HARDWARE_PAIR), tmp_path)
+
+
+def test_avoidance_is_on_unless_the_file_says_otherwise() -> None:
+    assert agent_settings(parse_fleet(PAIR), "h1").clearance == Clearance(0.35, 0.6)
+    wider = PAIR + "[avoidance]\nhorizontal_m = 0.5\n"
+    assert agent_settings(parse_fleet(wider), "h1").clearance == Clearance(0.5, 0.6)
+    off = PAIR + "[avoidance]\nenabled = false\n"
+    assert agent_settings(parse_fleet(off), "h1").clearance is None
+    with pytest.raises(FleetError, match=r"^avoidance\.vertical_m: .*0\.0"):
+        parse_fleet(PAIR + "[avoidance]\nvertical_m = -1.0\n")

@@ -20,7 +20,8 @@ from bus.session import BusAddress, Session
 from deploy.fleet import parse_fleet
 from experiments.checks import Check, always, latency_checks
 from experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
-from experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS, Manoeuvre
+from experiments.manoeuvre import Manoeuvre
+from experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS
 from experiments.steps import Say, Wait, in_order, land, take_off
 from ground_station.fleet import Fleet
 from ground_station.recorder import Record, Recording

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from integration_support import fleet_text, free_port
 
+from deploy.shipped import fleet_path
 from ground_station.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
@@ -40,6 +41,32 @@ def environment(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
 
 def command(path: Path, *arguments: str) -> list[str]:
     return [sys.executable, "-m", "rcopterx", "fly", *arguments, "--up", "--fleet", str(path)]
+
+
+@pytest.fixture
+def path_of_five(tmp_path: Path) -> Path:
+    path = tmp_path / "five.toml"
+    shipped = fleet_path("quintet").read_text()
+    vehicles = shipped[shipped.index("[vehicles.h1]") :]
+    hosts = {"main": ("127.0.0.1", free_port())}
+    path.write_text(fleet_text(free_port(), hosts, control=CASCADE, vehicles=vehicles))
+    return path
+
+
+def test_five_vehicles_swap_places_by_each_others_plans(
+    path_of_five: Path, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    done = subprocess.run(
+        command(path_of_five, "place-swapping", "--report", str(tmp_path / "out")),
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert "Traceback" not in done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["problem"] is None, done.stderr
+    failed = [check for check in report["checks"] if not check["passed"]]
+    assert [check for check in failed if not check["name"].startswith(tuple(DEPENDS_ON_THE_MACHINE))] == []
 
 
 @pytest.mark.parametrize("name", ["leave-and-join", "follower-killed"])

@@ -16,7 +16,7 @@ from bus import channels
 from bus.session import BusAddress, Session
 from experiments.checks import Check
 from experiments.flight_page import page
-from experiments.manoeuvres import Manoeuvre
+from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Step, in_order, refused
 from ground_station.fleet import Fleet
 from ground_station.waiting import NotReachedError

@@ -1,0 +1,91 @@
+"""Manoeuvres in which something breaks: processes are killed or hang in flight."""
+
+from typing import Final
+
+from experiments import steps
+from experiments.checks import (
+    agents_started_again,
+    distance_kept,
+    ends_at,
+    in_the_air,
+    longest_silence,
+    played_in_state,
+    position_kept,
+)
+from experiments.manoeuvre import Manoeuvre
+from experiments.steps import Step, go_to, in_order, pause
+
+
+def _broken(process: str) -> Step:
+    """Kill a process in flight, and fly on."""
+    return in_order(
+        steps.spare_ready,
+        pause(1.0),
+        steps.killed(process),
+        steps.everybody_commanded,
+        steps.formed(),
+        go_to((0.2, 0.0, 1.1)),
+        pause(1.0),
+    )
+
+
+FAULT_ROWS: Final = (
+    Manoeuvre(
+        "follower-killed",
+        "The agent of a follower is killed in flight; its successor flies on",
+        8.0,
+        _broken("agent-h2"),
+        (
+            *in_the_air(), agents_started_again("h2"), agents_started_again("h3", 0),
+            longest_silence("h2", 0.2), position_kept("h2", 150.0), distance_kept(),
+        ),
+        launched=True,
+    ),
+    Manoeuvre(
+        "leader-killed",
+        "The agent of the leader is killed in flight; its followers do not notice",
+        8.0,
+        _broken("agent-h1"),
+        (
+            *in_the_air(), agents_started_again("h1"), agents_started_again("h2", 0),
+            longest_silence("h1", 0.2), position_kept("h2", 150.0), distance_kept(),
+        ),
+        launched=True,
+    ),
+    Manoeuvre(
+        "agent-frozen",
+        "An agent hangs for 150 ms: its plan's inputs bridge, then the transmitter gateway holds",
+        6.0,
+        in_order(
+            pause(1.0), steps.frozen("agent-h2", 0.15), steps.everybody_commanded, steps.formed(), pause(1.0),
+        ),
+        (*in_the_air(), played_in_state("h2", "hold"), agents_started_again("h2", 0), distance_kept()),
+        launched=True,
+    ),
+    Manoeuvre(
+        "tracking-lost",
+        "The Vicon gateway hangs for 200 ms: agents predict, transmitter gateways hold, then all fly on",
+        6.0,
+        in_order(
+            pause(1.0), steps.frozen("tracker", 0.2), steps.everybody_commanded, steps.formed(), pause(1.0),
+        ),
+        (*in_the_air(), played_in_state("h1", "hold"), distance_kept()),
+        launched=True,
+    ),
+    Manoeuvre(
+        "vicon-gateway-killed",
+        "The Vicon gateway is killed in flight; its successor continues and everybody flies on",
+        8.0,
+        _broken("tracker"),
+        (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
+        launched=True,
+    ),
+    Manoeuvre(
+        "router-killed",
+        "The bus router is killed in flight; its successor continues and everybody flies on",
+        8.0,
+        _broken("router"),
+        (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
+        launched=True,
+    ),
+)  # fmt: skip
