@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, field
 
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 Three = tuple[float, float, float]
@@ -30,7 +30,15 @@ class Tracker(Table, frozen=True, kw_only=True):
     host: Name = DEFAULT_HOST
     """Host that runs the gateway."""
     address: str = "127.0.0.1:801"
-    """Address and port of the Tracker's data stream."""
+    """Address and port of the Tracker's data stream, or of the motion capture of another brand."""
+    brand: str = "vicon"
+    """`vicon` is read by our own client, the others (`vicon_sdk` too) by the library `motioncapture`."""
+    rate_hz: Annotated[float, Meta(gt=0, le=2000)] | None = None
+    """Capture rate of a motion capture that does not tell it."""
+    latency_s: Annotated[float, Meta(ge=0, le=1)] | None = None
+    """From capture to arrival, of a motion capture that does not tell it."""
+    settings: dict[str, str] = field(default_factory=dict)
+    """Further settings of the library, spelt as it spells them."""
     record_raw: Text | None = None
     """File to record the raw stream into; relative to where the gateway is started."""
 

@@ -11,12 +11,12 @@ from pathlib import Path
 from bus.session import BusUnreachableError
 from deploy.fleet import Fleet, FleetError
 from deploy.memory import Memory
+from deploy.motion_capture import check_motion_capture, tracker_address
 from deploy.processes import processes_of
-from deploy.role_settings import bus_address, check_fleet, raw_recording, tracker_address
+from deploy.role_settings import bus_address, check_fleet
 from deploy.run_directory import run_directory, serial_path
 from deploy.staffing import Staffing
 from deploy.supervisor import Supervisor
-from vicon_gateway.recording_file import RecordingFileError, check_creatable
 
 WATCH_S = 0.1
 EVENTS_KEPT = 200
@@ -47,7 +47,7 @@ def check_resources(fleet: Fleet, host: str, directory: Path, without: Collectio
     place = fleet.hosts[host]
     _check_free(place.address, place.router_port, f"hosts.{host}.router_port")
     if host == fleet.tracker.host:
-        _check_recording(fleet)
+        check_motion_capture(fleet)
     if fleet.simulator is not None:
         if fleet.simulator.host == host:
             _check_free(*tracker_address(fleet), "tracker.address")
@@ -76,16 +76,6 @@ def _check_absent(fleet: Fleet, without: Collection[str]) -> None:
             raise FleetError(f"--without: unknown vehicle {name!r}, known are {', '.join(fleet.vehicles)}")
     if len(set(without)) == len(fleet.vehicles):
         raise FleetError("--without: at least one vehicle must take part")
-
-
-def _check_recording(fleet: Fleet) -> None:
-    path = raw_recording(fleet)
-    if path is None:
-        return
-    try:
-        check_creatable(path)
-    except RecordingFileError as error:
-        raise FleetError(f"tracker.record_raw: {error}") from None
 
 
 def _check_free(address: str, port: int, where: str) -> None:

@@ -11,6 +11,7 @@ from agents.settings import AgentSettings, Succession
 from bus.session import BusAddress
 from deploy.fleet import Fleet, FleetError, Vehicle, formation_place
 from deploy.formation_check import check_formation, links_of
+from deploy.motion_capture import brand_of, raw_recording, tracker_address
 from deploy.run_directory import router_socket, run_directory, serial_path
 from deploy.tables import dataclass_from, replaced
 from simulator.conditions import Conditions, conditions_from
@@ -200,20 +201,6 @@ def gateway_settings(fleet: Fleet, gateway: str, directory: Path) -> GatewaySett
     )
 
 
-def tracker_address(fleet: Fleet) -> tuple[str, int]:
-    """Host and port of the Tracker.
-
-    Raises
-    ------
-    FleetError
-        Not of the form host:port.
-    """
-    host, separator, port = fleet.tracker.address.rpartition(":")
-    if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise FleetError(f"tracker.address: {fleet.tracker.address!r}, must be HOST:PORT")
-    return host, int(port)
-
-
 def tracker_settings(fleet: Fleet) -> TrackerSettings:
     """Settings of the Vicon gateway process."""
     host, port = tracker_address(fleet)
@@ -222,15 +209,10 @@ def tracker_settings(fleet: Fleet) -> TrackerSettings:
         host=host,
         port=port,
         subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},
+        brand=brand_of(fleet),
         record_raw=raw_recording(fleet),
         realtime_priority=Priority.GATEWAY.of(fleet),
     )
-
-
-def raw_recording(fleet: Fleet) -> Path | None:
-    """Where the Tracker's stream is recorded, None for nowhere."""
-    record_raw = fleet.tracker.record_raw
-    return None if record_raw is None else Path(record_raw).expanduser()
 
 
 def conditions_of(fleet: Fleet) -> Conditions:

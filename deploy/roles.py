@@ -11,10 +11,14 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bus.session import BusUnreachableError
 from deploy.fleet import FleetError, load_fleet
 from deploy.run_directory import run_directory
+
+if TYPE_CHECKING:
+    from vicon_gateway.settings import TrackerSettings
 
 ROLES = ("router", "simulator", "tracker", "transmitters", "agent")
 PR_SET_PDEATHSIG = 1
@@ -80,15 +84,7 @@ def run_role(role: str, unit: str, fleet_path: Path, record_raw: Path | None = N
 
         run_simulator(build.simulator_settings(fleet, directory))
     elif role == "tracker":
-        from vicon_gateway.process import run_tracker_gateway
-        from vicon_gateway.recording_file import RecordingFileError
-
-        settings = build.tracker_settings(fleet)
-        field = "tracker.record_raw" if record_raw is None else "--record-raw"
-        try:
-            run_tracker_gateway(replace(settings, record_raw=record_raw or settings.record_raw))
-        except RecordingFileError as error:
-            raise FleetError(f"{field}: {error}") from None
+        _run_tracker(build.tracker_settings(fleet), record_raw)
     elif role == "transmitters":
         from transmitter_gateway.process import run_gateway
 
@@ -97,6 +93,22 @@ def run_role(role: str, unit: str, fleet_path: Path, record_raw: Path | None = N
         from agents.process import run_agent
 
         run_agent(*build.pilot_of(fleet, unit))
+
+
+def _run_tracker(settings: "TrackerSettings", record_raw: Path | None) -> None:
+    from vicon_gateway.brands import LibraryMissingError
+    from vicon_gateway.process import run_tracker_gateway
+    from vicon_gateway.recording_file import RecordingFileError
+
+    if record_raw is not None and settings.brand is not None:
+        raise FleetError("--record-raw: only the stream of brand 'vicon' can be recorded")
+    field = "tracker.record_raw" if record_raw is None else "--record-raw"
+    try:
+        run_tracker_gateway(replace(settings, record_raw=record_raw or settings.record_raw))
+    except RecordingFileError as error:
+        raise FleetError(f"{field}: {error}") from None
+    except LibraryMissingError as error:
+        raise FleetError(f"tracker.brand: {error}") from None
 
 
 def run_reporting(run: Callable[[], None]) -> None:

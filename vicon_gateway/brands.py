@@ -22,6 +22,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Self
 
@@ -43,6 +44,7 @@ BRANDS: Mapping[str, tuple[str, ...]] = {
 DEFAULT_LIMITS = ClientLimits(connect_s=15.0, silence_min_s=0.5)
 """The library looks for a server every 5 s, and a new child takes about half a second to start."""
 
+MISSING_LIBRARY = "the library motioncapture is not installed: pip install 'rcopterx[mocap]'"
 MAX_MESSAGE_BYTES = 1024 * 1024
 READ_BYTES = 64 * 1024
 MAX_POSITION_M = MAX_POSITION_MM / 1000.0
@@ -190,7 +192,7 @@ class BrandClient:
         clock: Callable[[], float] = time.monotonic,
         limits: ClientLimits = DEFAULT_LIMITS,
     ) -> None:
-        _check(brand, settings, rate_hz, latency_s)
+        check_brand(brand, settings, rate_hz, latency_s)
         self._brand, self._settings = brand, dict(settings)
         self._period_s = 1.0 / rate_hz
         self._samples = (("Configured", latency_s),) if latency_s else ()
@@ -328,7 +330,8 @@ class BrandClient:
         return f"receiving from {where}" if self._name == "up" else f"closed, was {where}"
 
 
-def _check(brand: str, settings: Mapping[str, str], rate_hz: float, latency_s: float) -> None:
+def check_brand(brand: str, settings: Mapping[str, str], rate_hz: float, latency_s: float) -> None:
+    """Raise ValueError for an unknown brand or setting, a rate or a latency out of range."""
     if brand not in BRANDS:
         raise ValueError(f"brand {brand!r}: allowed are {', '.join(BRANDS)}")
     for key in settings:
@@ -338,6 +341,22 @@ def _check(brand: str, settings: Mapping[str, str], rate_hz: float, latency_s: f
         raise ValueError(f"rate_hz {rate_hz}: allowed is more than 0, at most 10000")
     if not 0.0 <= latency_s <= 1.0:
         raise ValueError(f"latency_s {latency_s}: allowed is 0 to 1")
+
+
+class LibraryMissingError(ValueError):
+    """The library `motioncapture` is not installed; says how to install it."""
+
+
+def check_library() -> None:
+    """Make sure that the library is there, without importing it.
+
+    Raises
+    ------
+    LibraryMissingError
+        It is not.
+    """
+    if find_spec("motioncapture") is None:
+        raise LibraryMissingError(MISSING_LIBRARY)
 
 
 def run_child(brand: str, settings: dict[str, str], parent: int) -> int:
@@ -364,7 +383,7 @@ def run_child(brand: str, settings: dict[str, str], parent: int) -> int:
             bodies = capture.rigidBodies.values()
             write(Seen(number, tuple(_body(body.name, body.position, body.rotation) for body in bodies)))
     except ImportError:
-        write(Failed("the library motioncapture is not installed: pip install 'rcopterx[mocap]'"))
+        write(Failed(MISSING_LIBRARY))
     except (RuntimeError, ValueError, KeyError) as error:
         write(Failed(str(error)))
     return 1

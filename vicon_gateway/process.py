@@ -9,6 +9,7 @@ from bus import channels
 from bus.messages import Pose, SubjectState, TrackerStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
+from vicon_gateway.brands import BrandClient, check_library
 from vicon_gateway.client import ClientState, DataStreamClient
 from vicon_gateway.epoch import EpochCounter, Stamp
 from vicon_gateway.frame import Frame, SubjectPose
@@ -26,7 +27,7 @@ class TrackerGateway:
     def __init__(
         self,
         settings: TrackerSettings,
-        client: DataStreamClient,
+        client: DataStreamClient | BrandClient,
         session: Session,
         realtime: bool,
         recording: Path | None = None,
@@ -119,6 +120,8 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
 
     Raises
     ------
+    LibraryMissingError
+        The motion capture needs the library `motioncapture`, which is not installed.
     RecordingFileError
         The file to record into cannot be created. When it fails later, the gateway goes on without it.
     BusUnreachableError
@@ -127,14 +130,24 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
     stopping: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda caught, _: stopping.append(caught))
+    if settings.brand is not None:
+        check_library()
     realtime = request_realtime(settings.realtime_priority)
     with ExitStack() as stack:
         file = None
         if settings.record_raw is not None:
             file = stack.enter_context(RecordingFile.create(settings.record_raw))
         session = stack.enter_context(Session(settings.bus, clock=time.monotonic))
-        client = stack.enter_context(DataStreamClient(settings.host, settings.port, record_raw=file))
+        client = _client(settings, file)
+        stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
         settle()
         while not stopping:
             gateway.step()
+
+
+def _client(settings: TrackerSettings, record_raw: RecordingFile | None) -> DataStreamClient | BrandClient:
+    brand = settings.brand
+    if brand is None:
+        return DataStreamClient(settings.host, settings.port, record_raw=record_raw)
+    return BrandClient(brand.brand, brand.settings, brand.rate_hz, latency_s=brand.latency_s)

@@ -8,6 +8,16 @@ from bus.session import BusAddress
 
 
 @dataclass(frozen=True)
+class BrandSettings:
+    """A motion capture that is read by the library `motioncapture`; see `brands.BrandClient`."""
+
+    brand: str
+    settings: Mapping[str, str]
+    rate_hz: float
+    latency_s: float
+
+
+@dataclass(frozen=True)
 class TrackerSettings:
     """The motion capture to read.
 
@@ -17,6 +27,8 @@ class TrackerSettings:
         Address of the data stream.
     subjects
         Vehicle name by subject name.
+    brand
+        Motion capture of another brand; None for a Vicon Tracker, read by our own client.
     record_raw
         Where to record the raw stream, None for nowhere; a file that is there is not overwritten.
     """
@@ -25,5 +37,6 @@ class TrackerSettings:
     host: str
     port: int
     subjects: Mapping[str, str]
+    brand: BrandSettings | None = None
     record_raw: Path | None = None
     realtime_priority: int = 0

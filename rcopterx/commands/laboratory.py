@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 from bus.faults import TimedFault, fault_words
+from bus.realtime import request_realtime
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import FleetError, load_fleet
 from deploy.shipped import fleet_path
@@ -28,6 +29,8 @@ from simulator.tracker_replay import ReplayProgress, TrackerReplay
 from vicon_gateway.recording import RecordedConnection, RecordingError, connections, read_records
 
 POLL_S = 0.1
+REALTIME_PRIORITY = 20
+"""Of a replay, where the operating system permits it: bytes that come late are another recording."""
 
 
 def replay_tracker(
@@ -49,6 +52,7 @@ def replay_tracker(
     Each client that connects gets the next recorded connection. Ends after the last one.
     """
     with user_errors(), _replay(file, address, port, speed) as replay, suppress(KeyboardInterrupt):
+        request_realtime(REALTIME_PRIORITY)
         host, bound = replay.address
         typer.echo(f"{file}: {_contents(replay.progress)}; connect to {host}:{bound}", err=True)
         _play(replay, loop)

@@ -89,6 +89,15 @@ def test_a_recording_that_cannot_be_created_is_refused_on_the_host_that_records(
     check_resources(fleet, "roof", tmp_path)
 
 
+def test_a_brand_whose_library_is_missing_is_refused_with_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vicon_gateway.brands.find_spec", lambda _: None)
+    text = PAIR + f'[hosts.main]\nrouter_port = {free_port()}\n[tracker]\nbrand = "vicon_sdk"\nrate_hz = 50'
+    with pytest.raises(FleetError, match=r"^tracker\.brand: 'vicon_sdk': .*pip install 'rcopterx\[mocap\]'"):
+        check_resources(parse_fleet(text), "main", tmp_path)
+
+
 def test_an_address_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     text = PAIR + '[hosts.main]\naddress = "192.0.2.77"'
     with pytest.raises(FleetError, match=r"^hosts\.main\.router_port: 192\.0\.2\.77:7447 cannot be used"):

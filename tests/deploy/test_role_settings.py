@@ -10,6 +10,7 @@ from agents.authority import LEADER_SHARE
 from agents.avoidance import Clearance
 from agents.interfaces import WHOLE
 from deploy.fleet import FleetError, parse_fleet
+from deploy.motion_capture import tracker_address
 from deploy.role_settings import (
     Priority,
     agent_settings,
@@ -20,7 +21,6 @@ from deploy.role_settings import (
     model_of,
     protocol_of,
     simulator_settings,
-    tracker_address,
     tracker_settings,
 )
 from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line

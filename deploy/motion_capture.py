@@ -1,0 +1,112 @@
+"""What the fleet file says of the motion capture: address, brand, recording."""
+
+from pathlib import Path
+from typing import Final
+
+from deploy.fleet import Fleet, FleetError
+from vicon_gateway.brands import LibraryMissingError, check_brand, check_library
+from vicon_gateway.recording_file import RecordingFileError, check_creatable
+from vicon_gateway.settings import BrandSettings
+
+OWN_CLIENT: Final = "vicon"
+BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")
+SIMULATED: Final = ("vicon", "vicon_sdk")
+"""Brands whose protocol the simulator speaks."""
+LIBRARY_NAMES: Final = {"vicon_sdk": "vicon"}
+"""What the library calls a brand, where it is not the same."""
+USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
+"""To be named in a message; the fleet file must give the port itself."""
+VICON_ADDRESS: Final = "127.0.0.1:801"
+
+
+def tracker_address(fleet: Fleet) -> tuple[str, int]:
+    """Host and port of the Tracker.
+
+    Raises
+    ------
+    FleetError
+        Not of the form host:port.
+    """
+    host, separator, port = fleet.tracker.address.rpartition(":")
+    if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise FleetError(f"tracker.address: {fleet.tracker.address!r}, must be HOST:PORT")
+    return host, int(port)
+
+
+def brand_of(fleet: Fleet) -> BrandSettings | None:
+    """Motion capture of another brand; None for a Vicon Tracker, which our own client reads.
+
+    Raises
+    ------
+    FleetError
+        A field that this brand does not have, or one that it needs is missing.
+    """
+    tracker = fleet.tracker
+    brand = tracker.brand
+    if brand not in BRAND_NAMES:
+        raise FleetError(f"tracker.brand: {brand!r} is unknown, allowed are {', '.join(BRAND_NAMES)}")
+    if fleet.simulator is not None and brand not in SIMULATED:
+        raise FleetError(
+            f"tracker.brand: {brand!r}, the simulator is a Vicon Tracker: allowed are {', '.join(SIMULATED)}"
+        )
+    if brand == OWN_CLIENT:
+        for name in ("rate_hz", "latency_s"):
+            if getattr(tracker, name) is not None:
+                raise FleetError(f"tracker.{name}: a Vicon Tracker tells it itself, leave it out")
+        if tracker.settings:
+            raise FleetError("tracker.settings: are for the other brands, leave them out")
+        return None
+    if tracker.record_raw is not None:
+        raise FleetError(f"tracker.record_raw: only the stream of brand {OWN_CLIENT!r} can be recorded")
+    if tracker.rate_hz is None:
+        raise FleetError(f"tracker.rate_hz: is missing, brand {brand!r} does not tell its capture rate")
+    if brand in USUAL_PORTS and tracker.address == VICON_ADDRESS:
+        usual = f"HOST:{USUAL_PORTS[brand]}"
+        raise FleetError(f"tracker.address: is missing, for brand {brand!r} it is {usual} as a rule")
+    library_name = LIBRARY_NAMES.get(brand, brand)
+    settings = _addressed(brand, *tracker_address(fleet)) | tracker.settings
+    try:
+        check_brand(library_name, settings, tracker.rate_hz, tracker.latency_s or 0.0)
+    except ValueError as error:
+        raise FleetError(f"tracker.settings: {error}") from None
+    return BrandSettings(library_name, settings, tracker.rate_hz, tracker.latency_s or 0.0)
+
+
+def _addressed(brand: str, host: str, port: int) -> dict[str, str]:
+    """The address as the library wants it."""
+    match brand:
+        case "vicon_sdk" | "vrpn":
+            return {"hostname": f"{host}:{port}"}
+        case "optitrack":
+            return {"hostname": host, "port_command": str(port)}
+        case "qualisys":
+            return {"hostname": host, "port": str(port)}
+        case _:
+            return {}
+
+
+def raw_recording(fleet: Fleet) -> Path | None:
+    """Where the Tracker's stream is recorded, None for nowhere."""
+    record_raw = fleet.tracker.record_raw
+    return None if record_raw is None else Path(record_raw).expanduser()
+
+
+def check_motion_capture(fleet: Fleet) -> None:
+    """Make sure that this computer can run the gateway: the library is there, the recording can be created.
+
+    Raises
+    ------
+    FleetError
+        Names the field.
+    """
+    try:
+        if brand_of(fleet) is not None:
+            check_library()
+    except LibraryMissingError as error:
+        raise FleetError(f"tracker.brand: {fleet.tracker.brand!r}: {error}") from None
+    path = raw_recording(fleet)
+    try:
+        if path is not None:
+            check_creatable(path)
+    except RecordingFileError as error:
+        raise FleetError(f"tracker.record_raw: {error}") from None
