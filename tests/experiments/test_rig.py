@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from agents.authority import LEADER_SHARE
+from agents.topology import places
 from bus.messages import Following
 from experiments.events import Event, Follow, GoTo, Lead, Switch
 from experiments.record import FlightRecord, rms
@@ -21,6 +22,7 @@ from experiments.rig import (
 from experiments.schemes import NO_HURRY
 from simulator.conditions import IDEAL, LABORATORY, Conditions
 from simulator.plant import Pose
+from vehicles.state import Array
 from vehicles.types import COAXIAL, QUADROTOR
 
 OFFSET_M = (-0.4, 0.5, 0.0)
@@ -151,6 +153,41 @@ def test_vehicles_of_both_types_fly_one_formation() -> None:
     quadrotor = replace(follower(), model=QUADROTOR)
     record = flown([leader(), quadrotor])
     assert record["h2"].motion[-1, :3] == pytest.approx((0.1, 0.5, 1.2), abs=0.05)
+
+
+def in_the_room(motion: Array) -> Array:
+    """Horizontal velocities of body states in the inertial frame, shape (K, 2)."""
+    c, s = np.cos(motion[:, 3]), np.sin(motion[:, 3])
+    xd, yd = motion[:, 4], motion[:, 5]
+    return np.column_stack((c * xd - s * yd, s * xd + c * yd))
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+@pytest.mark.parametrize("frame", ["inertial", "heading"])
+def test_a_formation_of_four_headings_flies_as_one(frame: str, heading: float) -> None:
+    """Whatever headings leader and followers have, they fly in the same direction of the room."""
+    turns = {"h2": np.pi / 2, "h3": np.pi, "h4": -np.pi / 2}
+    offsets = {"h2": (-0.4, 0.5, 0.0), "h3": (-0.5, 0.0, 0.0), "h4": (-0.4, -0.5, 0.0)}
+    links = {"h1": ()} | {
+        name: (Following(leader="h1", offset_m=offsets[name], yaw_offset_rad=turn, frame=frame),)
+        for name, turn in turns.items()
+    }
+    where = places(links, {"h1": np.array([0.0, 0.0, 1.0, heading])})
+    vehicles = [
+        replace(leader(), name=name, start=Pose((x, y, z), yaw), following=links[name])
+        for name, (x, y, z, yaw) in where.items()
+    ]
+    turn = GoTo(4.0, "h1", (0.5, 0.0, 1.0), heading + np.pi / 2)
+    events = (GoTo(1.0, "h1", (0.5, 0.0, 1.0), heading), *((turn,) if frame == "inertial" else ()))
+    record = flown(vehicles, events, seconds=7.0)
+    ahead = (record["h1"].time_s > 1.3) & (record["h1"].time_s < 1.9)
+    for name, own in turns.items():
+        vehicle = record[name]
+        assert vehicle.formation_error_m().max() < 0.005, name
+        velocity = in_the_room(vehicle.motion[ahead])
+        assert velocity[:, 0].min() > 0.2, name
+        assert velocity == pytest.approx(in_the_room(record["h1"].motion[ahead]), abs=0.02), name
+        assert vehicle.motion[-1, 3] - record["h1"].motion[-1, 3] == pytest.approx(own, abs=0.01), name
 
 
 def test_several_leaders_and_the_leaders_heading_frame_define_one_station() -> None:

@@ -97,6 +97,19 @@ def test_feed_forward_flies_an_accelerating_reference_closer() -> None:
     assert errors[0] < 0.5 * errors[1]
 
 
+def test_a_step_that_is_still_ahead_is_prepared_for() -> None:
+    """Preview: with the step in the second half of the horizon the vehicle is on its way before it comes."""
+    controller = make(horizon=40)
+    start = state()
+    controller.reset(start, HOVER)
+    samples = hold(start.motion[:3], 0.0, PERIOD_S, 40).samples.copy()
+    samples[20:, 0] = 0.3
+    previewed = controller.step(start, Trajectory(samples, PERIOD_S), HOVER).plan.position_m[:, 0]
+    assert 0.05 < previewed[20] < 0.25
+    unaware = first_step(make(horizon=40), start, start.motion[:4]).plan.position_m[:, 0]
+    assert unaware[20] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_estimated_disturbance_is_balanced_without_an_error() -> None:
     push = np.array([0.2, -0.15, 0.3, 1.0])
     result = first_step(make(), state(disturbance=push), np.array([0, 0, 1.0, 0]))

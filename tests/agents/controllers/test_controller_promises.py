@@ -9,8 +9,9 @@ from hypothesis.extra.numpy import arrays
 from agents.controllers.registry import build_controller
 from agents.interfaces import Controller, ControlStep, Estimate
 from agents.trajectory import COLUMNS, Trajectory, hold
+from vehicles.model import Model
 from vehicles.state import Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL, TYPES
 
 PERIOD_S = 0.02
 UNHURRIED = {"paper": {"time_limit_s": 1.0}}
@@ -19,44 +20,56 @@ HORIZON = 12
 NAMES = ("cascade", "lqr", "paper", "pid")
 HOVER = COAXIAL.hover_input
 FALLBACKS = {None, "early_stop", "shifted_plan", "hover"}
-STATE_LOW, STATE_HIGH = np.array(COAXIAL.state_min), np.array(COAXIAL.state_max)
-CENTRE, HALF = 0.5 * (STATE_LOW + STATE_HIGH), 0.5 * (STATE_HIGH - STATE_LOW)
 
-CONTROLLERS: dict[str, Controller] = {}
+CONTROLLERS: dict[tuple[str, str], Controller] = {}
 
-
-def controller(name: str) -> Controller:
-    """One controller per name for all examples: what came before must not matter either."""
-    if name not in CONTROLLERS:
-        CONTROLLERS[name] = build_controller(name, COAXIAL, PERIOD_S, {"horizon": HORIZON})
-        CONTROLLERS[name].reset(at(np.array([0, 0, 1.0, 0, 0, 0, 0, 0])), HOVER)
-    return CONTROLLERS[name]
+every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 
 
-def unhurried(name: str) -> Controller:
+def controller(name: str, model: Model = COAXIAL) -> Controller:
+    """One controller per name and type for all examples: what came before must not matter either."""
+    key = (name, model.kind)
+    if key not in CONTROLLERS:
+        CONTROLLERS[key] = build_controller(name, model, PERIOD_S, {"horizon": HORIZON})
+        CONTROLLERS[key].reset(at(np.array([0, 0, 1.0, 0, 0, 0, 0, 0])), HOVER)
+    return CONTROLLERS[key]
+
+
+def unhurried(name: str, model: Model = COAXIAL) -> Controller:
     """A controller that a busy machine does not make stop early."""
     patience = {"time_limit_s": 1.0} if name == "paper" else {}
-    return build_controller(name, COAXIAL, PERIOD_S, {"horizon": HORIZON} | patience)
+    return build_controller(name, model, PERIOD_S, {"horizon": HORIZON} | patience)
+
+
+def box(model: Model) -> tuple[Array, Array]:
+    """Centre and half width of the state bounds."""
+    low, high = np.array(model.state_min), np.array(model.state_max)
+    return 0.5 * (low + high), 0.5 * (high - low)
 
 
 def at(motion: Array) -> Estimate:
     return Estimate(motion, HOVER.copy(), np.zeros(4))
 
 
-@st.composite
-def motions(draw: st.DrawFn) -> Array:
-    """States up to twice the box, any yaw."""
-    inside = CENTRE + 2 * HALF * draw(arrays(float, 7, elements=st.floats(-1, 1)))
-    yaw = draw(st.floats(-100, 100))
+unit = arrays(float, 7, elements=st.floats(-1, 1))
+yaws = st.floats(-100, 100)
+
+
+def motion_at(model: Model, place: Array, yaw: float) -> Array:
+    """State at a place of the box of twice the size."""
+    centre, half = box(model)
+    inside = centre + 2 * half * place
     return np.array([*inside[:3], yaw, *inside[3:]])
 
 
 @st.composite
-def estimates(draw: st.DrawFn) -> Estimate:
+def estimates(draw: st.DrawFn, model: Model) -> Estimate:
+    """States up to twice the box, any yaw."""
     actuator = draw(arrays(float, 4, elements=st.floats(0, 1)))
-    span = COAXIAL.u_max - COAXIAL.u_min
+    span = model.u_max - model.u_min
     disturbance = draw(arrays(float, 4, elements=st.floats(-3, 3)))
-    return Estimate(draw(motions()), COAXIAL.u_min + span * actuator, disturbance)
+    motion = motion_at(model, draw(unit), draw(yaws))
+    return Estimate(motion, model.u_min + span * actuator, disturbance)
 
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -71,27 +84,30 @@ references = st.builds(
 )
 
 
-def check(step: ControlStep) -> None:
+def check(step: ControlStep, model: Model = COAXIAL) -> None:
     assert step.inputs.shape == (HORIZON - 1, 4)
     assert np.isfinite(step.inputs).all()
-    assert (step.inputs >= COAXIAL.u_min).all()
-    assert (step.inputs <= COAXIAL.u_max).all()
+    assert (step.inputs >= model.u_min).all()
+    assert (step.inputs <= model.u_max).all()
     assert step.plan.samples.shape == (HORIZON, COLUMNS)
     assert step.plan.period_s == PERIOD_S
     assert np.isfinite(step.plan.samples).all()
     assert step.fallback in FALLBACKS
 
 
+@every_type
 @pytest.mark.parametrize("name", NAMES)
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(estimates(), references, st.booleans())
+@given(st.data(), references, st.booleans())
 def test_command_is_finite_and_within_limits_whatever_state_and_reference(
-    name: str, estimate: Estimate, reference: Trajectory, fresh: bool
+    name: str, model: Model, data: st.DataObject, reference: Trajectory, fresh: bool
 ) -> None:
+    estimate = data.draw(estimates(model))
+    flown = controller(name, model)
     if fresh:
-        controller(name).reset(estimate, HOVER)
-    step = controller(name).step(estimate, reference, HOVER)
-    check(step)
+        flown.reset(estimate, model.hover_input)
+    step = flown.step(estimate, reference, model.hover_input)
+    check(step, model)
     assert step.plan.samples[0, :4] == pytest.approx(estimate.motion[:4], abs=1e-9)
 
 
@@ -112,14 +128,19 @@ def test_command_is_finite_and_within_limits_whatever_the_estimator_says(
         check(controller(name).step(Estimate(motion, actuator, disturbance), reference, last_input))
 
 
+@every_type
 @pytest.mark.parametrize("name", NAMES)
 @settings(deadline=None, max_examples=40)
-@given(motions(), arrays(float, 4, elements=st.floats(-1, 1)))
-def test_a_state_far_outside_the_box_is_no_reason_to_give_up(name: str, motion: Array, place: Array) -> None:
+@given(unit, yaws, arrays(float, 4, elements=st.floats(-1, 1)))
+def test_a_state_far_outside_the_box_is_no_reason_to_give_up(
+    name: str, model: Model, where: Array, heading: float, place: Array
+) -> None:
     """Bounds are soft, so there is always something to optimise."""
-    flown = unhurried(name)
+    motion = motion_at(model, where, heading)
+    centre, half = box(model)
+    flown = unhurried(name, model)
     flown.reset(at(motion), HOVER)
-    target = CENTRE[:3] + HALF[:3] * place[:3]
+    target = centre[:3] + half[:3] * place[:3]
     yaw = float(motion[3] + 3 * place[3])
     fallback = flown.step(at(motion), hold(target, yaw, PERIOD_S, HORIZON), HOVER).fallback
     # from twice the box in every state at once OSQP may need more than its iterations

@@ -1,0 +1,56 @@
+"""Trackers of 100 and 200 Hz: every frame feeds the estimators, control keeps its 50 Hz."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from integration_support import Flying, fleet_text, free_port
+
+from bus import channels
+from ground_station.recorder import Recorder
+from ground_station.report import FlightFigures
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
+
+Launch = Callable[..., Flying]
+NAMES = ("h1", "h2")
+VEHICLES = """
+[vehicles.h1]
+subject = "heli1"
+transmitter = { port = "radio-h1", model_match = 1 }
+[vehicles.h2]
+subject = "heli2"
+transmitter = { port = "radio-h2", model_match = 2 }
+follow = [{ leader = "h1", offset_m = [-0.4, 0.5, 0.0] }]
+"""
+ERROR_MM = 150.0
+"""Of the follower, in laboratory conditions, on a machine that has other work to do as well."""
+
+
+@pytest.mark.parametrize("rate_hz", [100, 200])
+def test_a_formation_flies_at_higher_rates_of_the_tracker(launch: Launch, rate_hz: int) -> None:
+    text = fleet_text(
+        free_port(),
+        {"main": ("127.0.0.1", free_port())},
+        vehicles=VEHICLES,
+        control='controller = "cascade"\nhorizon = 20',
+        simulator=f"rate_hz = {rate_hz}",
+    )
+    fleet = launch(text).fleet
+    fleet.take_off(NAMES, height_m=0.8)
+    fleet.wait_for_formation()
+    recorder = Recorder(fleet.session)
+    recorder.start()
+    fleet["h1"].go_to((0.3, 0.2, 1.0), np.pi / 2)
+    fleet.wait_for_arrival(["h1"])
+    fleet.wait_for_formation()
+    recording = recorder.stop()
+    figures = FlightFigures(recording, NAMES)
+    assert figures.frame_period_s() == pytest.approx(1 / rate_hz)
+    for name in NAMES:
+        steps = np.diff([plan.frame for plan in figures.plans(name)])
+        assert np.mean(steps == rate_hz // 50) > 0.8, name
+        frames = [pose.frame for pose, _ in recording.messages(channels.POSE, name)]
+        assert np.median(np.diff(frames)) == 1, name
+    assert 1000 * figures.formation_error_m("h2").max() < ERROR_MM
+    fleet.land()
