@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 SAMPLING_MS: Final = 20.0
-STYLES: Final = {"cascade": ("tab:blue", 2.2), "cascade_no_lag": ("tab:cyan", 2.2)}
-"""Colour and width of our own; the others take what comes."""
+OURS: Final = {"cascade": "-", "cascade_no_lag": "--"}
+"""Lines of our own, thick and black; the others take what comes."""
 
 
 def draw_solver(document: Mapping[str, Any], figure: Any) -> None:
@@ -23,10 +23,10 @@ def draw_solver(document: Mapping[str, Any], figure: Any) -> None:
     horizons = document["horizons"]
     lengths = [int(length) for length in horizons]
     for name in next(iter(horizons.values())):
-        colour, width = STYLES.get(name, (None, 1.2))
+        own = {"color": "black", "linestyle": OURS[name], "linewidth": 2.2} if name in OURS else {}
         for axes, field in ((left, "mean_ms"), (right, "p999_ms")):
             values = [horizons[str(length)][name][field] for length in lengths]
-            axes.plot(lengths, values, "o-", color=colour, linewidth=width, markersize=4, label=name)
+            axes.plot(lengths, values, marker="o", markersize=4, label=name, **own)
     for axes, title in ((left, "mean"), (right, "99.9th percentile")):
         axes.axhline(SAMPLING_MS, color="grey", linestyle="--")
         axes.set_title(title)

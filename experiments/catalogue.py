@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from experiments import chain, formation, horizon, hover, swapping
+from experiments import chain, formation, horizon, hover, preview, swapping
 from experiments.runner import Options, Result, Tell
 
 
@@ -41,6 +41,7 @@ EXPERIMENTS: Final = MappingProxyType(
             Experiment(
                 "formation", "Fig. 3: formation errors of every scheme over five minutes", 5, formation.run
             ),
+            Experiment("preview", "A figure-eight with and without preview and feed-forward", 3, preview.run),
             Experiment("chain", "Errors along chains, trees and with several leaders", 3, chain.run),
             Experiment("swapping", "Ten vehicles swap places without collision", 5, swapping.run),
         )

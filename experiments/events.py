@@ -9,6 +9,7 @@ import numpy as np
 from agents.controllers.registry import build_controller
 from agents.guidance import LeaderPlan
 from agents.links import link_of
+from agents.paths import FlightPath
 from agents.pilot import Pilot
 from bus.messages import Following
 
@@ -55,6 +56,27 @@ class GoTo:
     def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
         """See `Event.apply`."""
         return pilot.guidance.go_to(np.array(self.position_m), self.yaw_rad)
+
+
+@dataclass(frozen=True)
+class Fly:
+    """A path of a vehicle that follows nobody."""
+
+    time_s: float
+    vehicle: str
+    path: FlightPath
+
+    @property
+    def leaders(self) -> tuple[str, ...]:
+        """See `Event.leaders`."""
+        return ()
+
+    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+        """See `Event.apply`."""
+        problem = pilot.guidance.flight_problem()
+        if problem is None:
+            pilot.guidance.fly(self.path, pilot.clock.time_s)
+        return problem
 
 
 @dataclass(frozen=True)

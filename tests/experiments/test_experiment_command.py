@@ -21,6 +21,7 @@ def test_experiments_are_listed() -> None:
         "hover",
         "horizon",
         "formation",
+        "preview",
         "chain",
         "swapping",
     ]
@@ -71,7 +72,7 @@ def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["tea"], "known are hover, horizon, formation, chain"),
+        (["tea"], "known are hover, horizon, formation, preview, chain"),
         (["hover", "--seeds", "1,x"], "different whole numbers"),
         (["hover", "--seeds", "1,1"], "different whole numbers"),
         (["hover", "--plot", "figure.doc"], "allowed endings"),

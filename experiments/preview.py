@@ -1,0 +1,163 @@
+"""What preview and feed-forward are worth: a figure-eight, flown with and without them.
+
+One vehicle flies the same path in the same laboratory: with the path over the whole horizon and the inputs
+that fly it, without these inputs, and with the path's present point as set point, a new one in every period.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from agents.paths import figure_eight
+from experiments.events import Event, Fly, GoTo
+from experiments.record import rms
+from experiments.rig import Progress, Rig, RigVehicle
+from experiments.runner import Options, Result, Tell, Work, run_all
+from experiments.schemes import CASCADE, PAPER, SCHEMES, Scheme
+from simulator.conditions import IDEAL, LABORATORY
+from simulator.plant import Pose
+from vehicles.state import Array
+from vehicles.types import COAXIAL
+
+CONDITIONS: Final = {"ideal": IDEAL, "laboratory": LABORATORY}
+PERIOD_S: Final = 0.02
+START_S: Final = 3.0
+"""When the path begins; the estimator knows trim and turbulence by then."""
+TURNS: Final = 4.0
+QUICK_TURNS: Final = 1.0
+PATH: Final = partial(figure_eight, (0.0, 0.0, 1.0), (0.5, 0.25), 6.0, heading="along")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A scheme, and whether it sees the path or only the path's present point."""
+
+    name: str
+    title: str
+    scheme: Scheme
+    preview: bool
+
+
+SETTINGS: Final = (
+    Setting("set_points_paper", "Paper's scheme, set points", PAPER, preview=False),
+    Setting("set_points", "Cascade, set points", CASCADE, preview=False),
+    Setting("preview", "Cascade, preview", SCHEMES["cascade_no_feed_forward"], preview=True),
+    Setting("preview_feed_forward", "Cascade, preview and feed-forward", CASCADE, preview=True),
+)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Places on the path and true ones, shape (K, 3) [m]; errors of yaw, shape (K,) [rad]."""
+
+    wanted_m: Array
+    flown_m: Array
+    yaw_error_rad: Array
+
+
+def fly_path(
+    setting: Setting, condition: str, seed: int, turns: float, progress: Progress | None = None
+) -> Flown:
+    """Fly the path once."""
+    path = PATH(turns=turns)
+    first = path.sample(np.zeros(1))[0]
+    vehicle = RigVehicle(
+        "h1",
+        COAXIAL,
+        Pose((first[0], first[1], first[2]), first[3]),
+        setting.scheme.controller,
+        setting.scheme.settings,
+    )
+    events: Sequence[Event] = (Fly(START_S, "h1", path),)
+    if not setting.preview:
+        times = np.arange(0.0, path.duration_s, PERIOD_S)
+        events = [
+            GoTo(START_S + at_s, "h1", (row[0], row[1], row[2]), row[3])
+            for at_s, row in zip(times.tolist(), path.sample(times).tolist(), strict=True)
+        ]
+    record = Rig([vehicle], CONDITIONS[condition], seed).fly(START_S + path.duration_s, events, progress)[
+        "h1"
+    ]
+    rows = record.time_s >= START_S
+    wanted = path.sample(record.time_s[rows] - START_S)
+    motion = record.motion[rows]
+    return Flown(wanted[:, :3], motion[:, :3], motion[:, 3] - wanted[:, 3])
+
+
+def run(options: Options, tell: Tell) -> Result:
+    """Fly every setting: once in ideal conditions, and on every seed in the laboratory.
+
+    Returns
+    -------
+    Result
+        Document: condition -> setting -> figures.
+    """
+    turns = QUICK_TURNS if options.quick else TURNS
+    cases = [
+        (condition, setting, seed)
+        for condition, seeds in (("ideal", options.seeds[:1]), ("laboratory", options.seeds))
+        for setting in SETTINGS
+        for seed in seeds
+    ]
+    works = [
+        Work(f"{setting.name}, {condition}, seed {seed}", partial(fly_path, setting, condition, seed, turns))
+        for condition, setting, seed in cases
+    ]
+    flights = run_all(works, options.processes, tell)
+    groups: dict[str, dict[str, list[Flown]]] = {condition: {} for condition in CONDITIONS}
+    for (condition, setting, _), flight in zip(cases, flights, strict=True):
+        groups[condition].setdefault(setting.name, []).append(flight)
+    document = {
+        condition: {name: figures(flown) for name, flown in group.items()}
+        for condition, group in groups.items()
+    }
+    shown = {setting.title: groups["ideal"][setting.name][0] for setting in SETTINGS}
+    return Result(document, partial(draw_preview, shown))
+
+
+def figures(flights: Sequence[Flown]) -> dict[str, float]:
+    """Distances from the path's point of the moment, flights together."""
+    errors_m = np.concatenate(
+        [np.linalg.norm(flight.flown_m - flight.wanted_m, axis=1) for flight in flights]
+    )
+    yaw = np.concatenate([flight.yaw_error_rad for flight in flights])
+    return {
+        "rms_mm": round(1000 * rms(errors_m), 2),
+        "max_mm": round(1000 * float(errors_m.max()), 2),
+        "yaw_rms_rad": round(rms(yaw), 4),
+    }
+
+
+def draw_preview(flights: Mapping[str, Flown], figure: Any) -> None:
+    """Draw the path from above and the distance from it over time.
+
+    Parameters
+    ----------
+    flights
+        By title, flown in ideal conditions.
+    figure
+        Empty `matplotlib.figure.Figure`.
+    """
+    figure.set_size_inches(11, 4.5)
+    above, over_time = figure.subplots(1, 2)
+    for title, flight in flights.items():
+        above.plot(flight.flown_m[:, 0], flight.flown_m[:, 1], linewidth=1.0, label=title)
+        errors_mm = 1000 * np.linalg.norm(flight.flown_m - flight.wanted_m, axis=1)
+        over_time.semilogy(PERIOD_S * np.arange(len(errors_mm)), np.maximum(errors_mm, 0.01), linewidth=1.0)
+    path = next(iter(flights.values())).wanted_m
+    above.plot(path[:, 0], path[:, 1], "k--", linewidth=1.0, label="path")
+    above.set_aspect("equal")
+    above.set_xlabel("x [m]")
+    above.set_ylabel("y [m]")
+    above.legend(fontsize="x-small", loc="upper center", ncols=2)
+    above.set_xlim(-0.8, 0.8)
+    above.set_ylim(-0.6, 0.6)
+    over_time.set_xlabel("time [s]")
+    over_time.set_ylabel("distance from the path's point of the moment [mm]")
+    for axes in (above, over_time):
+        axes.grid(alpha=0.3)
+    figure.suptitle("A figure-eight with the heading along the path, ideal conditions")
+    figure.tight_layout()
