@@ -39,7 +39,7 @@ SCHEMES: Final = (PAPER, CASCADE)
 
 @dataclass(frozen=True)
 class Flown:
-    """One seed: durations of the control steps while hovering [s], weighted squared errors [mm^2]."""
+    """One seed: processor times of the control steps while hovering [s], weighted squared errors [mm^2]."""
 
     step_s: Array
     squares_mm2: Array

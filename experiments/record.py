@@ -37,7 +37,7 @@ class VehicleRecord:
     inputs
         Commands, shape (K, 4).
     step_s
-        Computing time of each control step, shape (K,).
+        Processor time of each control step, shape (K,); what other processes take is left out.
     fallbacks
         How often each fallback was taken.
     left_volume, touchdowns
