@@ -174,7 +174,11 @@ def limits_of(fleet: Fleet, name: str) -> ArbiterLimits:
         lower=model.input_min,
         upper=model.input_max,
         floor_m=fleet.volume.min_m[2],
-        surveillance=replaced(SurveillanceLimits(fence=fence), surveillance, "safety.settings.surveillance"),
+        surveillance=replaced(
+            SurveillanceLimits(fence=fence, trust_repeated_poses=False),
+            surveillance,
+            "safety.settings.surveillance",
+        ),
     )
     return replaced(base, table, "safety.settings")
 

@@ -11,6 +11,7 @@ import math
 from collections import Counter
 
 from transmitter_gateway.admission import AcceptedCommand, Admission, Stream
+from transmitter_gateway.hover import HoverThrust
 from transmitter_gateway.inputs import (
     FLYING,
     NEUTRAL,
@@ -45,7 +46,7 @@ class Arbiter:
     limits : ArbiterLimits
         All limits.
     u_hover : float
-        Thrust at which the vehicle hovers.
+        Thrust at which the vehicle hovers, by its calibration.
     slew_per_s : tuple of float
         Fastest change of each input while ARMED [1/s].
 
@@ -67,7 +68,7 @@ class Arbiter:
         self.holder: str | None = None
         self.surveillance = Surveillance(vehicle, limits.surveillance, self.counters)
         self._admission = Admission(limits, self.counters)
-        self._u_hover = u_hover
+        self._hover = HoverThrust(u_hover, limits.hover_correction, limits.floor_m + limits.airborne_m)
         self._slew_per_s = slew_per_s
         self._link = LinkState.LOST
         self._requested: set[Condition] = set()
@@ -366,17 +367,18 @@ class Arbiter:
 
     def _shape(self, now_s: float, elapsed_s: float) -> Input:
         bridging_step = 0
-        thrust = min(self._u[THRUST], self._u_hover)
+        thrust = min(self._u[THRUST], self._hover.value)
         u = NEUTRAL
         if self.state is State.ARMED:
             stream = self._stream()
             if stream is not None:
                 bridging_step = self._bridge(stream, now_s)
                 u = self._slewed(_planned(stream.command, bridging_step), elapsed_s)
+                self._hover.note(self._u[THRUST], elapsed_s, self.surveillance.own_track, now_s)
         elif self.state is State.HOLD:
             u = (0.0, 0.0, thrust, 0.0)
         elif self.state is State.DESCEND:
-            floor = min(thrust, self._u_hover - self.limits.descend_below_hover)
+            floor = min(thrust, self._hover.value - self.limits.descend_below_hover)
             u = (0.0, 0.0, max(floor, thrust - self.limits.descend_rate_per_s * elapsed_s), 0.0)
         if bridging_step > self._bridging_step:
             self.counters["planned inputs played"] += bridging_step - self._bridging_step

@@ -73,6 +73,9 @@ class SurveillanceLimits:
         Time of disbelief after which the vehicle comes down for good: it may be another body [s].
     velocity_filter_s : float
         Time constant of the low-pass on the finite-difference velocity [s].
+    trust_repeated_poses : bool
+        Whether a position that is exactly the last one counts as seen. Measurements of a flying vehicle
+        never repeat themselves: what does has got stuck. On the floor it always counts.
     """
 
     tracking_hold_s: float | None = 0.1
@@ -86,10 +89,11 @@ class SurveillanceLimits:
     maximum_speed_m_s: float = 2.5
     jump_descend_s: float = 0.3
     velocity_filter_s: float = 0.05
+    trust_repeated_poses: bool = True
 
     def __post_init__(self) -> None:
         for item in fields(self):
-            if item.name != "fence":
+            if item.name not in ("fence", "trust_repeated_poses"):
                 _positive(item.name, getattr(self, item.name))
         hold, descend = self.tracking_hold_s, self.tracking_descend_s
         if hold is not None and descend is not None and descend < hold:
@@ -115,6 +119,8 @@ class ArbiterLimits:
         Input limits; a command further outside than `tolerance` is rejected.
     descend_below_hover, descend_rate_per_s : float
         DESCEND lowers the thrust at this rate to this much below hover.
+    hover_correction : float
+        Most by which the calibrated hover thrust is corrected from steady flight; 0 for not at all.
     longest_period_s : float
         Longest command period accepted [s].
     take_over_s : float
@@ -141,6 +147,7 @@ class ArbiterLimits:
     tolerance: float = 0.02
     descend_below_hover: float = 0.05
     descend_rate_per_s: float = 0.5
+    hover_correction: float = 0.08
     longest_period_s: float = 0.1
     take_over_s: float = 0.7
     floor_m: float = 0.0
@@ -173,8 +180,9 @@ class ArbiterLimits:
             raise LimitsError(f"bridge_steps: {self.bridge_steps} must not be negative")
         if not math.isfinite(self.floor_m):
             raise LimitsError(f"floor_m: {self.floor_m} must be a finite number")
-        if self.tolerance < 0:
-            raise LimitsError(f"tolerance: {self.tolerance} must not be negative")
+        for name in ("tolerance", "hover_correction"):
+            if not getattr(self, name) >= 0:
+                raise LimitsError(f"{name}: {getattr(self, name)} must not be negative")
         for name, lower, upper in zip(
             ("pitch", "roll", "thrust", "yaw"), self.lower, self.upper, strict=True
         ):

@@ -14,6 +14,8 @@ SHORTEST_STEP_S = 1e-3
 FORGET_AFTER_S = 1.0
 MOST_VEHICLES = 64
 CEILING = 2
+LIFTED_M = 0.03
+"""Above where it stood, a vehicle flies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,7 @@ class Surveillance:
         self._close: set[str] = set()
         self._jumping_since_s: float | None = None
         self._mistaken: str | None = None
+        self._stood_at_m: float | None = None
 
     @property
     def epoch(self) -> int | None:
@@ -93,6 +96,9 @@ class Surveillance:
             self._counters["occluded pose"] += 1
             return False
         own = pose.vehicle == self._vehicle
+        if own and self._is_stuck(track, pose.position_m, airborne):
+            self._counters["repeated pose"] += 1
+            return False
         if own and airborne and self._is_jump(track, pose.position_m, now_s):
             self._counters["pose jump"] += 1
             return False
@@ -114,6 +120,13 @@ class Surveillance:
         if pose.epoch < track.epoch:
             return "pose of an older epoch"
         return None if pose.frame > track.frame else "old pose frame"
+
+    def _is_stuck(self, track: Track, position: Position, airborne: bool) -> bool:
+        if not airborne:
+            self._stood_at_m = position[CEILING]
+        if self._limits.trust_repeated_poses or position != track.position_m:
+            return False
+        return self._stood_at_m is None or position[CEILING] > self._stood_at_m + LIFTED_M
 
     def _is_jump(self, track: Track, position: Position, now_s: float) -> bool:
         limits = self._limits

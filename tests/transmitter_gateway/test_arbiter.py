@@ -203,7 +203,7 @@ def test_hold_levels_the_vehicle_and_never_adds_thrust() -> None:
         bench = Bench().fly((0.5, 0.5, thrust, 0.2))
         silent(bench, 0.07)
         assert bench.outputs[-1].state is State.HOLD
-        assert bench.outputs[-1].u == pytest.approx((0, 0, held, 0))
+        assert bench.outputs[-1].u == pytest.approx((0, 0, held, 0), abs=0.005)
         assert bench.outputs[-1].cause is None
 
 
@@ -215,9 +215,9 @@ def test_descend_begins_at_200_ms_and_ramps_down_to_just_below_hover() -> None:
     assert bench.state is State.DESCEND
     assert bench.reason == "commands silent"
     silent(bench, 0.05)
-    assert bench.outputs[-1].u == pytest.approx((0, 0, U_HOVER - 0.5 * 0.05, 0), abs=0.001)
+    assert bench.outputs[-1].u == pytest.approx((0, 0, U_HOVER - 0.5 * 0.05, 0), abs=0.005)
     silent(bench, 0.2)
-    assert bench.outputs[-1].u == pytest.approx((0, 0, 0.5, 0))
+    assert bench.outputs[-1].u == pytest.approx((0, 0, 0.5, 0), abs=0.005)
 
 
 def test_descend_does_not_raise_a_lower_thrust() -> None:
@@ -648,3 +648,15 @@ def test_waking_at_next_event_meets_every_limit_in_time() -> None:
     armed = [change for change in changes if change[0] is State.ARMED]
     assert [(step, at) for _, step, at in armed] == [(1, 0.03), (2, 0.04), (3, 0.06), (4, 0.08)]
     assert changes[len(armed) :] == [(State.HOLD, 0, 0.1), (State.DESCEND, 0, 0.2), (State.CUT, 0, 2.0)]
+
+
+@pytest.mark.parametrize("needed", [0.52, 0.6])
+def test_descent_starts_from_the_thrust_that_a_steady_hover_needed(needed: float) -> None:
+    bench = flying()
+    bench.run(6.0, (0, 0, needed, 0))
+    silent(bench, 0.1)
+    assert bench.outputs[-1].state is State.HOLD
+    assert bench.outputs[-1].u[2] == pytest.approx(needed, abs=0.001)
+    silent(bench, 0.4)
+    assert bench.outputs[-1].state is State.DESCEND
+    assert bench.outputs[-1].u[2] == pytest.approx(needed - 0.05, abs=0.001)

@@ -221,7 +221,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         if output.state in (State.HOLD, State.DESCEND):
             assert output.u[0] == output.u[1] == output.u[3] == 0
             assert output.u[2] <= max(self.last.u[2], 0)
-            assert output.u[2] <= U_HOVER
+            assert output.u[2] <= U_HOVER + LIMITS.hover_correction
 
     def check_transition(self, state: State) -> None:
         before = self.last.state

@@ -47,6 +47,47 @@ class Watch:
         return track.velocity_m_s
 
 
+# Stuck poses ----------------------------------------------------------------------------------------
+
+
+def flying_watch(**limits: bool) -> Watch:
+    """A vehicle that stood at a height of 0.1 m and has flown up to 1 m."""
+    watch = Watch(SurveillanceLimits(**limits))
+    watch.step((0.0, 0.0, 0.1), airborne=False)
+    for number in range(1, 46):
+        assert watch.step((0.0, 0.0, 0.1 + 0.02 * number))
+    return watch
+
+
+def test_position_that_repeats_itself_in_the_air_is_not_seen() -> None:
+    watch = flying_watch(trust_repeated_poses=False)
+    stuck: Position = (0.0, 0.0, 1.0001)
+    assert watch.step(stuck)
+    for number in range(1, 40):
+        assert not watch.step(stuck)
+        assert watch.counters["repeated pose"] == number
+        if number in (9, 11, 29, 31):
+            judgement = watch.judge()
+            assert (judgement.hold is not None) == (number in (11, 29))
+            assert (judgement.descend is not None) == (number == 31)
+    assert watch.step((0.0, 0.0, 1.0002))
+    assert watch.judge() == QUIET
+
+
+def test_vehicle_that_rests_on_the_floor_is_seen_although_its_position_repeats_itself() -> None:
+    watch = Watch(SurveillanceLimits(trust_repeated_poses=False))
+    for airborne in (False, True):
+        for _ in range(50):
+            assert watch.step((0.0, 0.0, 0.1), airborne=airborne)
+    assert watch.judge() == QUIET
+
+
+def test_repeated_positions_can_be_trusted() -> None:
+    watch = flying_watch()
+    assert all(watch.step((0.0, 0.0, 1.0)) for _ in range(50))
+    assert watch.judge() == QUIET
+
+
 # Tracking -------------------------------------------------------------------------------------------
 
 
