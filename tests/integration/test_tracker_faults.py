@@ -1,0 +1,235 @@
+"""Whatever the motion capture does in flight, every helicopter flies on or lands gently.
+
+All tests fly with the same fleet; each begins and ends with everybody in formation, or on the way there.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from integration_support import NAMES, Flying, Truth, transmitter_state
+
+from bus.faults import (
+    AddSubject,
+    Burst,
+    Close,
+    Delay,
+    Dribble,
+    EmptyPackets,
+    Fault,
+    Freeze,
+    FreezePose,
+    IgnorePings,
+    Occlude,
+    Recover,
+    RemoveSubject,
+    RenameRootSegment,
+    Reset,
+    ResetFrameId,
+    SetQuality,
+    Silence,
+    SwapSubjects,
+    UnknownObject,
+    WrongMagic,
+    YUp,
+    fault_words,
+)
+from bus.messages import TrackerStatus
+from ground_station.scenario import inject_faults
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+GENTLE_M_S = 1.7
+HEIGHT_M = 0.7
+SLOW_M_S = 0.15
+CASCADE = 'controller = "cascade"\nhorizon = 30'
+SHORT_S = 0.06
+"""Shorter than the limit at which a vehicle without a pose is held."""
+LONG_S = 60.0
+"""Until the test mends it."""
+
+
+class Laboratory:
+    """The fleet in the air, and what happens to it."""
+
+    def __init__(self, flying: Flying) -> None:
+        self.fleet = flying.fleet
+        self.truth = Truth(flying)
+        self._flying = flying
+        self._slow_since_s = time.monotonic()
+
+    def inject(self, fault: Fault) -> None:
+        inject_faults(self.fleet.session, fault)
+
+    def bring_up(self) -> None:
+        """Let everybody fly in formation, whoever was on the floor before."""
+        fleet = self.fleet
+        fleet.wait_ready(timeout_s=20)
+        fleet.wait_until(lambda: all(self.settled(name) for name in NAMES), 20, "not settled", NAMES)
+        grounded = [name for name in NAMES if not fleet.state_of(name).airborne]
+        if grounded:
+            fleet.take_off(grounded, height_m=HEIGHT_M)
+        fleet.wait_for_formation()
+        fleet.wait_until(self.rested, 10, "no rest", NAMES)
+        self.truth.start_watch()
+
+    def rested(self) -> bool:
+        """Whether all have been slow for a second: the arbiters have learnt what a hover needs."""
+        vehicles = [self.truth(name) for name in NAMES]
+        if any(v is None or math.hypot(*v.velocity_m_s) > SLOW_M_S for v in vehicles):
+            self._slow_since_s = time.monotonic()
+        return time.monotonic() > self._slow_since_s + 1.0
+
+    def settled(self, name: str) -> bool:
+        state = self.fleet.state_of(name)
+        return state.phase in ("ground", "armed") or (state.phase, self.state(name)) == ("flying", "armed")
+
+    def state(self, name: str) -> str:
+        return transmitter_state(self._flying, name)
+
+    def counter(self, name: str, what: str) -> int:
+        status = self.fleet.state_of(name).transmitter
+        return 0 if status is None else status.counters.get(what, 0)
+
+    @property
+    def tracker(self) -> TrackerStatus:
+        received = self.fleet.tracker.latest()
+        assert received is not None
+        return received.message
+
+    def wait_until_landed_gently(self, *names: str) -> None:
+        def landed(name: str) -> bool:
+            vehicle = self.truth(name)
+            return vehicle is not None and vehicle.on_floor and self.state(name) in ("cut", "disarmed")
+
+        self.fleet.wait_until(lambda: all(map(landed, names)), 15, "not landed", names)
+        for name in names:
+            vehicle = self.truth(name)
+            assert vehicle is not None
+            assert vehicle.touchdown_speed_m_s < GENTLE_M_S, name
+
+    def place(self, name: str) -> tuple[float, ...]:
+        """True position over ground [m]."""
+        vehicle = self.truth(name)
+        assert vehicle is not None
+        return vehicle.position_m[:2]
+
+    def distance_m(self, name: str, place: tuple[float, ...]) -> float:
+        return math.dist(self.place(name), place)
+
+    def assert_flies_on(self, *names: str) -> None:
+        self.fleet.wait_until(lambda: all(map(self.settled, names)), 5, "not settled", names)
+        for name in names:
+            vehicle = self.truth(name)
+            assert vehicle is not None
+            assert not vehicle.on_floor, name
+            assert not vehicle.outside, name
+            assert self.fleet.state_of(name).phase == "flying"
+
+
+@pytest.fixture(scope="module")
+def flown(launch_once: Callable[..., Flying]) -> Laboratory:
+    return Laboratory(launch_once(control=CASCADE))
+
+
+@pytest.fixture
+def laboratory(flown: Laboratory) -> Iterator[Laboratory]:
+    flown.bring_up()
+    yield flown
+    flown.inject(Recover())
+
+
+HARMLESS: tuple[Fault, ...] = (
+    Close(),
+    Reset(),
+    WrongMagic(),
+    Burst(frames=3),
+    Freeze(duration_s=SHORT_S),
+    Silence(duration_s=SHORT_S),
+    EmptyPackets(duration_s=SHORT_S),
+    Occlude("heli2", duration_s=SHORT_S),
+    RemoveSubject("heli3", duration_s=SHORT_S),
+    SwapSubjects("heli1", "heli2", duration_s=SHORT_S),
+    IgnorePings(duration_s=1.2),
+    Dribble(duration_s=0.3),
+    Delay(delay_s=0.01, duration_s=0.3),
+    UnknownObject(duration_s=0.3),
+    YUp(duration_s=0.3),
+    AddSubject("stranger", duration_s=0.3),
+    SetQuality("heli1", 0.1, duration_s=0.3),
+    RenameRootSegment("heli1", "body", duration_s=0.3),
+)
+
+
+def test_faults_that_are_short_or_harmless_bring_nobody_down(laboratory: Laboratory) -> None:
+    for fault in HARMLESS:
+        frames = laboratory.tracker.counters["frames"]
+        laboratory.inject(fault)
+        laboratory.fleet.wait_until(
+            lambda before=frames: (
+                laboratory.tracker.state == "up" and laboratory.tracker.counters["frames"] > before + 20
+            ),
+            10,
+            f"no frames after {fault_words(fault)}",
+        )
+        laboratory.fleet.wait_until(
+            lambda: all(laboratory.settled(name) for name in NAMES), 5, fault_words(fault), NAMES
+        )
+        laboratory.truth.assert_nobody_touched_down()
+    laboratory.fleet.wait_for_formation()
+    laboratory.assert_flies_on(*NAMES)
+
+
+def test_formation_flies_on_when_frame_numbers_begin_anew(laboratory: Laboratory) -> None:
+    before = laboratory.tracker
+    descents = {name: laboratory.counter(name, "entered DESCEND") for name in NAMES}
+    laboratory.inject(ResetFrameId(5))
+    laboratory.fleet.wait_until(lambda: laboratory.tracker.epoch > before.epoch, 5, "no new epoch")
+    assert laboratory.tracker.frame < before.frame
+    laboratory.fleet["h1"].go_to((0.3, 0.1, 0.9))
+    laboratory.fleet.wait_for_arrival(["h1"])
+    laboratory.fleet.wait_for_formation()
+    laboratory.truth.assert_nobody_touched_down()
+    assert {name: laboratory.counter(name, "entered DESCEND") for name in NAMES} == descents
+
+
+@pytest.mark.parametrize("fault", [Freeze(duration_s=LONG_S), Silence(duration_s=LONG_S)], ids=fault_words)
+def test_everybody_lands_gently_when_the_tracker_freezes(laboratory: Laboratory, fault: Fault) -> None:
+    laboratory.inject(fault)
+    laboratory.wait_until_landed_gently(*NAMES)
+    for name in NAMES:
+        assert laboratory.counter(name, "entered HOLD") > 0
+    assert any("Tracker" in line for line in laboratory.fleet.problems())
+
+
+def test_vehicles_that_stay_unseen_are_held_then_land_gently_and_the_others_fly_on(
+    laboratory: Laboratory,
+) -> None:
+    before = {name: laboratory.counter(name, "entered HOLD") for name in NAMES}
+    laboratory.inject(Occlude("heli2", duration_s=LONG_S))
+    laboratory.inject(RemoveSubject("heli3", duration_s=LONG_S))
+    laboratory.wait_until_landed_gently("h2", "h3")
+    after = {name: laboratory.counter(name, "entered HOLD") for name in NAMES}
+    assert {name: after[name] - before[name] for name in NAMES} == {"h1": 0, "h2": 1, "h3": 1}
+    laboratory.assert_flies_on("h1")
+    assert any("heli3" in line for line in laboratory.fleet.problems())
+
+
+def test_swapped_vehicles_end_up_landed_gently_where_they_were_and_the_others_fly_on(
+    laboratory: Laboratory,
+) -> None:
+    places = {name: laboratory.place(name) for name in ("h2", "h3")}
+    laboratory.inject(SwapSubjects("heli2", "heli3", duration_s=LONG_S))
+    laboratory.wait_until_landed_gently("h2", "h3")
+    for name, place in places.items():
+        assert laboratory.distance_m(name, place) < 0.6
+    laboratory.assert_flies_on("h1")
+
+
+def test_vehicle_whose_pose_stands_still_lands_gently_and_the_others_fly_on(laboratory: Laboratory) -> None:
+    place = laboratory.place("h2")
+    laboratory.inject(FreezePose("heli2", duration_s=LONG_S))
+    laboratory.wait_until_landed_gently("h2")
+    assert laboratory.distance_m("h2", place) < 0.6
+    laboratory.assert_flies_on("h1", "h3")
