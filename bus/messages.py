@@ -356,6 +356,8 @@ class SubjectState(Struct, frozen=True, kw_only=True):
     """False for a subject of the fleet file that the Tracker does not know."""
     occluded_s: Seconds | None = None
     """How long the subject has been listed but not seen."""
+    ambiguous: bool = False
+    """The Tracker lists several subjects of this name; no pose is published then."""
 
 
 class TrackerStatus(Message, frozen=True, kw_only=True):

@@ -175,6 +175,10 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         """What speaks against taking off, in words; empty when nothing does."""
         return self._wrapped.problems(names)
 
+    def notes(self) -> list[str]:
+        """What is worth knowing and speaks against nothing: subjects of no vehicle, a recording."""
+        return self._wrapped.notes()
+
     arm = awaited(Fleet.arm)
     take_off = awaited(Fleet.take_off)
     land = awaited(Fleet.land)

@@ -14,7 +14,7 @@ from bus.session import Session
 from bus.subscription import Inbox
 from deploy.fleet import Fleet as FleetFile
 from deploy.role_settings import bus_address
-from ground_station.state import VehicleState, tracker_problems
+from ground_station.state import VehicleState, tracker_notes, tracker_problems
 from ground_station.waiting import Bell, NotReachedError
 
 M = TypeVar("M", bound=Message)
@@ -97,6 +97,10 @@ class Observer:
         tracker, age_s = _newest(self.tracker, self.session.clock())
         found = tracker_problems(tracker, age_s, vehicles)
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
+
+    def notes(self) -> list[str]:
+        """What is worth knowing and speaks against nothing: subjects of no vehicle, a recording."""
+        return tracker_notes(_newest(self.tracker, self.session.clock())[0])
 
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""

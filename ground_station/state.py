@@ -114,11 +114,35 @@ def tracker_problems(
         return [f"no word from the Vicon gateway{_since(age_s)}"]
     if status.state != "up":
         return [f"Tracker: {status.trying}"]
-    return [
-        f"{subject.vehicle}: the Tracker does not know the subject {subject.subject!r}"
+    listed = ", ".join(repr(subject.subject) for subject in status.subjects if subject.listed)
+    found = []
+    for subject in status.subjects:
+        if subject.vehicle not in names:
+            continue
+        if not subject.listed:
+            missing = f"{subject.vehicle}: subject {subject.subject!r} is not in the Tracker's list"
+            found.append(f"{missing} (it lists: {listed or 'nothing'})")
+        elif subject.ambiguous:
+            found.append(f"{subject.vehicle}: the Tracker lists several subjects {subject.subject!r}")
+    return found
+
+
+def tracker_notes(status: TrackerStatus | None) -> list[str]:
+    """What the Vicon gateway tells that speaks against nothing, in words.
+
+    Parameters
+    ----------
+    status
+        Its newest status, if any.
+    """
+    if status is None:
+        return []
+    notes = [
+        f"subject {subject.subject!r} is in no vehicle"
         for subject in status.subjects
-        if subject.vehicle in names and not subject.listed
+        if subject.vehicle is None and subject.listed
     ]
+    return notes + ([f"raw recording: {status.recording}"] if status.recording else [])
 
 
 def _since(age_s: float | None) -> str:

@@ -19,23 +19,24 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON document: `fleet`, `ready`, `problems`, `tracker` and `vehicles` by name; what is not known is
-        null. Names carry the units.
+        JSON document: `fleet`, `ready`, `problems`, `notes`, `tracker` and `vehicles` by name; what is not
+        known is null. Names carry the units.
     """
     problems = fleet.problems()
     return {
         "fleet": fleet.file.name,
         "ready": not problems,
         "problems": problems,
+        "notes": fleet.notes(),
         "tracker": _tracker(fleet),
         "vehicles": {vehicle.name: vehicle_status(vehicle.state) for vehicle in fleet},
     }
 
 
 def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
-    """What speaks against taking off: `fleet`, `ready` and `problems`."""
+    """What speaks against taking off: `fleet`, `ready`, `problems` and, speaking against nothing, `notes`."""
     problems = fleet.problems(names)
-    return {"fleet": fleet.file.name, "ready": not problems, "problems": problems}
+    return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": fleet.notes()}
 
 
 def _tracker(fleet: Fleet) -> dict[str, Any] | None:
@@ -52,10 +53,17 @@ def _tracker(fleet: Fleet) -> dict[str, Any] | None:
         "latency_s": status.latency_s,
         "age_s": _rounded(fleet.session.clock() - received.arrived_s),
         "subjects": [
-            {"subject": subject.subject, "vehicle": subject.vehicle, "listed": subject.listed}
+            {
+                "subject": subject.subject,
+                "vehicle": subject.vehicle,
+                "listed": subject.listed,
+                "ambiguous": subject.ambiguous,
+                "occluded_s": _rounded(subject.occluded_s),
+            }
             for subject in status.subjects
         ],
         "counters": dict(status.counters),
+        "recording": status.recording,
     }
 
 
@@ -136,7 +144,7 @@ def _transmitter(state: VehicleState) -> dict[str, Any] | None:
 
 
 def readable(status: Mapping[str, Any]) -> str:
-    """A line about the fleet, one about each vehicle, and one about each problem."""
+    """A line about the fleet, one about each vehicle, each problem and each note."""
     lines = [f"{status['fleet']}: {'ready' if status['ready'] else 'not ready'}"]
     for name, table in status.get("vehicles", {}).items():
         agent, transmitter = table["agent"], table["transmitter"]
@@ -148,7 +156,8 @@ def readable(status: Mapping[str, Any]) -> str:
         if table["error_mm"] is not None:
             words.append(f"error {table['error_mm']:.0f} mm")
         lines.append(f"  {name}: {', '.join(words)}")
-    return "\n".join([*lines, *(f"  - {problem}" for problem in status["problems"])])
+    lines += [f"  - {problem}" for problem in status["problems"]]
+    return "\n".join([*lines, *(f"  note: {note}" for note in status["notes"])])
 
 
 def _rounded(value_s: float | None) -> float | None:

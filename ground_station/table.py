@@ -29,9 +29,10 @@ def fleet_table(fleet: Fleet) -> Table:
 
 
 def fleet_view(fleet: Fleet) -> Group:
-    """The table, and below it what speaks against taking off."""
+    """The table, and below it what speaks against taking off, and what is worth knowing."""
     problems = [Text(line, style="red") for line in fleet.problems()]
-    return Group(fleet_table(fleet), *problems)
+    notes = [Text(f"note: {line}", style="dim") for line in fleet.notes()]
+    return Group(fleet_table(fleet), *problems, *notes)
 
 
 def _tracker_line(fleet: Fleet) -> str:

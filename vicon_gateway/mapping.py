@@ -24,12 +24,15 @@ class SubjectStatus(NamedTuple):
         The Tracker listed it in the last frame.
     occluded_s : float or None
         For how long it has been listed without a pose; None while it is seen or not listed.
+    ambiguous : bool
+        Listed more than once: no pose is delivered for it.
     """
 
     subject: str
     vehicle: str | None
     listed: bool
     occluded_s: float | None
+    ambiguous: bool = False
 
 
 class SubjectMap:
@@ -97,5 +100,7 @@ class SubjectMap:
         for name in dict.fromkeys((*self._vehicles, *self._listed)):
             since_s = self._occluded_since_s.get(name)
             occluded_s = None if since_s is None else now_s - since_s
-            statuses.append(SubjectStatus(name, self._vehicles.get(name), name in self._listed, occluded_s))
+            listed = self._listed.get(name, 0)
+            vehicle = self._vehicles.get(name)
+            statuses.append(SubjectStatus(name, vehicle, listed > 0, occluded_s, listed > 1))
         return tuple(statuses)

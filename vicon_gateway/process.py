@@ -86,6 +86,7 @@ class TrackerGateway:
                     vehicle=status.vehicle,
                     listed=status.listed,
                     occluded_s=None if status.occluded_s is None else max(0.0, status.occluded_s),
+                    ambiguous=status.ambiguous,
                 )
                 for status in self._subjects.statuses(now_s)
             ),

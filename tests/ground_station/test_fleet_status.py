@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 from support.plans import plan_of
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
@@ -13,7 +14,7 @@ from bus.messages import Following, SubjectState, TrackerStatus
 from bus.session import BusAddress, Session
 from deploy.fleet import parse_fleet
 from ground_station.fleet import Fleet
-from ground_station.state import VehicleState, tracker_problems
+from ground_station.state import VehicleState, tracker_notes, tracker_problems
 from ground_station.status import fleet_check, fleet_status, readable
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -55,6 +56,18 @@ def test_a_fleet_nobody_heard_of_has_a_status_with_what_is_missing(
     assert "  h7: unknown, no transmitter\n  - no word from the Vicon gateway" in readable(status)
 
 
+def test_subjects_of_no_vehicle_and_a_recording_are_told_and_keep_nobody_on_the_floor() -> None:
+    stranger, known = SubjectState(subject="wand"), SubjectState(subject="heli1", vehicle="h1")
+    status = tracker("up", known, stranger, SubjectState(subject="gone", listed=False))
+    assert tracker_notes(None) == []
+    assert tracker_notes(status) == ["subject 'wand' is in no vehicle"]
+    assert tracker_problems(status, 0.1, ["h1"]) == []
+    recorded = msgspec.structs.replace(status, subjects=(), recording="512 bytes in session.raw")
+    assert tracker_notes(recorded) == ["raw recording: 512 bytes in session.raw"]
+    text = readable({"fleet": "lab", "ready": True, "problems": [], "notes": tracker_notes(status)})
+    assert text == "lab: ready\n  note: subject 'wand' is in no vehicle"
+
+
 def test_a_check_names_what_is_missing_of_the_vehicles_it_is_asked_for(
     fleet: Fleet, vehicles: Vehicles
 ) -> None:
@@ -89,7 +102,20 @@ def test_a_vehicle_that_is_covered_is_told_with_the_time_since_it_was_seen(
         (
             tracker("up", SubjectState(subject="heli1", vehicle="h1", listed=False)),
             0.1,
-            ["h1: the Tracker does not know the subject 'heli1'"],
+            ["h1: subject 'heli1' is not in the Tracker's list (it lists: nothing)"],
+        ),
+        (
+            tracker(
+                "up",
+                SubjectState(subject="Heli 1", vehicle="h1", listed=False),
+                SubjectState(subject="heli2", vehicle="h2", ambiguous=True),
+                SubjectState(subject="heli1 "),
+            ),
+            0.1,
+            [
+                "h1: subject 'Heli 1' is not in the Tracker's list (it lists: 'heli2', 'heli1 ')",
+                "h2: the Tracker lists several subjects 'heli2'",
+            ],
         ),
     ],
 )

@@ -26,13 +26,14 @@ def test_the_table_of_phases_is_that_of_the_agents() -> None:
 def test_every_problem_that_a_check_can_name_is_explained() -> None:
     explained = "\n".join(row[0] for row in rows_after("names everything that speaks"))
     subject = SubjectState(subject="heli2", vehicle="h2", listed=False)
-    tracker = TrackerStatus(state="up", trying="", address="", subjects=(subject,))
+    twice = SubjectState(subject="heli2", vehicle="h2", ambiguous=True)
+    tracker = TrackerStatus(state="up", trying="", address="", subjects=(subject, twice))
     named = tracker_problems(None, None, []) + tracker_problems(tracker, 0.0, ["h2"])
     named += VehicleState("h2", None, None, None, None, None).problems()
     for state, ready in (("disarmed", False), ("killed", True)):
         transmitter = TransmitterStatus(state=state, reason="", link="up", module="", ready=ready)
         named += VehicleState("h2", None, transmitter, None, 0.0, None).problems()[1:]
-    assert len(named) == 6
+    assert len(named) == 7
     for problem in named:
         start = re.split(r" for |: \w*$| \(", problem)[0]
         assert start in explained, problem

@@ -64,6 +64,7 @@ def test_subject_listed_twice_is_ambiguous_and_gets_no_pose() -> None:
     poses = subjects.update(frame(0.0, seen("a"), seen("b"), seen("a")))
     assert poses == [("h2", seen("b"))]
     assert subjects.ambiguous == ("a",)
+    assert subjects.statuses(2.0)[0].ambiguous
 
 
 def test_number_of_remembered_names_is_bounded_by_the_last_frame() -> None:
