@@ -9,7 +9,7 @@ import math
 from transmitter_gateway.surveillance import Track
 
 FILTER_S = 1.0
-STEADY_M_S = 0.2
+STEADY_M_S = 0.1
 """Vertical speed up to which a vehicle counts as hovering."""
 PLAUSIBLE = 1.5
 """Thrust further than this times the largest correction from the calibrated one is not that of a hover."""

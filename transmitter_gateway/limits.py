@@ -145,7 +145,7 @@ class ArbiterLimits:
     lower: Input = (-1.0, -1.0, 0.0, -0.4)
     upper: Input = (1.0, 1.0, 1.0, 0.4)
     tolerance: float = 0.02
-    descend_below_hover: float = 0.05
+    descend_below_hover: float = 0.06
     descend_rate_per_s: float = 0.5
     hover_correction: float = 0.08
     longest_period_s: float = 0.1

@@ -217,7 +217,7 @@ def test_descend_begins_at_200_ms_and_ramps_down_to_just_below_hover() -> None:
     silent(bench, 0.05)
     assert bench.outputs[-1].u == pytest.approx((0, 0, U_HOVER - 0.5 * 0.05, 0), abs=0.005)
     silent(bench, 0.2)
-    assert bench.outputs[-1].u == pytest.approx((0, 0, 0.5, 0), abs=0.005)
+    assert bench.outputs[-1].u == pytest.approx((0, 0, U_HOVER - 0.06, 0), abs=0.005)
 
 
 def test_descend_does_not_raise_a_lower_thrust() -> None:
@@ -659,4 +659,4 @@ def test_descent_starts_from_the_thrust_that_a_steady_hover_needed(needed: float
     assert bench.outputs[-1].u[2] == pytest.approx(needed, abs=0.001)
     silent(bench, 0.4)
     assert bench.outputs[-1].state is State.DESCEND
-    assert bench.outputs[-1].u[2] == pytest.approx(needed - 0.05, abs=0.001)
+    assert bench.outputs[-1].u[2] == pytest.approx(needed - 0.06, abs=0.001)
