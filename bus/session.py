@@ -169,13 +169,15 @@ class Session:
         wake = self._wake if waking else lambda: None
         return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth)
 
-    def tap(self, store: Callable[[str, str, bytes, float], None]) -> None:
-        """Hear every message of the fleet undecoded, for recorders.
+    def tap(self, store: Callable[[str, str, bytes, float], None], topic: str = "*") -> None:
+        """Hear every message of the fleet, or of one topic, undecoded; for recorders.
 
         Parameters
         ----------
         store
             Called on the receive thread with unit, topic, payload and arrival time [monotonic s].
+        topic
+            Of the channel; by default all.
         """
 
         def on_sample(sample: zenoh.Sample) -> None:
@@ -184,7 +186,7 @@ class Session:
             if len(chunks) == 4 and "*" not in str(sample.key_expr):
                 store(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock())
 
-        pattern = channels.key(self.address.fleet, "*", "*")
+        pattern = channels.key(self.address.fleet, "*", topic)
         self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
 
     def announce(self, unit: str, role: str) -> None:

@@ -12,6 +12,10 @@ from bus.subscription import Inbox, Received
 M = TypeVar("M", bound=Message)
 
 
+FIRST_ROUTER_S = 30.0
+"""All processes of a fleet start at once; the router of a large one takes its time on a small computer."""
+
+
 class Memory:
     """Answers `recall` and `recall_transmitter` for the vehicles of a host in a thread of its own.
 
@@ -28,7 +32,7 @@ class Memory:
     def __init__(self, address: BusAddress, agents: list[str], transmitters: list[str]) -> None:
         self._wake = threading.Event()
         self._stopping = False
-        self._session = Session(address, wake=self._wake.set)
+        self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
         self._statuses = {
             vehicle: self._session.subscribe(channels.AGENT_STATUS, vehicle) for vehicle in agents
         }

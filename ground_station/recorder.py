@@ -1,8 +1,9 @@
 """Keeps what travels on the bus during a flight, undecoded until the flight is over."""
 
 from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from bus.channels import CHANNELS, Channel
 from bus.codec import RejectedError, decode
@@ -46,7 +47,7 @@ class Recording:
 
 
 class Recorder:
-    """Records everything on the bus between `start` and `stop`.
+    """Records what is on the bus between `start` and `stop`.
 
     Parameters
     ----------
@@ -54,13 +55,18 @@ class Recorder:
         Open bus session.
     kept
         How many messages are kept, the newest ones; None keeps all.
+    only
+        Channels to subscribe to; None takes every recorded one.
     """
 
-    def __init__(self, session: Session, kept: int | None = None) -> None:
+    def __init__(
+        self, session: Session, kept: int | None = None, only: Sequence[Channel[Any]] | None = None
+    ) -> None:
         self._records: deque[Record] = deque(maxlen=kept)
         self._topics = {channel.topic for channel in CHANNELS if channel.recorded}
         self._active = False
-        session.tap(self._store)
+        for topic in ("*",) if only is None else tuple(channel.topic for channel in only):
+            session.tap(self._store, topic)
 
     def _store(self, unit: str, topic: str, payload: bytes, arrived_s: float) -> None:
         if self._active and topic in self._topics:

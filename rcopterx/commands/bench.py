@@ -14,6 +14,10 @@ from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
 
 app = typer.Typer(no_args_is_help=True)
 
+PlotOption = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
+]
+
 COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 
 
@@ -34,9 +38,7 @@ def solver(
     seed: Annotated[
         int, typer.Option(metavar="N", min=0, help="Seed of the flight the steps come from.")
     ] = 0,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
-    ] = None,
+    plot: PlotOption = None,
 ) -> None:
     """Whole control steps of the cascade, the paper's scheme and other solvers, on the same problems."""
     from benchmarks.solver import STEPS, run
@@ -105,6 +107,58 @@ def gateway(
         f"write on arrival [ms]: {times}; {document['writes']} writes; "
         f"load of the machine before {document['load_before']:.1f}"
     )
+
+
+@app.command()
+def requests(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Requests of each kind.")] = 100,
+) -> None:
+    """Round trips of requests to agents in flight, on the trio."""
+    from benchmarks.request_times import run
+
+    with user_errors():
+        path = fleet_path("trio")
+        document = run(path, rounds, lambda text: typer.echo(f"bench requests: {text}", err=True))
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    for name, row in document["round_trip_ms"].items():
+        typer.echo(f"{name:22}" + "".join(f"{key:>6} {value:8.3f}" for key, value in row.items()) + "  [ms]")
+
+
+@app.command()
+def scale(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    vehicles: Annotated[
+        str, typer.Option(metavar="N,N,...", help="Numbers of vehicles to fly.")
+    ] = "3,6,8,10,12,14,16",
+    horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=1, max=3600, help="How long each fleet is measured.")
+    ] = 60.0,
+    plot: PlotOption = None,
+) -> None:
+    """Fleets of growing size on this computer: missed control periods, pose to command, load."""
+    from benchmarks.scale import draw_scale, run
+    from experiments.catalogue import save_figure
+    from experiments.runner import Result
+
+    check_plot(plot)
+    sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=63)
+    with user_errors():
+        document = run(sizes, horizon, seconds, lambda text: typer.echo(f"bench scale: {text}", err=True))
+    if plot is not None:
+        save_figure(Result(document, partial(draw_scale, document)), plot)
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    typer.echo(f"{'vehicles':>8}{'missed':>8}{'p50':>9}{'p99':>9}{'max':>9}  cores used [ms]")
+    for row in document["runs"]:
+        times = "".join(f"{row['pose_to_command_ms'][name]:>9.2f}" for name in ("p50", "p99", "max"))
+        load = sum(row["cpu_share"].values())
+        typer.echo(f"{row['vehicles']:>8}{row['missed_ticks']:>8}{times}  {load:.2f}")
+    typer.echo(f"largest fleet without a missed control period: {document['largest_fleet']}")
 
 
 def _readable(document: dict[str, Any]) -> str:

@@ -1,0 +1,71 @@
+"""Round trips of requests to agents in flight: from the call of the scripting interface to its answer."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from bus.requests import Recall
+from ground_station.fleet import Fleet
+from ground_station.launched import launched
+from ground_station.report import percentiles
+
+PAUSE_S: Final = 0.031
+"""Between two requests; no multiple of the control period, so that they meet every phase of it."""
+SETTLE_S: Final = 3.0
+NEAR: Final = (-0.4, -0.5, 0.0)
+WIDE: Final = (-0.45, -0.5, 0.0)
+BESIDE_H2: Final = (0.0, -1.0, 0.0)
+
+Tell = Callable[[str], None]
+Ask = Callable[[Fleet, int], object]
+
+VERBS: Final[dict[str, Ask]] = {
+    "recall": lambda fleet, _: fleet.session.request("h1", Recall()),
+    "go_to": lambda fleet, number: fleet["h1"].go_to((0.05 * (number % 2), 0.0, 1.0)),
+    "follow_same_leader": lambda fleet, number: fleet["h3"].follow("h1", WIDE if number % 2 else NEAR),
+    "follow_other_leader": lambda fleet, number: (
+        fleet["h3"].follow("h1", NEAR) if number % 2 else fleet["h3"].follow("h2", BESIDE_H2)
+    ),
+    "lead": lambda fleet, _: fleet["h3"].lead(),
+    "tune": lambda fleet, number: fleet["h2"].tune(input_weights=(1.5 + 0.1 * (number % 2), 1.5, 15.0, 5.0)),
+}
+"""What is asked of the trio, by the number of the round."""
+
+
+def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:
+    """Measure on a fleet like the trio: h1 leads h2 and h3.
+
+    Parameters
+    ----------
+    path
+        Fleet file.
+    rounds
+        Requests of each kind.
+    tell
+        Told what is going on.
+
+    Returns
+    -------
+    dict
+        `rounds`, and `round_trip_ms`: percentiles by kind, and of all kinds together without `tune`, which is
+        answered only when the new settings have taken over.
+    """
+    times: dict[str, list[float]] = {}
+    with launched(path) as fleet:
+        fleet.take_off()
+        fleet.wait_for_formation()
+        time.sleep(SETTLE_S)
+        for name, ask in VERBS.items():
+            tell(f"{name}: {rounds} requests")
+            times[name] = [_timed_ms(ask, fleet, number) for number in range(rounds)]
+    together = [value for name, values in times.items() if name != "tune" for value in values]
+    table = {name: percentiles(values) for name, values in times.items()}
+    return {"rounds": rounds, "round_trip_ms": table | {"all_but_tune": percentiles(together)}}
+
+
+def _timed_ms(ask: Ask, fleet: Fleet, number: int) -> float:
+    time.sleep(PAUSE_S)
+    started_s = time.monotonic()
+    ask(fleet, number)
+    return 1000 * (time.monotonic() - started_s)

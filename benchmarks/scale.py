@@ -1,0 +1,220 @@
+"""Fleets of growing size on this computer: how many vehicles are controlled without missing a period?
+
+Every fleet is a leader with the others on rings around it, in the simulated laboratory, with all processes of
+a real flight; the leader flies from set point to set point, so everybody follows a plan that changes.
+"""
+
+import math
+import os
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from bus import channels
+from deploy.launcher import Launcher
+from ground_station.launched import launched
+from ground_station.recorder import Recorder
+from ground_station.report import FlightFigures, percentiles
+from ground_station.waiting import NotReachedError
+
+SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
+HORIZON: Final = 30
+SECONDS: Final = 60.0
+SETTLE_S: Final = 3.0
+LEG_S: Final = 4.0
+LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1.0))
+RING_M: Final = 0.75
+"""Radius of the first ring, and distance from ring to ring."""
+FIRST_RING: Final = 9
+"""Vehicles on the first ring; twice as many on the second, and so on."""
+MARGIN_M: Final = 0.45
+ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
+
+Tell = Callable[[str], None]
+
+
+def fleet_text(vehicles: int, horizon: int) -> str:
+    """Fleet file with so many vehicles.
+
+    Parameters
+    ----------
+    vehicles
+        At least one.
+    horizon
+        Stages N of every controller.
+    """
+    room_m = RING_M * _ring(vehicles - 1)[0] + MARGIN_M
+    head = f"""
+name = "scale"
+
+[volume]
+min_m = [{-room_m}, {-room_m}, 0.0]
+max_m = [{room_m}, {room_m}, 2.0]
+
+[tracker]
+address = "127.0.0.1:18801"
+
+[simulator]
+rate_hz = 50
+
+[defaults.control]
+controller = "cascade"
+horizon = {horizon}
+"""
+    return head + "\n".join(_vehicle(number) for number in range(vehicles))
+
+
+def _vehicle(number: int) -> str:
+    follow = ""
+    if number:
+        ring, place = _ring(number)
+        angle = 2 * math.pi * place / (FIRST_RING * ring)
+        x, y = RING_M * ring * math.cos(angle), RING_M * ring * math.sin(angle)
+        follow = f'follow = [{{ leader = "h1", offset_m = [{x:.3f}, {y:.3f}, 0.0] }}]'
+    return f"""
+[vehicles.h{number + 1}]
+subject = "heli{number + 1}"
+transmitter = {{ port = "radio-h{number + 1}", model_match = {number + 1} }}
+{follow}
+"""
+
+
+def _ring(number: int) -> tuple[int, int]:
+    """Ring of a follower, and its place on it."""
+    ring, place = 1, number - 1
+    while place >= FIRST_RING * ring:
+        place -= FIRST_RING * ring
+        ring += 1
+    return ring, place
+
+
+def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
+    """Fly fleets of growing size; returns the JSON document of `rcopterx bench scale`.
+
+    Parameters
+    ----------
+    sizes
+        Numbers of vehicles, flown in growing order.
+    horizon
+        Stages N.
+    seconds
+        How long each fleet is measured.
+    tell
+        Told what is going on.
+
+    Returns
+    -------
+    dict
+        `largest_fleet`, the largest one up to which no fleet missed a control period (0 if the first one
+        did), and `runs`.
+    """
+    runs = []
+    for vehicles in sorted(sizes):
+        with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
+            path = Path(directory) / "scale.toml"
+            path.write_text(fleet_text(vehicles, horizon), encoding="utf-8")
+            runs.append(_measured(path, vehicles, horizon, seconds, tell))
+    largest = 0
+    for row in runs:
+        if row["missed_ticks"]:
+            break
+        largest = row["vehicles"]
+    return {"largest_fleet": largest, "seconds": seconds, "runs": runs}
+
+
+def _measured(path: Path, vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
+    tell(f"{vehicles} vehicles: starting")
+    with launched(path) as fleet:
+        launcher = fleet.launcher
+        if launcher is None:
+            raise NotReachedError("the fleet was not started here")
+        recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED, channels.AGENT_STATUS))
+        fleet.take_off()
+        fleet.wait_for_formation()
+        time.sleep(SETTLE_S)
+        cpu_s = cpu_of_roles(launcher)
+        began_s = time.monotonic()
+        recorder.start()
+        legs = 0
+        while (left_s := began_s + seconds - time.monotonic()) > 0:
+            tell(f"{vehicles} vehicles: {seconds - left_s:.0f} of {seconds:g} s flown")
+            fleet["h1"].go_to(LEGS_M[legs % len(LEGS_M)])
+            legs += 1
+            time.sleep(min(LEG_S, left_s))
+        recording = recorder.stop()
+        flown_s = time.monotonic() - began_s
+        shares = {
+            role: round((after_s - cpu_s[role]) / flown_s, 3)
+            for role, after_s in cpu_of_roles(launcher).items()
+        }
+        names = list(fleet.file.vehicles)
+    figures = FlightFigures(recording, names)
+    tables = [figures.vehicle(name) for name in names]
+    row = {
+        "vehicles": vehicles,
+        "horizon": horizon,
+        "ticks": sum(table["ticks"] for table in tables),
+        "missed_ticks": sum(table["missed_ticks"] for table in tables),
+        "fallbacks": dict(sum((Counter(table["fallbacks"]) for table in tables), Counter())),
+        "pose_to_command_ms": percentiles(figures.pose_to_command_ms()),
+        "solve_ms_p99": max(table["solve_ms"]["p99"] for table in tables),
+        "cpu_share": shares,
+    }
+    tell(f"{vehicles} vehicles: {row['missed_ticks']} missed, pose to command {row['pose_to_command_ms']}")
+    return row
+
+
+def cpu_of_roles(launcher: Launcher) -> dict[str, float]:
+    """Processor time that the processes of each role have used so far [s]; agents all together."""
+    total = dict.fromkeys(ROLES, 0.0)
+    for name, child in launcher.supervisor.children.items():
+        pid = launcher.supervisor.pid(name)
+        if pid is not None:
+            total[child.spec.role] += cpu_s(pid)
+    return total
+
+
+def cpu_s(pid: int) -> float:
+    """Processor time of a process [s] (proc(5), fields 14 and 15 of stat)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def draw_scale(document: dict[str, Any], figure: Any) -> None:
+    """Draw pose_to_command and the load against the number of vehicles.
+
+    Parameters
+    ----------
+    document
+        As `run` returns it.
+    figure
+        Empty `matplotlib.figure.Figure`.
+    """
+    figure.set_size_inches(10, 4.2)
+    left, right = figure.subplots(1, 2)
+    rows = [row for row in document["runs"] if row["pose_to_command_ms"]]
+    sizes = [row["vehicles"] for row in rows]
+    for name, style in (("p50", "o-"), ("p99", "s-"), ("max", "^:")):
+        left.plot(sizes, [row["pose_to_command_ms"][name] for row in rows], style, label=name)
+    for row in rows:
+        if row["missed_ticks"]:
+            place = (row["vehicles"], row["pose_to_command_ms"]["p50"])
+            left.annotate(f"{row['missed_ticks']} missed", place, fontsize="small", rotation=60)
+    left.set_ylabel("pose to command [ms]")
+    left.set_title(f"N = {rows[0]['horizon']}, 50 Hz, {document['seconds']:g} s each")
+    bottom = [0.0] * len(rows)
+    for role in ROLES:
+        values = [row["cpu_share"][role] for row in rows]
+        right.bar(sizes, values, bottom=bottom, label=role, width=0.8)
+        bottom = [base + value for base, value in zip(bottom, values, strict=True)]
+    right.set_ylabel("processor cores used")
+    right.set_title("load by role")
+    for axes in (left, right):
+        axes.set_xlabel("vehicles")
+        axes.set_ylim(bottom=0.0)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="small")
+    figure.tight_layout()

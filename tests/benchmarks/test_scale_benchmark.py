@@ -1,0 +1,78 @@
+"""Promises of the scale benchmark: its fleets can be flown, and its verdict is that of its runs."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import scale
+from deploy.fleet import load_fleet, parse_fleet
+from deploy.role_settings import check_fleet
+from deploy.shipped import fleet_path
+
+
+def row(vehicles: int, missed: int, p99_ms: float = 5.0) -> dict[str, Any]:
+    times = {"p50": 3.0, "p99": p99_ms, "max": 9.0}
+    return {
+        "vehicles": vehicles, "horizon": 30, "missed_ticks": missed, "pose_to_command_ms": times,
+        "cpu_share": dict.fromkeys(scale.ROLES, 0.1),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("vehicles", [1, 2, 10, 11, 28, 40])
+def test_fleets_of_every_size_pass_the_checks_of_a_start(
+    vehicles: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    fleet = parse_fleet(scale.fleet_text(vehicles, 20))
+    assert len(fleet.vehicles) == vehicles
+    check_fleet(fleet, tmp_path)
+
+
+def test_the_shipped_fleet_of_ten_passes_the_checks_of_a_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    fleet = load_fleet(fleet_path("ten"))
+    assert len(fleet.vehicles) == 10
+    check_fleet(fleet, tmp_path)
+
+
+def test_the_largest_fleet_is_the_last_one_before_a_period_was_missed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    missed = {2: 0, 4: 0, 6: 3, 8: 0}
+    monkeypatch.setattr(scale, "_measured", lambda path, vehicles, *_: row(vehicles, missed[vehicles]))
+    document = scale.run((8, 2, 6, 4), 30, 1.0, lambda _: None)
+    assert document["largest_fleet"] == 4
+    assert [run["vehicles"] for run in document["runs"]] == [2, 4, 6, 8]
+    assert scale.run((6,), 30, 1.0, lambda _: None)["largest_fleet"] == 0
+
+
+def test_a_fleet_that_cannot_be_started_here_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    @contextmanager
+    def elsewhere(_: Path) -> Iterator[Any]:
+        yield type("Fleet", (), {"launcher": None})
+
+    monkeypatch.setattr(scale, "launched", elsewhere)
+    with pytest.raises(scale.NotReachedError, match="not started here"):
+        scale.run((2,), 30, 1.0, lambda _: None)
+
+
+def test_figure_shows_latency_and_load() -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    scale.draw_scale({"seconds": 60.0, "runs": [row(2, 0), row(4, 7)]}, figure)
+    assert len(figure.axes) == 2
+    assert "7 missed" in [text.get_text() for text in figure.axes[0].texts]
+
+
+def test_processor_time_of_a_process_grows(tmp_path: Path) -> None:
+    import os
+
+    before_s = scale.cpu_s(os.getpid())
+    while scale.cpu_s(os.getpid()) < before_s + 0.02:
+        sum(range(10000))
