@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from bus import channels
+from bus.session import RequestFailedError
 from deploy.launcher import Launcher
 from ground_station.launched import launched
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures, percentiles
+from ground_station.vehicle import RefusedError
 from ground_station.waiting import NotReachedError
 
 SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
@@ -109,20 +111,37 @@ def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[
     -------
     dict
         `largest_fleet`, the largest one up to which no fleet missed a control period (0 if the first one
-        did), and `runs`.
+        did), and `runs`; a fleet that could not be flown has a `problem`, and no larger one is tried.
     """
     runs = []
     for vehicles in sorted(sizes):
         with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
             path = Path(directory) / "scale.toml"
             path.write_text(fleet_text(vehicles, horizon), encoding="utf-8")
-            runs.append(_measured(path, vehicles, horizon, seconds, tell))
+            runs.append(_measured_or_failed(path, vehicles, horizon, seconds, tell))
+        if "problem" in runs[-1]:
+            break
     largest = 0
     for row in runs:
-        if row["missed_ticks"]:
+        if row["missed_ticks"] != 0:
             break
         largest = row["vehicles"]
     return {"largest_fleet": largest, "seconds": seconds, "runs": runs}
+
+
+def _measured_or_failed(
+    path: Path, vehicles: int, horizon: int, seconds: float, tell: Tell
+) -> dict[str, Any]:
+    try:
+        return _measured(path, vehicles, horizon, seconds, tell)
+    except (NotReachedError, RefusedError, RequestFailedError) as error:
+        # What went wrong first says more than that the landing failed as well.
+        first = error.__context__ if isinstance(error.__context__, NotReachedError | RefusedError) else error
+        tell(f"{vehicles} vehicles: {first}")
+        return {
+            "vehicles": vehicles, "horizon": horizon, "missed_ticks": None, "pose_to_command_ms": None,
+            "problem": str(first),
+        }  # fmt: skip
 
 
 def _measured(path: Path, vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:

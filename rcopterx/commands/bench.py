@@ -155,6 +155,9 @@ def scale(
         return
     typer.echo(f"{'vehicles':>8}{'missed':>8}{'p50':>9}{'p99':>9}{'max':>9}  cores used [ms]")
     for row in document["runs"]:
+        if "problem" in row:
+            typer.echo(f"{row['vehicles']:>8}  {row['problem']}")
+            continue
         times = "".join(f"{row['pose_to_command_ms'][name]:>9.2f}" for name in ("p50", "p99", "max"))
         load = sum(row["cpu_share"].values())
         typer.echo(f"{row['vehicles']:>8}{row['missed_ticks']:>8}{times}  {load:.2f}")

@@ -51,14 +51,31 @@ def test_the_largest_fleet_is_the_last_one_before_a_period_was_missed(
     assert scale.run((6,), 30, 1.0, lambda _: None)["largest_fleet"] == 0
 
 
-def test_a_fleet_that_cannot_be_started_here_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fly(path: Path, vehicles: int, *_: object) -> dict[str, Any]:
+        if vehicles == 4:
+            try:
+                raise scale.RefusedError("h3 is held")
+            except scale.RefusedError:
+                raise scale.NotReachedError("not landed")  # noqa: B904 - as leaving a context manager does
+        return row(vehicles, 0)
+
+    monkeypatch.setattr(scale, "_measured", fly)
+    document = scale.run((2, 4, 6), 30, 1.0, lambda _: None)
+    assert document["largest_fleet"] == 2
+    assert [run.get("problem") for run in document["runs"]] == [None, "h3 is held"]
+
+
+def test_a_fleet_that_was_not_started_here_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
     def elsewhere(_: Path) -> Iterator[Any]:
         yield type("Fleet", (), {"launcher": None})
 
     monkeypatch.setattr(scale, "launched", elsewhere)
-    with pytest.raises(scale.NotReachedError, match="not started here"):
-        scale.run((2,), 30, 1.0, lambda _: None)
+    (run,) = scale.run((2,), 30, 1.0, lambda _: None)["runs"]
+    assert run["problem"] == "the fleet was not started here"
 
 
 def test_figure_shows_latency_and_load() -> None:
