@@ -186,8 +186,10 @@ class Desk:
 
     def _go_to(self, request: GoTo) -> Decision:
         position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
-        problem = self._room.outside(position_m) or self._formation_problem(
-            np.array([[*position_m, yaw_rad]])
+        problem = (
+            self.leading.promised()
+            or self._room.outside(position_m)
+            or self._formation_problem(np.array([[*position_m, yaw_rad]]))
         )
         if problem is not None:
             return problem, ""
@@ -195,7 +197,7 @@ class Desk:
 
     def _fly(self, request: Fly) -> Decision:
         guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
-        problem = guidance.flight_problem()
+        problem = self.leading.promised() or guidance.flight_problem()
         if problem is not None:
             return problem, ""
         present = guidance.source.sample(time_s, 1.0, 1).samples[0]

@@ -1,7 +1,13 @@
-"""Requests for other leaders: they wait until the plans they depend on have been seen."""
+"""Requests for other leaders.
 
+What is heard of the leaders decides: their plans, or what they said of themselves a moment ago. In the second
+case the answer comes before the first plan, which takes a control period; until it is here the vehicle flies
+on as before.
+"""
+
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,12 +18,14 @@ from agents.phases import Phase
 from agents.pilot import Pilot
 from agents.placement import Room, offset_problem, place_problem
 from agents.regrouping import Regrouping
-from agents.topology import in_words
+from agents.topology import ancestors, in_words, line_between
 from bus.messages import Following
 from bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from bus.session import Incoming
 
 FIRST_PLAN_LIMIT_S = 0.3
+RECENT_STATUS_S = 0.3
+"""Age of a status, of which five a second come, that vouches for a plan to come."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +33,7 @@ class _Waiting:
     incoming: Incoming
     request: Follow | PrepareLeaders
     deadline_s: float
+    answered: bool = False
 
 
 class LeaderRequests:
@@ -60,6 +69,7 @@ class LeaderRequests:
         self._neighbours = neighbours
         self._clock = clock
         self.regrouping = Regrouping(clock)
+        self.events: Counter[str] = Counter()
         self._waiting: list[_Waiting] = []
         self.cycles_from_frame = 0
         """Frame from which on a plan that names this vehicle as an ancestor means a cycle."""
@@ -70,7 +80,16 @@ class LeaderRequests:
         if refusal is not None:
             incoming.answer(reply_of(refusal, ""))
             return
-        self._waiting.append(_Waiting(incoming, request, self._clock() + FIRST_PLAN_LIMIT_S))
+        waiting = _Waiting(incoming, request, self._clock() + FIRST_PLAN_LIMIT_S)
+        if isinstance(request, Follow):
+            self._forget_promises()
+            refusal, accepted = self._foreseen(request.following)
+            if refusal or accepted:
+                incoming.answer(reply_of(refusal, accepted))
+                if refusal:
+                    return
+                waiting = replace(waiting, answered=True)
+        self._waiting.append(waiting)
         self.keep_leaders()
         self.settle_waiting()
 
@@ -83,15 +102,24 @@ class LeaderRequests:
         self.regrouping.withdraw(request.operation)
         self.keep_leaders()
 
+    def promised(self) -> str | None:
+        """Whom the vehicle will follow as soon as their plans are here, in words; None for nobody."""
+        names = [link.leader for item in self._waiting if item.answered for link in item.request.following]
+        return f"it is about to follow {', '.join(names)}" if names else None
+
+    def _forget_promises(self) -> None:
+        self._waiting = [item for item in self._waiting if not item.answered]
+
     def lead(self) -> None:
         """Follow nobody."""
+        self._forget_promises()
         self._pilot.guidance.lead(self._pilot.estimate)
         self.keep_leaders()
 
-    def settle_waiting(self) -> None:
-        """Decide on requests whose leaders' plans have arrived, or have not in time."""
+    def settle_waiting(self) -> bool:
+        """Decide on requests whose leaders' plans have arrived or are overdue; True if there was one."""
         if not self._waiting:
-            return
+            return False
         undecided, self._waiting = self._waiting, []
         for waiting in undecided:
             names = [link.leader for link in waiting.request.following]
@@ -102,8 +130,12 @@ class LeaderRequests:
             refusal, accepted = "; ".join(map(self._absence, missing)) or None, ""
             if refusal is None:
                 refusal, accepted = self._decide(waiting.request)
-            waiting.incoming.answer(reply_of(refusal, accepted))
+            if not waiting.answered:
+                waiting.incoming.answer(reply_of(refusal, accepted))
+            elif refusal is not None:
+                self.events["promised_leader_missing"] += 1
         self.keep_leaders()
+        return len(self._waiting) < len(undecided)
 
     def begin_due(self) -> None:
         """Take the prepared leaders if their frame has come."""
@@ -116,6 +148,7 @@ class LeaderRequests:
             self.regrouping.events["regrouping_missed"] += 1
             self.keep_leaders()
             return
+        self._forget_promises()
         if change.links:
             # For a moment the plans of the new leaders still tell of the lines that are given up now.
             self.cycles_from_frame = pilot.clock.current_frame + len(self._vehicles) + 1
@@ -163,6 +196,24 @@ class LeaderRequests:
         if status is None:
             return f"no plan from {name}: nothing is heard from its agent"
         return f"no plan from {name}: its phase is {status.phase}"
+
+    def _foreseen(self, following: tuple[Following, ...]) -> tuple[str | None, str]:
+        """Refusal, or what is going to happen, by what the leaders said of themselves; neither if unsure."""
+        now_s = self._clock()
+        missing = [link.leader for link in following if self._leaders.fresh(link.leader, now_s) is None]
+        recent = self._neighbours.statuses(RECENT_STATUS_S)
+        flying = all(name in recent and recent[name].phase == Phase.FLYING for name in missing)
+        if not (missing and flying and self._pilot.guidance.rotor_on):
+            return None, ""
+        links, _ = formation_of(self._neighbours.statuses(), flying=(self._vehicle,))
+        after = {**links, self._vehicle: following}
+        if line_between(after, self._vehicle, self._vehicle):
+            # Perhaps they have changed leaders since: their plans will tell.
+            return None, ""
+        problem = self._follow_problem(following)
+        if problem is not None:
+            return problem, ""
+        return None, self._in_words(following, ancestors(after, self._vehicle))
 
     def _decide(self, request: Follow | PrepareLeaders) -> tuple[str | None, str]:
         """Refusal, or None and what happens, of a request whose leaders are all heard."""
@@ -216,8 +267,10 @@ class LeaderRequests:
 
     def _line(self, following: Sequence[Following]) -> str:
         """Whom the vehicle follows, and whom they follow."""
+        return self._in_words(following, self._leaders.ancestors([link.leader for link in following]))
+
+    def _in_words(self, following: Sequence[Following], line: Sequence[str]) -> str:
         names = [link.leader for link in following]
-        line = self._leaders.ancestors(names)
         if len(names) == 1:
             return in_words((self._vehicle, *line))
         further = [name for name in line if name not in names]

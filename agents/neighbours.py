@@ -1,5 +1,6 @@
 """What the other vehicles say of themselves: who flies, who follows whom, where they are going."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
@@ -34,14 +35,14 @@ class Neighbours:
         self._inboxes = inboxes
         self._clock = clock
 
-    def statuses(self) -> dict[str, AgentStatus]:
-        """Statuses of those who are not silent."""
+    def statuses(self, within_s: float = math.inf) -> dict[str, AgentStatus]:
+        """Statuses of those who are not silent, and have said something in the last so many seconds."""
         now_s = self._clock()
         found = {}
         for name, inbox in tuple(self._inboxes.items()):
             if name != self._vehicle and inbox.alive(now_s):
                 received = inbox.latest()
-                if received is not None:
+                if received is not None and now_s - received.arrived_s <= within_s:
                     found[name] = received.message
         return found
 

@@ -102,8 +102,8 @@ class Agent:
             for incoming in self._session.pending():
                 self._desk.handle(incoming)
                 self._status_at_s = self._clock()
-        self._desk.leading.settle_waiting()
-        if self._desk.settle_tuning():
+        leaders_changed, tuned = self._desk.leading.settle_waiting(), self._desk.settle_tuning()
+        if leaders_changed or tuned:
             # Whoever restarts this agent a moment later must know of it.
             self._status_at_s = self._clock()
         self._observe()
@@ -196,7 +196,8 @@ class Agent:
         rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
         rejected |= {f"external_input.{kind}": count for kind, count in self._answers.rejected.items()}
         rejected |= self._leaders.counts() | self._traffic.counts()
-        decisions = self._lost.events + self._desk.leading.regrouping.events + self._external.events
+        decisions = self._lost.events + self._external.events
+        decisions += self._desk.leading.events + self._desk.leading.regrouping.events
         status = status_message(
             self._tuning.configuration, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,

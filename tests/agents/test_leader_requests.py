@@ -3,9 +3,11 @@
 import pytest
 from support.desk import (
     UP,
+    Asked,
     Office,
     follow,
     follow_at,
+    go_to,
     hovering,
     say,
 )
@@ -196,6 +198,76 @@ def test_a_leader_that_fell_silent_is_not_followed_anew(office: Office) -> None:
     office.desk.leading.settle_waiting()
     assert asked.refusal is not None
     assert "no plan from h1" in asked.refusal
+
+
+def promised(office: Office, *names: str) -> Asked:
+    """A request that is answered by what the leaders said of themselves."""
+    office.fly()
+    for number, name in enumerate(("h1", "h2")):
+        say(office, name, hovering((-0.4, 0.8 * number, 1.0)))
+    asked = office.ask(follow(*names))
+    assert asked.refusal is None
+    return asked
+
+
+def test_a_leader_that_says_it_flies_is_accepted_before_its_first_plan(office: Office) -> None:
+    asked = promised(office, "h1")
+    assert asked.answers[0].reason == "h9 follows h1"
+    assert office.pilot.guidance.links == ()
+    office.plan_bus.deliver(plan_of("h1"))
+    assert office.desk.leading.settle_waiting()
+    assert [link.leader for link in office.pilot.guidance.links] == ["h1"]
+    assert len(asked.answers) == 1
+    assert not office.desk.leading.settle_waiting()
+
+
+def test_an_early_answer_names_the_line_of_ancestors(office: Office) -> None:
+    office.fly()
+    say(office, "h1", hovering((-0.4, 0.8, 1.0)))
+    behind = Following(leader="h1", offset_m=(0.0, -0.8, 0.0))
+    say(office, "h2", hovering((-0.4, 0.0, 1.0), behind))
+    assert office.ask(follow("h2")).answers[0].reason == "h9 follows h2 follows h1"
+
+
+@pytest.mark.parametrize(("phase", "age_s"), [("landing", 0.0), ("armed", 0.0), ("flying", 0.4)])
+def test_a_leader_that_does_not_fly_or_is_quiet_is_not_promised(
+    office: Office, phase: str, age_s: float
+) -> None:
+    office.fly()
+    say(office, "h1", hovering((-0.4, 0.0, 1.0), phase=phase))
+    office.clock.advance(age_s)
+    assert office.ask(follow("h1")).answers == []
+
+
+def test_an_offset_that_leads_out_is_refused_before_the_first_plan(office: Office) -> None:
+    office.fly()
+    say(office, "h1", hovering((1.0, 0.0, 1.0)))
+    assert "outside the flight volume" in (office.ask(follow("h1")).refusal or "")
+    assert office.plan_bus.open_names() == []
+
+
+def test_a_promised_leader_whose_plan_never_comes_is_counted_and_nothing_changes(office: Office) -> None:
+    promised(office, "h1")
+    office.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
+    office.desk.leading.settle_waiting()
+    assert office.desk.leading.events["promised_leader_missing"] == 1
+    assert office.pilot.guidance.links == ()
+    assert office.plan_bus.open_names() == []
+
+
+def test_the_last_word_counts_while_a_plan_is_on_its_way(office: Office) -> None:
+    promised(office, "h1")
+    assert office.ask(go_to(0.1, 0.0, 1.0)).refusal == "it is about to follow h1"
+    assert office.ask(follow("h2")).refusal is None
+    office.plan_bus.deliver(plan_of("h1"))
+    office.plan_bus.deliver(plan_of("h2"))
+    office.desk.leading.settle_waiting()
+    assert [link.leader for link in office.pilot.guidance.links] == ["h2"]
+    promised(office, "h1")
+    assert office.ask(Lead()).refusal is None
+    office.plan_bus.deliver(plan_of("h1"))
+    office.desk.leading.settle_waiting()
+    assert office.pilot.guidance.links == ()
 
 
 def prepare(*following: Following, place: tuple[float, float, float] | None = None) -> PrepareLeaders:
