@@ -27,7 +27,7 @@ from vehicles.types import COAXIAL
 VEHICLES: Final = 10
 QUICK_VEHICLES: Final = 4
 HORIZON: Final = 50
-RADIUS_M: Final = 0.85
+RADIUS_M: Final = 0.8
 HEIGHT_M: Final = 1.0
 START_S: Final = 2.0
 """Estimators settle before everybody is sent off."""
