@@ -42,7 +42,8 @@ class EpochCounter:
 
         A frame number that goes on keeps the epoch, on a new connection too, when the gap agrees with the
         time that has passed. A jump back, or a gap that does not agree, begins a new epoch; so does a jump
-        forward within a connection by more than the time that has passed.
+        forward within a connection by more than the time that has passed. A frame that is the last one again,
+        number and poses, is no capture, however much later it comes.
 
         Parameters
         ----------
@@ -50,7 +51,10 @@ class EpochCounter:
         wall_clock_s : float
             Wall clock (Unix time) now; its value matters only where a new epoch begins.
         """
-        last, self._last = self._last, frame
+        last = self._last
+        if last is not None and frame.frame == last.frame and frame.subjects == last.subjects:
+            return None  # a Tracker that hangs says the same again, to a new connection too
+        self._last = frame
         if last is None or not _continues(last, frame):
             self.epochs += 1
             self._epoch = max(int(wall_clock_s * 1000.0), self._epoch + 1)

@@ -5,13 +5,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vicon_gateway.epoch import EpochCounter, Stamp
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import Frame, SubjectPose
 
 PERIOD_S = 0.02
 
 
-def frame(number: int, received_s: float, connection: int = 1) -> Frame:
-    return Frame(number, connection, PERIOD_S, received_s, 0.0, (), ())
+def frame(number: int, received_s: float, connection: int = 1, x_m: float | None = None) -> Frame:
+    """A frame with a body that moves; with `x_m` it is there."""
+    position = (received_s if x_m is None else x_m, 0.0, 1.0)
+    pose = SubjectPose("h1", False, position, (0.0, 0.0, 0.0, 1.0), None)
+    return Frame(number, connection, PERIOD_S, received_s, 0.0, (), (pose,))
 
 
 def started(number: int = 1000, received_s: float = 50.0) -> EpochCounter:
@@ -69,6 +72,15 @@ def test_capture_delivered_again_after_a_reconnect_gets_no_second_stamp() -> Non
     counter = started()
     assert counter.stamp(frame(1000, 50.05, connection=2), 0.0) is None
     assert counter.stamp(frame(1003, 50.06, connection=2), 0.0) == Stamp(1_700_000_000_500, 1003)
+
+
+def test_frozen_tracker_gets_no_new_stamp_however_often_it_is_asked_and_goes_on_in_its_epoch() -> None:
+    counter = EpochCounter()
+    assert counter.stamp(frame(1000, 50.0, x_m=0.5), 1.0) == Stamp(1000, 1000)
+    for connection in range(2, 20):
+        assert counter.stamp(frame(1000, 50.0 + 0.3 * connection, connection, x_m=0.5), 2.0) is None
+    assert counter.stamp(frame(1300, 56.0, 20, x_m=0.6), 3.0) == Stamp(1000, 1300)
+    assert counter.epochs == 1
 
 
 def test_wall_clock_set_back_still_gives_a_later_epoch() -> None:
