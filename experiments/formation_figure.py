@@ -35,9 +35,9 @@ def draw_formation(records: Mapping[str, FlightRecord], figure: Any) -> None:
             gap, wanted = (
                 states - leader.motion[:, :4] for states in (follower.motion[:, :4], follower.station)
             )
-            _draw_four(axes[row, column], time_s, gap, wanted)
-        between = (third.motion - second.motion)[:, :4]
-        _draw_four(axes[3, column], time_s, between, third.station - second.station)
+            _draw_four(axes[row, column], time_s, _without_turns(gap, wanted), wanted)
+        between, wanted = (third.motion - second.motion)[:, :4], third.station - second.station
+        _draw_four(axes[3, column], time_s, _without_turns(between, wanted), wanted)
         axes[3, column].set_xlabel("time [s]")
     for row, label in enumerate(("leader", "h1 to h2", "h1 to h3", "h2 to h3")):
         axes[row, 0].set_ylabel(f"{label} [mm, 0.01 rad]")
@@ -46,12 +46,16 @@ def draw_formation(records: Mapping[str, FlightRecord], figure: Any) -> None:
     figure.tight_layout()
 
 
-def _draw_four(axes: Any, time_s: Array, flown: Array, wanted: Array) -> None:
-    """Draw position and heading; vehicles count their turns by themselves, so whole turns are left out."""
+def _without_turns(flown: Array, wanted: Array) -> Array:
+    """Differences between two vehicles without whole turns, which each of them counts by itself."""
     turns = np.round((flown[:, 3] - wanted[:, 3]) / (2 * np.pi))
+    return np.column_stack((flown[:, :3], flown[:, 3] - 2 * np.pi * turns))
+
+
+def _draw_four(axes: Any, time_s: Array, flown: Array, wanted: Array) -> None:
+    """Draw position and heading."""
     for index, (name, colour) in enumerate(COLOURS.items()):
         scale = YAW_MAGNIFICATION if name == "psi" else MILLIMETRES
-        solid = flown[:, index] - (2 * np.pi * turns if name == "psi" else 0.0)
         axes.plot(time_s, scale * wanted[:, index], color=colour, linestyle="--", linewidth=0.8)
-        axes.plot(time_s, scale * solid, color=colour, linewidth=1.0, label=name)
+        axes.plot(time_s, scale * flown[:, index], color=colour, linewidth=1.0, label=name)
     axes.grid(alpha=0.3)
