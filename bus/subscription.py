@@ -56,10 +56,10 @@ class Inbox(Generic[M]):
         self._payloads.append((payload, arrived_s))
         self._arrivals.append(arrived_s)
 
-    def drain(self) -> list[Received[M]]:
-        """Valid messages that arrived since the last call, oldest first."""
+    def drain(self, limit: int | None = None) -> list[Received[M]]:
+        """Valid messages that arrived since the last call, oldest first, from at most `limit` payloads."""
         received = []
-        while self._payloads:
+        for _ in range(len(self._payloads) if limit is None else limit):
             try:
                 payload, arrived_s = self._payloads.popleft()
             except IndexError:

@@ -56,7 +56,8 @@ class Gateway:
             self._poses_at_s(),
             *(station.transmitter.next_deadline_s() for station in self._stations.values()),
         )
-        timeout_s = min(LONGEST_WAIT_S, deadline_s - self._clock())
+        commands_wait = any(station.commands_wait for station in self._stations.values())
+        timeout_s = 0.0 if commands_wait else min(LONGEST_WAIT_S, deadline_s - self._clock())
         ports = {station.transmitter.port.fileno(): station for station in self._stations.values()}
         descriptors = [port for port in ports if port is not None]
         for descriptor in self._wakeup.wait([*descriptors, *self._keys.descriptors], timeout_s):

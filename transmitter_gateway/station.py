@@ -23,6 +23,8 @@ from transmitter_gateway.transmitter import Transmitter, Write
 RECALL_LIMIT_S = 0.2
 COMMANDS_KEPT = 256
 """A flood of wrong commands must not push out the right ones between them."""
+COMMANDS_AT_ONCE = 8
+"""So that a flood for one vehicle keeps no other one waiting."""
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
@@ -64,8 +66,8 @@ class Station:
         session.announce(self.vehicle, "transmitter")
 
     def take_commands(self, clock: Callable[[], float]) -> None:
-        """Hand commands that arrived to the arbiter, which writes; the last write is not announced yet."""
-        for received in self._commands.drain():
+        """Hand a few of the commands to the arbiter, which writes; the last write is not announced yet."""
+        for received in self._commands.drain(COMMANDS_AT_ONCE):
             self.announce_write()
             message = received.message
             command = CommandInput(
@@ -81,6 +83,11 @@ class Station:
             if self.transmitter.on_command(command, clock()).accepted:
                 self._accepted_s = received.arrived_s
                 self._last_sequence = message.sequence
+
+    @property
+    def commands_wait(self) -> bool:
+        """Whether there are commands that `take_commands` has left for the next time."""
+        return self._commands.waiting_since_s() is not None
 
     def recall(self) -> None:
         """Ask the launcher what an earlier process of this gateway wrote last, if there was one."""

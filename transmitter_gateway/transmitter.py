@@ -164,7 +164,8 @@ class Transmitter:
     def on_command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; an accepted one from the lease holder is written at once."""
         answer = self.arbiter.command(command, now_s)
-        self._run(now_s, urgent=answer.accepted and self.arbiter.holder == command.source)
+        if answer.accepted:
+            self._run(now_s, urgent=self.arbiter.holder == command.source)
         return answer
 
     def on_pose(self, pose: PoseInput, now_s: float) -> None:

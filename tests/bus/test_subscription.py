@@ -89,6 +89,17 @@ def test_a_deep_inbox_hands_over_everything_in_order_and_counts_what_it_lost() -
     assert inbox.rejected["overrun"] == 2
 
 
+def test_what_a_limited_reading_leaves_waits_for_the_next_one() -> None:
+    inbox = Inbox(channels.POSE, depth=4)
+    inbox.store(b"\xc1", 0.0)
+    for frame in range(3):
+        inbox.store(pose(frame), float(frame))
+    assert [received.message.frame for received in inbox.drain(2)] == [0]
+    assert inbox.waiting_since_s() == 1.0
+    assert [received.message.frame for received in inbox.drain(2)] == [1, 2]
+    assert inbox.drain(2) == []
+
+
 @given(st.lists(st.sampled_from(["size", "malformed", "type", "value"]), max_size=20))
 def test_every_refusal_is_counted_under_its_kind(kinds: list[str]) -> None:
     inbox = Inbox(channels.COMMAND)

@@ -10,9 +10,6 @@ import pytest
 from integration_support import NAMES, Flying, Truth, fleet_text, free_port, transmitter_state
 
 from bus import channels
-from bus.messages import Command, FloatArray
-from bus.session import Session
-from deploy.role_settings import bus_address
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
@@ -21,7 +18,6 @@ from ground_station.vehicle import RefusedError
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
-COMMANDS_OF_A_TEST = 200
 
 
 def fly_to(flying: Flying, position_m: tuple[float, float, float], tolerance_m: float = 0.1) -> None:
@@ -208,45 +204,6 @@ def _tracker_up(flying: Flying) -> bool:
     return (
         received is not None and received.message.state == "up" and received.message.counters["connects"] > 1
     )
-
-
-def test_malformed_commands_are_counted_and_the_vehicle_flies_on(launch: Launch) -> None:
-    flying = launch()
-    truth = Truth(flying)
-    flying.fleet.take_off(height_m=0.8)
-    truth.start_watch()
-    with Session(bus_address(flying.fleet.file, "main")) as stranger:
-        for number in range(COMMANDS_OF_A_TEST):
-            stranger.publish(channels.COMMAND, "h2", _bad_command(number))
-    flying.fleet.wait_until(lambda: _rejections(flying, "h2") > 50, 5, "rejections are not shown")
-    truth.assert_nobody_touched_down()
-    assert transmitter_state(flying, "h2") == "armed"
-
-
-def _bad_command(number: int) -> Command:
-    source, value, sequence = (
-        ("h3", 0.5, 10**15),
-        ("h2", 7.0, 10**15),
-        ("h2", float("nan"), 10**15),
-        ("h2", 0.5, 3),
-    )[number % 4]
-    return Command(
-        epoch=1,
-        frame=number,
-        source=source,
-        sequence=sequence,
-        input=(0.0, 0.0, value, 0.0),
-        next_inputs=FloatArray.of(np.zeros((0, 4))),
-        period_s=0.02,
-    )
-
-
-def _rejections(flying: Flying, name: str) -> int:
-    status = flying.fleet.state_of(name).transmitter
-    if status is None:
-        return 0
-    refused = sum(count for key, count in status.counters.items() if "reject" in key or "refused" in key)
-    return refused + sum(status.rejected.values())
 
 
 def test_kill_latches_until_it_is_reset(launch: Launch) -> None:
