@@ -68,10 +68,11 @@ class Gateway:
 
     def step(self) -> None:
         """Everything that is due now; commands first, for they are written on arrival."""
-        for station in self._stations.values():
+        commanded = [station for station in self._stations.values() if station.commands_wait]
+        for station in commanded:
             station.take_commands(self._clock)
         # Telling of a write takes as long as the write itself; nobody's command waits for that.
-        for station in self._stations.values():
+        for station in commanded:
             station.announce_write()
         for kill in self._kill.drain():
             for station in self._stations.values():

@@ -146,6 +146,7 @@ class Transmitter:
                 protocol.check(calibration.pulses_us(extreme, throttle_low=throttle_low))
         self._output = ArbiterOutput(State.DISARMED, "started")
         self._pending = False
+        self._deadline_s: float | None = None
         self._attempt_s = -math.inf
         self._bind_since_s: float | None = None
         self._bind_by_s = -math.inf
@@ -163,6 +164,7 @@ class Transmitter:
 
     def on_command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; an accepted one from the lease holder is written at once."""
+        self._deadline_s = None
         answer = self.arbiter.command(command, now_s)
         if answer.accepted:
             self._run(now_s, urgent=self.arbiter.holder == command.source)
@@ -170,6 +172,7 @@ class Transmitter:
 
     def on_pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of any vehicle; the own one is judged at once."""
+        self._deadline_s = None
         self.arbiter.pose(pose, now_s)
         if pose.vehicle == self.vehicle:
             self._run(now_s)
@@ -198,6 +201,7 @@ class Transmitter:
         if words.state is State.KILLED:
             self.arbiter.request(Request(Action.KILL, by="an earlier process"), now_s)
         elif words.state in FLYING:
+            self._deadline_s = None
             self._words, self._decide_by_s = words, now_s + FIRST_POSE_S
 
     def _undecided(self, now_s: float) -> bool:
@@ -290,9 +294,12 @@ class Transmitter:
 
     def next_deadline_s(self) -> float:
         """When `tick` must be called at the latest [s]."""
-        if self._words is not None:
-            return self._decide_by_s
-        return min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
+        if self._deadline_s is None:
+            if self._words is not None:
+                self._deadline_s = self._decide_by_s
+            else:
+                self._deadline_s = min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
+        return self._deadline_s
 
     @property
     def finished(self) -> bool:
@@ -305,6 +312,7 @@ class Transmitter:
         self.port.close()
 
     def _run(self, now_s: float, *, urgent: bool = False) -> None:
+        self._deadline_s = None
         if self._undecided(now_s):
             return
         if self.port.service(now_s):
