@@ -94,9 +94,9 @@ def view(
     with running_fleet(fleet) as running:
         server = viser.ViserServer("127.0.0.1", port, label=f"rcopterx {running.file.name}", verbose=False)
         try:
-            picture = FleetView(running, server)
-            typer.echo(f"http://127.0.0.1:{server.get_port()}  (Ctrl-C ends the view, the fleet goes on)")
             with suppress(KeyboardInterrupt):
+                picture = FleetView(running, server)
+                typer.echo(f"http://127.0.0.1:{server.get_port()}  (Ctrl-C ends the view, the fleet goes on)")
                 while True:
                     picture.update()
                     time.sleep(VIEW_PERIOD_S)
