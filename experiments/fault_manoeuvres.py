@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from bus.faults import Occlude
 from experiments import steps
 from experiments.checks import (
     agents_started_again,
@@ -11,9 +12,11 @@ from experiments.checks import (
     longest_silence,
     played_in_state,
     position_kept,
+    transmitters_undisturbed,
 )
 from experiments.manoeuvre import Manoeuvre
-from experiments.steps import Step, go_to, in_order, pause
+from experiments.steps import Say, Step, Wait, go_to, in_order, pause
+from ground_station.fleet import Fleet
 
 
 def _broken(process: str) -> Step:
@@ -27,6 +30,16 @@ def _broken(process: str) -> Step:
         go_to((0.2, 0.0, 1.1)),
         pause(1.0),
     )
+
+
+def _hidden(vehicle: str) -> Step:
+    """Take a vehicle out of the Tracker's sight for a moment."""
+
+    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
+        subject = fleet.file.vehicles[vehicle].subject
+        steps.injected(Occlude(subject=subject, duration_s=0.06))(fleet, say, wait)
+
+    return fly
 
 
 FAULT_ROWS: Final = (
@@ -73,10 +86,27 @@ FAULT_ROWS: Final = (
         launched=True,
     ),
     Manoeuvre(
+        "occlusion",
+        "The Tracker does not see a follower for 60 ms, twice: its agent predicts, nobody notices",
+        6.0,
+        in_order(
+            pause(1.0), _hidden("h2"), pause(1.5), _hidden("h2"), pause(1.5), steps.formed(),
+        ),
+        (*in_the_air(), distance_kept(), transmitters_undisturbed(), position_kept("h2", 60.0)),
+    ),
+    Manoeuvre(
         "vicon-gateway-killed",
         "The Vicon gateway is killed in flight; its successor continues and everybody flies on",
         8.0,
         _broken("tracker"),
+        (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
+        launched=True,
+    ),
+    Manoeuvre(
+        "transmitter-gateway-killed",
+        "The transmitter gateway is killed in flight; receivers hold, its successor takes over in flight",
+        8.0,
+        _broken("transmitters"),
         (*in_the_air(), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1)), ends_at("h2", (-0.2, 0.5, 1.1))),
         launched=True,
     ),

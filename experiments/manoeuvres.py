@@ -7,6 +7,7 @@ import math
 from types import MappingProxyType
 from typing import Final
 
+from agents.paths import figure_eight
 from bus.messages import Following
 from experiments import steps
 from experiments.checks import (
@@ -281,6 +282,19 @@ ROWS: Final = (
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
         (*in_the_air(), formation_held(), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0))),
+    ),
+    Manoeuvre(
+        "figure-eight",
+        "The leader flies a figure-eight twice, 12 s each, and the formation with it",
+        30.0,
+        in_order(
+            steps.fly_path(figure_eight((0.0, 0.0, 1.1), (0.5, 0.25), 12.0, turns=2.0)),
+            steps.formed(), pause(1.0),
+        ),
+        (
+            *in_the_air(), formation_held(), transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.1)),
+            ends_at("h2", (*LEFT[:2], 1.1)),
+        ),
     ),
     *FAULT_ROWS,
     *CROSSING_ROWS,

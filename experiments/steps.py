@@ -7,8 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
+from agents.paths import FlightPath
+from bus.faults import Fault, fault_words
 from bus.messages import Following
 from ground_station.fleet import Fleet
+from ground_station.scenario import inject_faults
 from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
 
@@ -84,6 +87,17 @@ def go_together(places_m: Mapping[str, Three]) -> Step:
             fleet[name].go_to(position_m)
         for name in places_m:
             fleet[name].wait_for_arrival(SETTLED_M)
+        wait(REST_S)
+
+    return fly
+
+
+def fly_path(path: FlightPath, name: str | None = None) -> Step:
+    """Let a vehicle, by default the leader, fly a trajectory to its end."""
+
+    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
+        who = name or leader_of(fleet)
+        say(f"{who}: trajectory of {fleet[who].fly(path, wait=True)}")
         wait(REST_S)
 
     return fly
@@ -244,6 +258,16 @@ def frozen(process: str, seconds: float) -> Step:
             wait(seconds)
         finally:
             os.kill(pid, signal.SIGCONT)
+
+    return fly
+
+
+def injected(fault: Fault) -> Step:
+    """Let the simulated laboratory go wrong."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"laboratory: {fault_words(fault)}")
+        inject_faults(fleet.session, fault)
 
     return fly
 
