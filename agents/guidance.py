@@ -106,6 +106,7 @@ class Guidance:
         self.plan_limit_s = plan_limit_s
         self._floor_m = 0.0
         self._on_floor_since_s: float | None = None
+        self._landing_interrupted = False
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
 
@@ -124,6 +125,11 @@ class Guidance:
         """Whether the reference comes from leaders now."""
         return bool(self.links) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
 
+    @property
+    def landing_interrupted(self) -> bool:
+        """Whether the vehicle was landing when the transmitter gateway took over, and flies freely again."""
+        return self._landing_interrupted and self.phase is Phase.FLYING
+
     def set_point(self) -> tuple[Array, float]:
         """Position [m], shape (3,), and yaw [rad] the own reference ends at."""
         last = self.source.sample(1e9, 1.0, 2)
@@ -134,6 +140,8 @@ class Guidance:
         before, self.phase = self.phase, next_phase(self.phase, event)
         if self.phase is before:
             return False
+        if self.phase is not Phase.FLYING:
+            self._landing_interrupted = before is Phase.LANDING and self.phase is Phase.EMERGENCY
         if estimate is not None and event in (Event.RESUME, Event.ARM) and self.phase is Phase.FLYING:
             self.hold_here(estimate)
         if self.phase is Phase.FLYING:

@@ -182,6 +182,8 @@ class Pilot:
             self.inputs = InputHistory(value)
         self.informed = True
         self.guidance.on_event(event, self.estimate)
+        if self.guidance.landing_interrupted:
+            self.guidance.land(self.estimate, self.clock.time_s)
 
     def take_off(self, height_m: float) -> str | None:
         """Begin to take off; a refusal is returned as its reason."""

@@ -273,6 +273,30 @@ def test_the_gateway_decides_and_the_pilot_follows() -> None:
     assert not pilot.control({}).input.any()
 
 
+def test_a_landing_goes_on_after_the_gateway_has_held_the_vehicle() -> None:
+    pilot = airborne(noted())
+    assert pilot.guidance.land(pilot.estimate, pilot.clock.time_s) is None
+    for state in ("hold", "descend", "hold"):
+        pilot.note_applied(state, 0, HOVER)
+        assert pilot.guidance.phase is Phase.EMERGENCY
+    pilot.note_applied("armed", 0, HOVER)
+    assert pilot.guidance.phase is Phase.LANDING
+    pilot.note_applied("armed", 0, HOVER)
+    assert pilot.guidance.phase is Phase.LANDING
+
+
+def test_who_was_held_while_it_flew_flies_on_even_if_it_landed_before() -> None:
+    pilot = airborne(noted())
+    pilot.guidance.land(pilot.estimate, pilot.clock.time_s)
+    pilot.note_applied("hold", 0, HOVER)
+    pilot.note_applied("cut", 0, np.zeros(4))
+    assert pilot.guidance.phase is Phase.GROUND
+    pilot.guidance.on_event(Event.RESUME, pilot.estimate)
+    pilot.note_applied("hold", 0, HOVER)
+    pilot.note_applied("armed", 0, HOVER)
+    assert pilot.guidance.phase is Phase.FLYING
+
+
 def test_the_next_inputs_are_those_after_the_command() -> None:
     inputs = np.linspace(0.3, 0.6, 12)[:, None] * np.array([0.1, 0.1, 1.0, 0.1])
     pilot = airborne(noted(inputs=inputs))
