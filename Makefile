@@ -4,13 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: help demo test lint experiments clean
+.PHONY: help demo test campaign lint clean
 
 help:
-	@echo "make demo    three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
-	@echo "make test    all tests (a few minutes)"
-	@echo "make lint    formatting, types, allowed imports"
-	@echo "make clean   remove the virtual environment and caches"
+	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
+	@echo "make test      unit tests, then fleets of real processes (less than ten minutes)"
+	@echo "make campaign  long flights that vary what make test flies once"
+	@echo "make lint      formatting, types, allowed imports"
+	@echo "make clean     remove the virtual environment and caches"
 
 $(VENV)/.base: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
@@ -26,7 +27,15 @@ demo: $(VENV)/.base
 	@exec $(BIN)/rcopterx demo $(ARGS)
 
 test: $(VENV)/.test
+ifeq ($(strip $(ARGS)),)
+	$(BIN)/python -m pytest -n 2 -m "not integration and not campaign"
+	$(BIN)/python -m pytest -m "integration and not campaign"
+else
 	$(BIN)/python -m pytest -m "not campaign" $(ARGS)
+endif
+
+campaign: $(VENV)/.test
+	$(BIN)/python -m pytest -m campaign $(ARGS)
 
 lint: $(VENV)/.test
 	$(BIN)/ruff format --check .

@@ -69,7 +69,14 @@ def test_five_vehicles_swap_places_by_each_others_plans(
     assert [check for check in failed if not check["name"].startswith(tuple(DEPENDS_ON_THE_MACHINE))] == []
 
 
-@pytest.mark.parametrize("name", ["leave-and-join", "follower-killed"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "refusals",
+        pytest.param("leave-and-join", marks=pytest.mark.campaign),
+        pytest.param("follower-killed", marks=pytest.mark.campaign),
+    ],
+)
 def test_a_manoeuvre_is_flown_judged_and_reported(
     name: str, path: Path, tmp_path: Path, environment: dict[str, str]
 ) -> None:

@@ -224,7 +224,7 @@ def test_key_on_the_gateways_terminal_kills_and_is_explained(launch: Launch) -> 
         assert process.wait(10) == 0
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.campaign)])
 def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
     launch: Launch, how: signal.Signals
 ) -> None:
@@ -267,8 +267,8 @@ SAFE_FALL_M = 0.12
     ("condition", "reported"),
     [
         ("unplugged", "No such file"),
-        ("off", "module gone"),
-        ("refusing", "protocol"),
+        pytest.param("off", "module gone", marks=pytest.mark.campaign),
+        pytest.param("refusing", "protocol", marks=pytest.mark.campaign),
     ],
 )
 def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
