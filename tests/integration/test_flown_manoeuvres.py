@@ -53,6 +53,7 @@ def path_of_five(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.campaign
 def test_five_vehicles_swap_places_by_each_others_plans(
     path_of_five: Path, tmp_path: Path, environment: dict[str, str]
 ) -> None:
@@ -72,7 +73,8 @@ def test_five_vehicles_swap_places_by_each_others_plans(
 @pytest.mark.parametrize(
     "name",
     [
-        "refusals",
+        pytest.param("refusals", marks=pytest.mark.campaign),
+        "occlusion",
         pytest.param("leave-and-join", marks=pytest.mark.campaign),
         pytest.param("follower-killed", marks=pytest.mark.campaign),
     ],

@@ -42,6 +42,7 @@ def test_a_vehicle_joins_a_flying_fleet_and_leaves_it_again(launch: Launch) -> N
     fleet.land()
 
 
+@pytest.mark.campaign
 def test_a_fleet_flies_without_a_vehicle_whose_radio_is_missing(launch: Launch) -> None:
     flying = launch(control=CASCADE)
     truth = Truth(flying)

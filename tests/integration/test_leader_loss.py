@@ -145,6 +145,7 @@ def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_bac
     assert min(truth.height_m(name) for name in ("h2", "h3")) > 0.4
 
 
+@pytest.mark.campaign
 def test_one_follower_of_a_lost_leader_holds_and_another_one_lands_as_the_file_says(launch: Launch) -> None:
     flying, truth = start(launch, {"h2": "hold", "h3": "land"})
     before = place(truth, "h2")

@@ -32,6 +32,7 @@ transmitter = {{ port = "radio-{name}", model_match = {number} }}
     return "\n".join(tables)
 
 
+@pytest.mark.campaign
 def test_a_chain_of_five_follows_its_head_and_tells_the_whole_line(launch: Launch) -> None:
     starts = ", ".join(f"{name} = [{0.8 - 0.4 * number}, 0, 0, 0]" for number, name in enumerate(CHAIN))
     text = fleet_text(

@@ -27,7 +27,7 @@ ERROR_MM = 150.0
 """Of the follower, in laboratory conditions, on a machine that has other work to do as well."""
 
 
-@pytest.mark.parametrize("rate_hz", [100, 200])
+@pytest.mark.parametrize("rate_hz", [pytest.param(100, marks=pytest.mark.campaign), 200])
 def test_a_formation_flies_at_higher_rates_of_the_tracker(launch: Launch, rate_hz: int) -> None:
     text = fleet_text(
         free_port(),

@@ -58,6 +58,7 @@ def at(truth: Truth, name: str, position_m: tuple[float, float, float], toleranc
     return vehicle is not None and np.linalg.norm(np.subtract(vehicle.position_m, position_m)) < tolerance_m
 
 
+@pytest.mark.campaign
 def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
     flying = launch(trio_text(RADIOS))
     assert {v.transmitter.protocol for v in load_fleet(flying.path).vehicles.values()} == set(RADIOS.values())
@@ -136,6 +137,7 @@ def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(launch: Launch
         assert all(throttle > THROTTLE_LOW_US + 100 for _, throttle in log.frames(name)[-100:])
 
 
+@pytest.mark.campaign
 def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
     launch: Launch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -364,6 +366,7 @@ def refused_commands(flying: Flying, name: str) -> int:
     return sum(status.counters.get(kind, 0) for kind in kinds) + sum(status.rejected.values())
 
 
+@pytest.mark.campaign
 def test_hover_trim_is_measured_in_flight_and_written_to_the_file(launch: Launch, tmp_path: Path) -> None:
     flying = launch(trio_text())
     copy = tmp_path / "copy.toml"
