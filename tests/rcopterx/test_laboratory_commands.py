@@ -71,12 +71,17 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
         found = re.search(r"1 connection; connect to 127\.0\.0\.1:(\d+)$", process.stderr.readline().strip())
         assert found is not None
         with DataStreamClient("127.0.0.1", int(found[1])) as client:
-            wait_for(lambda: client.next_frame(0.01) is None and client.state.frames > 15, "not played")
+            wait_for(lambda: client.next_frame(0.01) is None and _heard(client) > 15, "not played")
             assert process.wait(10) == 0
         assert "connection 1 of 1" in (process.stdout.read() if process.stdout else "")
     finally:
         process.kill()
         process.wait()
+
+
+def _heard(client: DataStreamClient) -> int:
+    """Frames that arrived; on a busy machine several are read at once and only the newest is given."""
+    return client.state.frames + client.state.skipped
 
 
 class ScriptedSimulator:
