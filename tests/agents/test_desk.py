@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from support.desk import STATUS, UP, Office, follow, go_to, hovering, replace_following, say
+from support.desk import UP, Office, follow, go_to, say
 from support.plans import plan_of
+from support.statuses import flying_status, hovering
 
 from agents.links import following_of, link_of
 from agents.paths import through
@@ -111,14 +112,15 @@ def test_links_survive_the_way_through_messages(frame: str) -> None:
 
 def test_a_restarted_agent_goes_on_to_the_set_point(office: Office) -> None:
     office.fly()
-    office.desk.resume(STATUS)
+    office.desk.resume(flying_status(set_point=SetPoint(position_m=(0.5, 0.5, 1.2), yaw_rad=3.0)))
     position_m, yaw_rad = office.pilot.guidance.set_point()
     assert (*position_m, yaw_rad) == pytest.approx((0.5, 0.5, 1.2, 3.0))
 
 
 def test_a_restarted_agent_goes_on_following(office: Office) -> None:
     office.fly()
-    office.desk.resume(replace_following(STATUS, Following(leader="h2", offset_m=(0.4, 0.0, 0.1))))
+    followed = Following(leader="h2", offset_m=(0.4, 0.0, 0.1))
+    office.desk.resume(flying_status(following=(followed,)))
     (link,) = office.pilot.guidance.links
     assert (link.leader, tuple(link.target.position_m)) == ("h2", (0.4, 0.0, 0.1))
     assert office.plan_bus.open_names() == ["h2"]
@@ -126,8 +128,7 @@ def test_a_restarted_agent_goes_on_following(office: Office) -> None:
 
 def test_a_restarted_agent_goes_on_landing_and_does_not_fly_into_the_floor(office: Office) -> None:
     office.fly()
-    landing = replace_following(STATUS, Following(leader="h2"), phase="landing")
-    office.desk.resume(landing)
+    office.desk.resume(flying_status(phase="landing", following=(Following(leader="h2"),)))
     assert office.pilot.guidance.phase is Phase.LANDING
     assert not office.pilot.guidance.follows
 

@@ -8,10 +8,10 @@ from support.desk import (
     follow,
     follow_at,
     go_to,
-    hovering,
     say,
 )
 from support.plans import plan_of
+from support.statuses import hovering
 
 from agents.leader_requests import FIRST_PLAN_LIMIT_S
 from agents.phases import Phase

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
+from support.statuses import flying_status
 from support.waiting import FakeClock
 
 from agents.guidance import Guidance
@@ -80,13 +81,8 @@ class Orphan:
                 self.stances.append(self.lost.stance)
 
     def fellow(self, phase: str = "flying") -> None:
-        status = AgentStatus(
+        status = flying_status(
             phase=phase,
-            controller="paper",
-            estimator="kalman",
-            horizon=50,
-            epoch=1,
-            frame=1,
             set_point=SetPoint(position_m=(0.5, 0.5, 1.0), yaw_rad=0.0),
             following=(FELLOW,),
             assigned=(FELLOW,),

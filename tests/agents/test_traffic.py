@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from support.plans import PlanBus, plan_of
+from support.statuses import hovering
 
 from agents.avoidance import Clearance
 from agents.fleet_clock import FleetClock
@@ -22,11 +23,8 @@ def status(
     following: tuple[Following, ...] = (),
     phase: str = "flying",
 ) -> AgentStatus:
-    return AgentStatus(
-        phase=phase, controller="cascade", estimator="kalman", horizon=20, epoch=1, frame=10,
-        set_point=SetPoint(position_m=aim or at, yaw_rad=0.0), position_m=at, velocity_m_s=velocity,
-        yaw_rad=0.0, following=following, assigned=following,
-    )  # fmt: skip
+    set_point = SetPoint(position_m=aim or at, yaw_rad=0.0)
+    return hovering(at, *following, phase=phase, frame=10, set_point=set_point, velocity_m_s=velocity)
 
 
 @dataclass

@@ -2,20 +2,16 @@
 
 from collections.abc import Callable
 
+from support.statuses import flying_status
 from support.waiting import wait_for
 
 from bus import channels
-from bus.messages import AgentStatus, Following, SetPoint
+from bus.messages import Following, SetPoint
 from bus.requests import Recall, RecallReply
 from bus.session import BusAddress, Session
 from deploy.memory import Memory
 
-STATUS = AgentStatus(
-    phase="flying",
-    controller="paper",
-    estimator="kalman",
-    horizon=50,
-    epoch=1,
+STATUS = flying_status(
     frame=100,
     set_point=SetPoint(position_m=(0.1, 0.2, 1.0), yaw_rad=0.5),
     following=(Following(leader="h2", offset_m=(0.4, 0.0, 0.0)),),

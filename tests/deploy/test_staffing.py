@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from support.statuses import flying_status
 from support.waiting import wait_for
 
 from bus import channels
-from bus.messages import AgentStatus, LauncherStatus, SetPoint
+from bus.messages import LauncherStatus
 from bus.requests import StartVehicle, StopVehicle
 from bus.session import BusAddress, Session
 from deploy.processes import ProcessSpec
@@ -69,18 +70,9 @@ def test_a_vehicle_takes_part_and_leaves_by_request(
 
 def test_a_vehicle_in_the_air_keeps_its_agent(staffing: Staffing, supervisor: Supervisor, join: Join) -> None:
     session = join()
-    flying = AgentStatus(
-        phase="flying",
-        controller="paper",
-        estimator="kalman",
-        horizon=50,
-        epoch=1,
-        frame=1,
-        set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=0.0),
-    )
 
     def refused() -> bool:
-        session.publish(channels.AGENT_STATUS, "h1", flying)
+        session.publish(channels.AGENT_STATUS, "h1", flying_status())
         supervisor.children["agent-h1"].wanted = True
         reply = session.request("h1", StopVehicle(), patience_s=10.0)
         return reply.reason == "h1 is in the air, its phase is flying; land it first"

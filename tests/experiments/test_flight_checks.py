@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.statuses import flying_status
 
 from bus import channels
 from bus.codec import encode
 from bus.messages import (
-    AgentStatus,
     Applied,
     FloatArray,
     Following,
@@ -17,7 +17,6 @@ from bus.messages import (
     LaboratoryVehicle,
     Plan,
     Pose,
-    SetPoint,
 )
 from experiments import checks
 from experiments.checks import Check
@@ -85,10 +84,9 @@ class Flight:
             state=self.states[frame], input=(0.0, 0.0, 0.0, 0.0), pulse_width_us=(1500.0,) * 4, epoch=1,
             frame=frame, sequence=frame, fresh=True, written_s=0.02 * frame + late_s,
         )  # fmt: skip
-        status = AgentStatus(
-            phase=self.phases[frame], controller="cascade", estimator="kalman", horizon=50, epoch=1,
-            frame=frame, set_point=SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0), following=following,
-            ticks=frame, process=self.processes[frame],
+        status = flying_status(
+            phase=self.phases[frame], controller="cascade", frame=frame, following=following, ticks=frame,
+            process=self.processes[frame],
         )  # fmt: skip
         return [
             self._record(name, channels.POSE, pose),

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.plans import plan_of
+from support.statuses import hovering
 
 from agents.topology import cycle
-from bus.messages import AgentStatus, Following, Plan, SetPoint
+from bus.messages import AgentStatus, Following, Plan
 from bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
 from bus.session import RequestFailedError
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
@@ -26,19 +27,7 @@ TREE: Links = {"h1": (), "h2": (link("h1", -0.5),), "h3": (link("h1", 0.5),), "h
 
 
 def status(following: tuple[Following, ...], place: float = 0.0, phase: str = "flying") -> AgentStatus:
-    return AgentStatus(
-        phase=phase,
-        controller="paper",
-        estimator="kalman",
-        horizon=50,
-        epoch=1,
-        frame=1,
-        set_point=SetPoint(position_m=(place, 0.0, 1.0), yaw_rad=0.0),
-        position_m=(place, 0.0, 1.0),
-        yaw_rad=0.0,
-        following=following,
-        assigned=following,
-    )
+    return hovering((place, 0.0, 1.0), *following, phase=phase)
 
 
 STATUSES = {name: status(links) for name, links in TREE.items()}

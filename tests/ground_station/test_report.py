@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.statuses import flying_status
 
 from bus import channels
 from bus.channels import Channel
 from bus.codec import encode
 from bus.messages import (
-    AgentStatus,
     Applied,
     FloatArray,
     Following,
@@ -20,7 +20,6 @@ from bus.messages import (
     Message,
     Plan,
     Pose,
-    SetPoint,
     TransmitterStatus,
 )
 from ground_station.recorder import Record, Recording
@@ -111,18 +110,7 @@ class Flight:
         self.add(
             channels.AGENT_STATUS,
             unit,
-            AgentStatus(
-                phase="flying",
-                controller="paper",
-                estimator="kalman",
-                horizon=50,
-                epoch=1,
-                frame=1,
-                set_point=SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0),
-                ticks=ticks,
-                process=process,
-                **fields,  # type: ignore[arg-type]  # counters and times
-            ),
+            flying_status(ticks=ticks, process=process, **fields),
         )
 
     def figures(self, *names: str) -> FlightFigures:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 
-import msgspec
 import numpy as np
 
 from agents.desk import Desk
@@ -18,12 +17,7 @@ from agents.tuning import Tuning
 from bus import channels
 from bus.codec import encode
 from bus.messages import AgentStatus, Following, Plan, SetPoint
-from bus.requests import (
-    Follow,
-    GoTo,
-    Reply,
-    Request,
-)
+from bus.requests import Follow, GoTo, Reply, Request
 from bus.session import BusAddress
 from bus.subscription import Inbox
 from support.flight import ExactEstimator, NotedController, still
@@ -39,7 +33,6 @@ SETTINGS = AgentSettings(
     volume_min_m=(-1.2, -1.2, 0.0),
     volume_max_m=(1.2, 1.2, 2.0),
 )
-
 
 UP = (0.1, 0.2, 1.0)
 
@@ -106,38 +99,9 @@ def follow(*names: str, **options: float) -> Follow:
     return Follow(following=tuple(Following(leader=name, offset_m=(0.5, 0, 0)) for name in names), **options)
 
 
-STATUS = AgentStatus(
-    phase="flying",
-    controller="paper",
-    estimator="kalman",
-    horizon=50,
-    epoch=1,
-    frame=9,
-    set_point=SetPoint(position_m=(0.5, 0.5, 1.2), yaw_rad=3.0),
-)
-
-
-def replace_following(status: AgentStatus, following: Following, phase: str = "flying") -> AgentStatus:
-    return msgspec.structs.replace(status, following=(following,), phase=phase)
-
-
 def say(office: Office, name: str, status: AgentStatus) -> None:
     inbox = office.statuses.setdefault(name, Inbox(channels.AGENT_STATUS))
     inbox.store(encode(status), office.clock())
-
-
-def hovering(
-    position_m: tuple[float, float, float], *following: Following, phase: str = "flying"
-) -> AgentStatus:
-    return msgspec.structs.replace(
-        STATUS,
-        phase=phase,
-        set_point=SetPoint(position_m=position_m, yaw_rad=0.0),
-        position_m=position_m,
-        yaw_rad=0.0,
-        following=following,
-        assigned=following,
-    )
 
 
 def follow_at(

@@ -18,6 +18,7 @@ from bus.messages import (
 from bus.requests import Follow, GoTo, Lead, Reply
 from bus.session import BusAddress, Incoming, Session
 from support.plans import plan_of
+from support.statuses import flying_status
 
 PERIOD_S = 0.01
 VERBS = ["arm", "disarm", "kill", "reset", "take_off", "land", "go_to", "follow", "lead"]
@@ -100,13 +101,8 @@ class ScriptedVehicle:
         return [type(request).__name__ for request in self.requests]
 
     def agent_status(self) -> AgentStatus:
-        return AgentStatus(
+        return flying_status(
             phase=self.phase,
-            controller="paper",
-            estimator="kalman",
-            horizon=50,
-            epoch=1,
-            frame=1,
             set_point=self.set_point,
             position_m=self.position_m,
             following=self.following,

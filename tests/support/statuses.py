@@ -1,0 +1,31 @@
+"""Statuses of agents that fly, for tests of those who read them."""
+
+from typing import Any
+
+from bus.messages import AgentStatus, Following, SetPoint
+
+
+def flying_status(**changes: Any) -> AgentStatus:
+    """The status of a vehicle that flies at x = y = 0, z = 1 m; `changes` are fields of the message."""
+    fields: dict[str, Any] = {
+        "phase": "flying",
+        "controller": "paper",
+        "estimator": "kalman",
+        "horizon": 50,
+        "epoch": 1,
+        "frame": 1,
+        "set_point": SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=0.0),
+    }
+    return AgentStatus(**(fields | changes))
+
+
+def hovering(position_m: tuple[float, float, float], *following: Following, **changes: Any) -> AgentStatus:
+    """The status of a vehicle that is where it shall be, heading 0, its leaders as they were assigned."""
+    fields: dict[str, Any] = {
+        "set_point": SetPoint(position_m=position_m, yaw_rad=0.0),
+        "position_m": position_m,
+        "yaw_rad": 0.0,
+        "following": following,
+        "assigned": following,
+    }
+    return flying_status(**(fields | changes))
