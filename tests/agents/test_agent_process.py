@@ -1,145 +1,24 @@
 """Promises of the agent on the bus: when it commands, when it keeps silent, and what it says of itself."""
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
-import msgspec
 import numpy as np
 import pytest
+from agent_bench import FOLLOWING, HOVER, Bench, Join, settings_of
 from support.bus import raw_session
-from support.flight import ExactEstimator, NotedController
 from support.plans import plan_of
-from support.waiting import FakeClock, wait_for
 
-from agents.guidance import Guidance
 from agents.interfaces import Share
-from agents.links import link_of
-from agents.pilot import BLIND_LIMIT_S, Pilot
-from agents.process import Agent, build_pilot
-from agents.settings import AgentSettings
+from agents.pilot import BLIND_LIMIT_S
+from agents.process import build_pilot
 from agents.trajectory import hold
 from bus import channels
 from bus.codec import encode
-from bus.messages import AgentStatus, Applied, Command, Following, Plan, Pose, SetPoint
-from bus.requests import GoTo, RecallReply, TakeOff
-from bus.session import BusAddress, RequestFailedError, Session
+from bus.messages import Plan
+from bus.requests import TakeOff
+from bus.session import BusAddress, RequestFailedError
 from vehicles.types import COAXIAL
-
-HOVER = COAXIAL.hover_input
-FOLLOWING = (Following(leader="h1", offset_m=(-0.5, 0.0, 0.0)),)
-Join = Callable[..., Session]
-
-
-def settings_of(address: BusAddress, following: tuple[Following, ...] = ()) -> AgentSettings:
-    return AgentSettings(
-        bus=address,
-        vehicle="h9",
-        vehicles=("h1", "h9"),
-        model=COAXIAL,
-        volume_min_m=(-1.2, -1.2, 0.0),
-        volume_max_m=(1.2, 1.2, 2.0),
-        following=following,
-    )
-
-
-class Bench:
-    """An agent on a test's bus, with the gateways played by the test and the clock set by it."""
-
-    def __init__(self, join: Join, address: BusAddress, following: tuple[Following, ...] = ()) -> None:
-        self.clock = FakeClock()
-        self.settings = settings_of(address, following)
-        links = [link_of(link) for link in following]
-        controller = NotedController(HOVER[None, :])
-        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance(links))
-        self.others = join()
-        self.commands = self.others.subscribe(channels.COMMAND, "h9", depth=256)
-        self.plans = self.others.subscribe(channels.PLAN, "h9", depth=256)
-        self.statuses = self.others.subscribe(channels.AGENT_STATUS, "h9")
-        self.agent = Agent(self.settings, self.pilot, join(clock=self.clock), realtime=False)
-        self.frame = 100
-        self.sent: list[Command] = []
-
-    def step_until(self, condition: Callable[[], object], what: str) -> None:
-        def stepped() -> bool:
-            self.agent.step()
-            self.sent += [received.message for received in self.commands.drain()]
-            return bool(condition())
-
-        wait_for(stepped, what)
-
-    def pose(self, occluded: bool = False, publish: bool = True) -> Pose:
-        place = {} if occluded else {"position_m": (0.0, 0.0, 1.0), "quaternion_xyzw": (0.0, 0.0, 0.0, 1.0)}
-        message = Pose(
-            epoch=1,
-            frame=self.frame,
-            period_s=0.02,
-            latency_s=0.0,
-            received_s=0.0,
-            occluded=occluded,
-            **place,
-        )
-        if publish:
-            self.others.publish(channels.POSE, "h9", message)
-        return message
-
-    def see(self, occluded: bool = False) -> None:
-        """The next frame arrives 20 ms later."""
-        self.frame += 1
-        self.clock.advance(0.02)
-        self.pose(occluded)
-        self.step_until(lambda: self.pilot.clock.frame == self.frame, f"frame {self.frame} does not arrive")
-
-    def apply(self, state: str, thrust: float = 0.0) -> None:
-        self.others.publish(
-            channels.APPLIED,
-            "h9",
-            Applied(
-                state=state, input=(0.0, 0.0, thrust, 0.0), pulse_width_us=(1500.0,), epoch=0, frame=0,
-                sequence=0, fresh=False,
-            ),
-        )  # fmt: skip
-
-    def start(self, state: str = "armed", thrust: float = 0.545) -> None:
-        """The agent has seen its vehicle and knows its transmitter."""
-
-        def informed() -> bool:
-            self.frame += 1
-            self.pose()
-            self.apply(state, thrust)
-            return self.pilot.informed
-
-        self.step_until(informed, "the agent does not start")
-        self.settle()
-
-    def settle(self) -> None:
-        """Wait until everything that was published has been dealt with."""
-        self.see()
-        if self.pilot.guidance.follows:
-            self.clock.advance(0.005)
-        self.command_of(self.frame)
-
-    def command_of(self, frame: int) -> Command:
-        def arrived() -> bool:
-            return any(command.frame == frame for command in self.sent)
-
-        self.step_until(arrived, f"no command of frame {frame}")
-        return next(command for command in self.sent if command.frame == frame)
-
-    def status(self) -> AgentStatus:
-        """A status written after this call."""
-        before = self.statuses.latest()
-        self.clock.advance(0.25)
-        self.step_until(lambda: self.statuses.latest() is not before, "no status")
-        received = self.statuses.latest()
-        assert received is not None
-        return received.message
-
-
-@pytest.fixture
-def bench(join: Join, bus_address: BusAddress) -> Bench:
-    return Bench(join, bus_address)
 
 
 @pytest.fixture
@@ -190,13 +69,6 @@ def test_in_the_air_command_and_plan_carry_the_frame_they_answer(bench: Bench) -
     bench.step_until(planned, "no plan")
     plan = plans[-1]
     assert (plan.source, plan.airborne, plan.ancestors, plan.start_s) == ("h9", True, (), COAXIAL.delay_s)
-
-
-def test_sequences_grow_over_restarts(bench: Bench, join: Join) -> None:
-    bench.start("disarmed", 0.0)
-    newest = bench.sent[-1].sequence
-    successor = Agent(bench.settings, build_pilot(bench.settings), join(clock=bench.clock), realtime=False)
-    assert successor._sequence > newest - 1000
 
 
 def test_a_silent_tracker_is_bridged_by_prediction_up_to_a_limit(bench: Bench) -> None:
@@ -259,13 +131,12 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
 
 def test_a_follower_waits_for_its_leaders_plan_of_the_same_frame(follower: Bench) -> None:
     follower.start()
+    missing = follower.pilot.guidance.events["no_leader_plan"]
     follower.see()
     assert follower.agent._control_by_s is not None
     follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame))
     follower.command_of(follower.frame)
-    assert (
-        follower.pilot.guidance.events["no_leader_plan"] == follower.pilot.guidance.events["no_leader_plan"]
-    )
+    assert follower.pilot.guidance.events["no_leader_plan"] == missing
 
 
 def test_a_follower_waits_for_a_silent_leader_only_until_its_deadline(follower: Bench) -> None:
@@ -316,82 +187,6 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
     bench.step_until(lambda: answers, "no answer")
     asker.join()
     assert answers == ["take-off needs an armed vehicle on the floor, the phase is ground"]
-
-
-def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench: Bench) -> None:
-    answers: list[bool] = []
-    goal = GoTo(set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=0.5))
-
-    def ask() -> None:
-        answers.append(bench.others.request("h9", goal, timeout_s=10, patience_s=10).accepted)
-
-    asker = threading.Thread(target=ask)
-    asker.start()
-    wait_for(lambda: not bench.agent._session._incoming.empty(), "the request does not arrive")
-    bench.agent.step()
-    assert answers == []
-    bench.start()
-    bench.step_until(lambda: answers, "no answer")
-    asker.join()
-    assert answers == [True]
-
-
-@contextmanager
-def remembering(session: Session, status: AgentStatus) -> Iterator[None]:
-    """A launcher that remembers a status."""
-    session.serve("h9", ["recall"])
-    stop = threading.Event()
-
-    def work() -> None:
-        while not stop.wait(0.002):
-            for incoming in session.pending():
-                incoming.answer(RecallReply(accepted=True, status=status))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-
-
-STATUS = AgentStatus(
-    phase="flying",
-    controller="paper",
-    estimator="kalman",
-    horizon=8,
-    epoch=1,
-    frame=90,
-    set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=0.5),
-)
-
-
-def test_an_agent_that_restarts_in_flight_goes_on_with_the_task_of_its_predecessor(
-    join: Join, bus_address: BusAddress
-) -> None:
-    with remembering(join(), STATUS):
-        bench = Bench(join, bus_address)
-        wait_for(lambda: recalled(bench, join), "the launcher is not found")
-    bench.start()
-    assert bench.status().set_point == STATUS.set_point
-
-
-def recalled(bench: Bench, join: Join) -> bool:
-    """The agent asked before anybody served; ask again as its successor would."""
-    if bench.agent._previous is None:
-        bench.agent = Agent(bench.settings, bench.pilot, join(clock=bench.clock), realtime=False)
-    return bench.agent._previous == STATUS
-
-
-def test_an_agent_that_starts_on_the_floor_forgets_the_task_of_its_predecessor(
-    join: Join, bus_address: BusAddress
-) -> None:
-    followed = msgspec.structs.replace(STATUS, following=FOLLOWING)
-    with remembering(join(), followed):
-        bench = Bench(join, bus_address)
-    bench.start("disarmed", 0.0)
-    assert bench.status().following == ()
 
 
 def test_a_leader_plans_with_less_than_its_whole_input_range(bus_address: BusAddress) -> None:

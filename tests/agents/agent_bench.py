@@ -1,0 +1,125 @@
+"""An agent on a bus of its own, with the gateways played by the test."""
+
+from collections.abc import Callable
+
+from support.flight import ExactEstimator, NotedController
+from support.waiting import FakeClock, wait_for
+
+from agents.guidance import Guidance
+from agents.links import link_of
+from agents.pilot import Pilot
+from agents.process import Agent
+from agents.settings import AgentSettings
+from bus import channels
+from bus.messages import AgentStatus, Applied, Command, Following, Pose
+from bus.session import BusAddress, Session
+from vehicles.types import COAXIAL
+
+HOVER = COAXIAL.hover_input
+FOLLOWING = (Following(leader="h1", offset_m=(-0.5, 0.0, 0.0)),)
+Join = Callable[..., Session]
+
+
+def settings_of(address: BusAddress, following: tuple[Following, ...] = ()) -> AgentSettings:
+    return AgentSettings(
+        bus=address,
+        vehicle="h9",
+        vehicles=("h1", "h9"),
+        model=COAXIAL,
+        volume_min_m=(-1.2, -1.2, 0.0),
+        volume_max_m=(1.2, 1.2, 2.0),
+        following=following,
+    )
+
+
+class Bench:
+    """An agent on a test's bus, with the gateways played by the test and the clock set by it."""
+
+    def __init__(self, join: Join, address: BusAddress, following: tuple[Following, ...] = ()) -> None:
+        self.clock = FakeClock()
+        self.settings = settings_of(address, following)
+        links = [link_of(link) for link in following]
+        controller = NotedController(HOVER[None, :])
+        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance(links))
+        self.others = join()
+        self.commands = self.others.subscribe(channels.COMMAND, "h9", depth=256)
+        self.plans = self.others.subscribe(channels.PLAN, "h9", depth=256)
+        self.statuses = self.others.subscribe(channels.AGENT_STATUS, "h9")
+        self.agent = Agent(self.settings, self.pilot, join(clock=self.clock), realtime=False)
+        self.frame = 100
+        self.sent: list[Command] = []
+
+    def step_until(self, condition: Callable[[], object], what: str) -> None:
+        def stepped() -> bool:
+            self.agent.step()
+            self.sent += [received.message for received in self.commands.drain()]
+            return bool(condition())
+
+        wait_for(stepped, what)
+
+    def pose(self, occluded: bool = False, publish: bool = True) -> Pose:
+        place = {} if occluded else {"position_m": (0.0, 0.0, 1.0), "quaternion_xyzw": (0.0, 0.0, 0.0, 1.0)}
+        message = Pose(
+            epoch=1,
+            frame=self.frame,
+            period_s=0.02,
+            latency_s=0.0,
+            received_s=0.0,
+            occluded=occluded,
+            **place,
+        )
+        if publish:
+            self.others.publish(channels.POSE, "h9", message)
+        return message
+
+    def see(self, occluded: bool = False) -> None:
+        """The next frame arrives 20 ms later."""
+        self.frame += 1
+        self.clock.advance(0.02)
+        self.pose(occluded)
+        self.step_until(lambda: self.pilot.clock.frame == self.frame, f"frame {self.frame} does not arrive")
+
+    def apply(self, state: str, thrust: float = 0.0) -> None:
+        self.others.publish(
+            channels.APPLIED,
+            "h9",
+            Applied(
+                state=state, input=(0.0, 0.0, thrust, 0.0), pulse_width_us=(1500.0,), epoch=0, frame=0,
+                sequence=0, fresh=False,
+            ),
+        )  # fmt: skip
+
+    def start(self, state: str = "armed", thrust: float = 0.545) -> None:
+        """The agent has seen its vehicle and knows its transmitter."""
+
+        def informed() -> bool:
+            self.frame += 1
+            self.pose()
+            self.apply(state, thrust)
+            return self.pilot.informed
+
+        self.step_until(informed, "the agent does not start")
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until everything that was published has been dealt with."""
+        self.see()
+        if self.pilot.guidance.follows:
+            self.clock.advance(0.005)
+        self.command_of(self.frame)
+
+    def command_of(self, frame: int) -> Command:
+        def arrived() -> bool:
+            return any(command.frame == frame for command in self.sent)
+
+        self.step_until(arrived, f"no command of frame {frame}")
+        return next(command for command in self.sent if command.frame == frame)
+
+    def status(self) -> AgentStatus:
+        """A status written after this call."""
+        before = self.statuses.latest()
+        self.clock.advance(0.25)
+        self.step_until(lambda: self.statuses.latest() is not before, "no status")
+        received = self.statuses.latest()
+        assert received is not None
+        return received.message

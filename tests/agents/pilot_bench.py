@@ -1,0 +1,51 @@
+"""Pilots with controllers that note what they are asked, and with real ones."""
+
+import numpy as np
+from support.flight import ExactEstimator, NotedController
+
+from agents.controllers.registry import build_controller
+from agents.estimators.registry import build_estimator
+from agents.guidance import Guidance, Link
+from agents.interfaces import Measurement
+from agents.phases import Phase
+from agents.pilot import Frame, Pilot
+from vehicles.model import Model
+from vehicles.types import COAXIAL
+
+HOVER = COAXIAL.hover_input
+UP = (0.1, -0.2, 1.0)
+
+
+def seen(frame: int, position_m: tuple[float, float, float] = UP, period_s: float = 0.02) -> Frame:
+    return Frame(1, frame, period_s, Measurement(np.array(position_m), 0.0))
+
+
+def unseen(frame: int) -> Frame:
+    return Frame(1, frame, 0.02, None)
+
+
+def noted(model: Model = COAXIAL, inputs: np.ndarray | None = None, links: tuple[Link, ...] = ()) -> Pilot:
+    inputs = model.hover_input[None, :] if inputs is None else inputs
+    return Pilot(model, NotedController(inputs), ExactEstimator(model), Guidance(links))
+
+
+def airborne(pilot: Pilot, frame: int = 0) -> Pilot:
+    """A pilot that finds its vehicle in the air."""
+    pilot.observe(seen(frame))
+    pilot.note_applied("armed", -1, HOVER)
+    assert pilot.guidance.phase is Phase.FLYING
+    return pilot
+
+
+def controller_of(pilot: Pilot) -> NotedController:
+    assert isinstance(pilot.controller, NotedController)
+    return pilot.controller
+
+
+def real(controller: str, estimator: str, model: Model = COAXIAL, horizon: int = 15) -> Pilot:
+    return Pilot(
+        model,
+        build_controller(controller, model, 0.02, {"horizon": horizon}),
+        build_estimator(estimator, model, 0.02, {}),
+        Guidance(),
+    )
