@@ -3,20 +3,20 @@
 import math
 import re
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from click.testing import Result
 from support.bus import own_address
 from support.fleets import HARDWARE_PAIR, PAIR
-from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.scripted import ScriptedVehicle, fleet_file_text
 from support.waiting import wait_for
 from typer.testing import CliRunner
 
 from bus import channels
 from bus.requests import Follow, GoTo, TakeOff
-from bus.session import BusAddress, Session
+from bus.session import Session
 from deploy.fleet import FleetError, load_fleet
 from deploy.shipped import fleet_path, shipped_fleets
 from experiments.manoeuvres import MANOEUVRES
@@ -46,32 +46,11 @@ def plain(result: Result) -> str:
     return re.sub(r"[\s│╭╮╰╯─]+", " ", result.output)
 
 
-@pytest.fixture(autouse=True)
-def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
-
-
 @pytest.fixture
 def down(tmp_path: Path) -> str:
     """Fleet file of a fleet that is not up."""
     path = tmp_path / "down.toml"
     path.write_text(fleet_file_text(own_address()))
-    return str(path)
-
-
-@pytest.fixture
-def vehicles(join: Callable[..., Session]) -> Iterator[Vehicles]:
-    with scripted(join(), "h1", "h2") as running:
-        yield running
-
-
-@pytest.fixture
-def up(bus_address: BusAddress, vehicles: Vehicles, tmp_path: Path, join: Callable[..., Session]) -> str:
-    """Fleet file of a fleet whose vehicles can be asked."""
-    path = tmp_path / "up.toml"
-    path.write_text(fleet_file_text(bus_address))
-    statuses = join().subscribe_all(channels.AGENT_STATUS)
-    wait_for(lambda: {"h1", "h2"} <= set(statuses.inboxes), "the scripted vehicles do not speak")
     return str(path)
 
 

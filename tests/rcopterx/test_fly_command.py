@@ -2,18 +2,15 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from click.testing import Result
-from support.scripted import ScriptedVehicle, fleet_file_text, scripted
-from support.waiting import wait_for
+from support.scripted import ScriptedVehicle
 from typer.testing import CliRunner
 
-from bus import channels
-from bus.session import BusAddress, Session
 from experiments.checks import Check
 from experiments.flight_page import page
 from experiments.manoeuvre import Manoeuvre
@@ -60,8 +57,7 @@ TABLE = {
 
 
 @pytest.fixture(autouse=True)
-def _quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("experiments.flight.SETTLE_S", 0.0)
 
 
@@ -73,18 +69,8 @@ def table(monkeypatch: pytest.MonkeyPatch) -> dict[str, Manoeuvre]:
 
 
 @pytest.fixture
-def vehicles(join: Callable[..., Session]) -> Iterator[Vehicles]:
-    with scripted(join(), *NAMES) as running:
-        yield running
-
-
-@pytest.fixture
-def up(bus_address: BusAddress, vehicles: Vehicles, tmp_path: Path, join: Callable[..., Session]) -> str:
-    path = tmp_path / "up.toml"
-    path.write_text(fleet_file_text(bus_address, NAMES))
-    statuses = join().subscribe_all(channels.AGENT_STATUS)
-    wait_for(lambda: set(NAMES) <= set(statuses.inboxes), "the scripted vehicles do not speak")
-    return str(path)
+def names() -> tuple[str, ...]:
+    return NAMES
 
 
 def test_a_manoeuvre_that_passes_ends_with_0_and_writes_report_and_page(

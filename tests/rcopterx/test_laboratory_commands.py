@@ -116,9 +116,8 @@ def simulator(join: Callable[..., Session]) -> Iterator[ScriptedSimulator]:
 
 
 @pytest.fixture
-def up(bus_address: BusAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def up(bus_address: BusAddress, tmp_path: Path) -> str:
     """Fleet file of a fleet in the simulator: subjects heli1 and heli2."""
-    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
     path = tmp_path / "up.toml"
     text = fleet_file_text(bus_address) + "[simulator]\n"
     path.write_text(text.replace('subject = "h', 'subject = "heli'))

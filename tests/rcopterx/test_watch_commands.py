@@ -9,18 +9,14 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import Result
 from support.bus import free_port, own_address
-from support.scripted import ScriptedVehicle, fleet_file_text, scripted
-from support.waiting import wait_for
+from support.scripted import ScriptedVehicle, fleet_file_text
 from typer.testing import CliRunner
 
-from bus import channels
-from bus.session import BusAddress, Session
 from ground_station.fleet import Fleet
 from rcopterx.cli import app
 
@@ -31,27 +27,6 @@ def run(*arguments: str) -> Result:
     result = CliRunner().invoke(app, list(arguments), env={"COLUMNS": "250", "TERM": "dumb"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     return result
-
-
-@pytest.fixture(autouse=True)
-def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
-
-
-@pytest.fixture
-def vehicles(join: Callable[..., Session]) -> Iterator[Vehicles]:
-    with scripted(join(), "h1", "h2") as running:
-        yield running
-
-
-@pytest.fixture
-def up(bus_address: BusAddress, vehicles: Vehicles, tmp_path: Path, join: Callable[..., Session]) -> str:
-    """Fleet file of a fleet that speaks."""
-    path = tmp_path / "up.toml"
-    path.write_text(fleet_file_text(bus_address))
-    statuses = join().subscribe_all(channels.AGENT_STATUS)
-    wait_for(lambda: {"h1", "h2"} <= set(statuses.inboxes), "the scripted vehicles do not speak")
-    return str(path)
 
 
 @pytest.mark.parametrize("command", ["status", "check", "top"])
