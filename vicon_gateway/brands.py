@@ -22,6 +22,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Self
@@ -210,19 +211,12 @@ class BrandClient:
     @property
     def state(self) -> ClientState:
         """What the client is doing now; `connects` counts the starts of the child."""
-        counters = self._counters
         return ClientState(
-            self._name,
-            self._sentence(),
-            self._last_error,
-            self._starts,
-            counters.frames,
-            counters.skipped,
-            counters.lost,
-            counters.repeated,
-            counters.restarts,
-            counters.rejected,
-            0,
+            name=self._name,
+            doing=self._sentence(),
+            last_error=self._last_error,
+            connects=self._starts,
+            **asdict(self._counters),
         )
 
     @property

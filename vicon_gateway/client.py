@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Literal, NamedTuple, Self
 
 from vicon_gateway.datastream import DataStreamSession, StreamCounters
@@ -43,6 +44,7 @@ class ClientState(NamedTuple):
     frames, skipped, lost, repeated, restarts, rejected : int
         See `StreamCounters`.
     received_bytes : int
+        From the network, all connections together.
     recorded_bytes : int
         Written to the raw recording, 0 without one.
     recording_error : str or None
@@ -59,7 +61,7 @@ class ClientState(NamedTuple):
     repeated: int
     restarts: int
     rejected: int
-    received_bytes: int
+    received_bytes: int = 0
     recorded_bytes: int = 0
     recording_error: str | None = None
 
@@ -131,21 +133,15 @@ class DataStreamClient:
     @property
     def state(self) -> ClientState:
         """What the client is doing now."""
-        counters = self._counters
         return ClientState(
-            self._name,
-            self._sentence(),
-            self._last_error,
-            self._connects,
-            counters.frames,
-            counters.skipped,
-            counters.lost,
-            counters.repeated,
-            counters.restarts,
-            counters.rejected,
-            self._received_bytes,
-            0 if self._recorder is None else self._recorder.recorded_bytes,
-            None if self._recorder is None else self._recorder.error,
+            name=self._name,
+            doing=self._sentence(),
+            last_error=self._last_error,
+            connects=self._connects,
+            **asdict(self._counters),
+            received_bytes=self._received_bytes,
+            recorded_bytes=0 if self._recorder is None else self._recorder.recorded_bytes,
+            recording_error=None if self._recorder is None else self._recorder.error,
         )
 
     def next_frame(self, timeout_s: float) -> Frame | None:
