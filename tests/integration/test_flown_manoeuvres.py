@@ -17,10 +17,10 @@ from ground_station.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
-DEPENDS_ON_THE_MACHINE = {
+DEPENDS_ON_THE_MACHINE = (
     "no control period was missed",
     "h2 was never without a fresh command for more than",
-}
+)
 CASCADE = 'controller = "cascade"\nhorizon = 30'
 
 
@@ -43,6 +43,19 @@ def command(path: Path, *arguments: str) -> list[str]:
     return [sys.executable, "-m", "rcopterx", "fly", *arguments, "--up", "--fleet", str(path)]
 
 
+def fly_and_judge(name: str, path: Path, out: Path, environment: dict[str, str]) -> None:
+    """Fly a manoeuvre; its checks pass, but for those that a busy machine may fail, and all is reported."""
+    arguments = command(path, name, "--report", str(out))
+    done = subprocess.run(arguments, env=environment, capture_output=True, text=True)
+    assert "Traceback" not in done.stderr
+    report = json.loads((out / "report.json").read_text())
+    assert report["problem"] is None, done.stderr
+    failed = [check["name"] for check in report["checks"] if not check["passed"]]
+    assert [check for check in failed if not check.startswith(DEPENDS_ON_THE_MACHINE)] == []
+    assert done.returncode == (1 if failed else 0)
+    assert "<svg" in (out / "index.html").read_text()
+
+
 @pytest.fixture
 def path_of_five(tmp_path: Path) -> Path:
     path = tmp_path / "five.toml"
@@ -57,17 +70,7 @@ def path_of_five(tmp_path: Path) -> Path:
 def test_five_vehicles_swap_places_by_each_others_plans(
     path_of_five: Path, tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    done = subprocess.run(
-        command(path_of_five, "place-swapping", "--report", str(tmp_path / "out")),
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    assert "Traceback" not in done.stderr
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["problem"] is None, done.stderr
-    failed = [check for check in report["checks"] if not check["passed"]]
-    assert [check for check in failed if not check["name"].startswith(tuple(DEPENDS_ON_THE_MACHINE))] == []
+    fly_and_judge("place-swapping", path_of_five, tmp_path / "out", environment)
 
 
 @pytest.mark.parametrize(
@@ -82,19 +85,7 @@ def test_five_vehicles_swap_places_by_each_others_plans(
 def test_a_manoeuvre_is_flown_judged_and_reported(
     name: str, path: Path, tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    done = subprocess.run(
-        command(path, name, "--report", str(tmp_path / "out")),
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    assert "Traceback" not in done.stderr
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["problem"] is None, done.stderr
-    failed = [check for check in report["checks"] if not check["passed"]]
-    assert [check for check in failed if not check["name"].startswith(tuple(DEPENDS_ON_THE_MACHINE))] == []
-    assert done.returncode == (1 if failed else 0)
-    assert "<svg" in (tmp_path / "out" / "index.html").read_text()
+    fly_and_judge(name, path, tmp_path / "out", environment)
 
 
 def test_ctrl_c_during_a_manoeuvre_lands_and_stops_everything(

@@ -30,6 +30,16 @@ def write_and_service(radio: RadioPty, descriptor: int, data: bytes, now_s: floa
     radio.service(now_s)
 
 
+def flying(radio: RadioPty) -> int:
+    """Write frames until the module answers to them; nothing waits at time 1.0."""
+    descriptor = opened(radio)
+    for n in range(50):
+        write_and_service(radio, descriptor, FRAME, n * 0.02)
+    radio.service(1.0)
+    radio.link.take_frames()
+    return descriptor
+
+
 def test_written_frames_reach_the_receiver_and_answers_come_back(radio: RadioPty) -> None:
     descriptor = opened(radio)
     for n in range(100):
@@ -87,11 +97,7 @@ def test_unplugging_hangs_up_and_replugging_boots_the_module(radio: RadioPty) ->
 
 
 def test_frames_that_piled_up_while_nobody_looked_are_told_apart(radio: RadioPty) -> None:
-    descriptor = opened(radio)
-    for n in range(50):
-        write_and_service(radio, descriptor, FRAME, n * 0.02)
-    radio.service(1.0)
-    radio.link.take_frames()
+    descriptor = flying(radio)
     os.write(descriptor, FRAME)
     write_and_service(radio, descriptor, FRAME, 1.05)
     radio.service(1.06)
@@ -101,11 +107,7 @@ def test_frames_that_piled_up_while_nobody_looked_are_told_apart(radio: RadioPty
 
 
 def test_frames_glued_together_are_lost_when_somebody_looks_in_time(radio: RadioPty) -> None:
-    descriptor = opened(radio)
-    for n in range(50):
-        write_and_service(radio, descriptor, FRAME, n * 0.02)
-    radio.service(1.0)
-    radio.link.take_frames()
+    descriptor = flying(radio)
     write_and_service(radio, descriptor, FRAME + FRAME, 1.001)
     radio.service(1.05)
     assert not radio.link.take_frames()
