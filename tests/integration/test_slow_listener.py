@@ -16,15 +16,15 @@ pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 Launch = Callable[..., Flying]
 
 LISTENER = """
-import sys, time
+import sys, threading
 from bus.session import BusAddress, Session
-heard = []
+heard = threading.Semaphore(0)
 with Session(BusAddress(tuple(sys.argv[3:]), sys.argv[1], sys.argv[2]), timeout_s=10) as session:
-    session.tap(lambda *words: heard.append(words))
-    while len(heard) < 500:
-        time.sleep(0.01)
+    session.tap(lambda *_: heard.release())
+    for _ in range(500):
+        heard.acquire()
     print("listening", flush=True)
-    time.sleep(60)
+    threading.Event().wait()  # until it is killed
 """
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from support.waiting import wait_for
 
 from deploy.fleet import load_fleet
 from deploy.role_settings import calibration_of, protocol_of
@@ -91,15 +92,17 @@ class Laboratory:
             self.command(*words), input=answers, capture_output=True, text=True, timeout=60, check=False
         )
 
+    def wait_for_frames(self, number: int) -> None:
+        """Wait for frames that are sent after this call."""
+        wanted = len(self.frames) + number
+        wait_for(lambda: len(self.frames) >= wanted, "nothing is sent")
+
     def throttles(self) -> set[int]:
         return {round(frame.pulses_us[0]) for frame in self.frames}
 
 
 @pytest.fixture
-def laboratory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> Iterator[Laboratory]:
-    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
+def laboratory(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Laboratory]:
     laboratory = Laboratory(tmp_path, getattr(request, "param", "multi"))
     yield laboratory
     laboratory.close()
@@ -165,9 +168,12 @@ def test_range_check_sends_weakly_with_motors_off_and_ends_at_full_power(laborat
     laboratory.receiver.in_range_check_reach = False
     process = subprocess.Popen(laboratory.command("range-check", "h2", "--seconds", "4"))
     states = set()
-    while process.poll() is None:
+
+    def ended() -> bool:
         states.add(laboratory.radio.output(time.monotonic()).state)
-        time.sleep(0.05)
+        return process.poll() is not None
+
+    wait_for(ended, "the range check does not end", 60.0)
     assert process.returncode == 0
     assert ReceiverState.FAILSAFE in states
     assert laboratory.throttles() == {1100}
@@ -218,9 +224,7 @@ def test_guided_calibration_on_a_terminal_shows_what_it_asks_about(laboratory: L
     for answer in ANSWERS:
         heard = until_question(master)
         if "u_x" in heard:
-            seen = len(laboratory.frames)
-            while len(laboratory.frames) < seen + 10:
-                time.sleep(0.01)
+            laboratory.wait_for_frames(10)
             assert laboratory.frames[-1].pulses_us[2] == pytest.approx(1700, abs=1)
         os.write(master, f"{answer}\n".encode())
     assert process.wait(20) == 0

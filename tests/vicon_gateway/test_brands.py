@@ -238,7 +238,7 @@ def test_child_that_writes_nonsense_is_replaced(monkeypatch: pytest.MonkeyPatch,
                     os.write(descriptor, b"\\x01\\0\\0\\0\\xc1")
                 except OSError:
                     pass
-            time.sleep(60.0)
+            time.sleep(60.0)  # a library that hangs; the child is killed long before
     """
     fake_library(monkeypatch, tmp_path, code)
     assert "malformed message" in error_of(BrandClient("mock", MOCK, 200.0, limits=LIMITS))
@@ -258,7 +258,7 @@ def test_pose_that_is_none_is_refused_counted_and_shown_as_occluded(
                 "good": Record(name="good", position=[0, 0, 0], rotation=Record(x=0, y=0, z=0, w=-1)),
             }
             def waitForNextFrame(self):
-                time.sleep(0.01)
+                time.sleep(0.01)  # a capture of 100 Hz
 
         def connect(brand, settings):
             return Capture()
