@@ -13,6 +13,7 @@ from ground_station.report import percentiles
 PAUSE_S: Final = 0.031
 """Between two requests; no multiple of the control period, so that they meet every phase of it."""
 SETTLE_S: Final = 3.0
+"""Pause after the formation is reached, so that requests meet steady flight."""
 NEAR: Final = (-0.4, -0.5, 0.0)
 WIDE: Final = (-0.45, -0.5, 0.0)
 BESIDE_H2: Final = (0.0, -1.0, 0.0)

@@ -26,7 +26,9 @@ SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
 HORIZON: Final = 30
 SECONDS: Final = 60.0
 SETTLE_S: Final = 3.0
+"""Pause after the formation is reached: what taking off and its solver times leave behind is not measured."""
 LEG_S: Final = 4.0
+"""Between two set points of the leader."""
 LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1.0))
 RING_M: Final = 0.75
 """Radius of the first ring, and distance from ring to ring."""

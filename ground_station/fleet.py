@@ -21,6 +21,7 @@ from ground_station.waiting import NotReachedError
 
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1
+"""Between two copies of a kill; one that is lost costs a vehicle this much time."""
 ARM_RETRY_S = 0.1
 DISARM_S = 1.0
 """For the agents to tell that they are disarmed."""

@@ -13,6 +13,7 @@ STEADY = 0.02
 MOST_SPREAD = 0.2
 FEWEST_PER_S = 20
 READ_S = 0.2
+"""Between two looks into the inbox, which holds five seconds of messages."""
 
 
 class HoverError(RuntimeError):

@@ -165,7 +165,12 @@ class CascadeController(GuardedController):
         self._horizontal.forget()
         self._crowded.forget()
 
-    def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution:  # noqa: ARG002
+    def _compute(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
+    ) -> Solution:
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
         aim = self._steady_reference(reference)

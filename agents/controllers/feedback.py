@@ -59,7 +59,12 @@ class FeedbackController(GuardedController):
         trim = np.clip((last_input - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
         self._trim = self._to_room(trim, float(estimate.motion[YAW]))
 
-    def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution:  # noqa: ARG002
+    def _compute(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
+    ) -> Solution:
         inputs = self._closed_loop(estimate, reference)
         self._trim = self._integrated(self._trim, estimate.motion, reference.samples[0], inputs[0])
         return Solution(inputs, predict(self._model, estimate, inputs, self._period_s), iterations=0)

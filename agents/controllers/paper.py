@@ -120,12 +120,21 @@ class PaperController(GuardedController):
             self._settings.time_limit_s,
         )
 
-    def _start(self, estimate: Estimate, last_input: Array) -> None:  # noqa: ARG002 (the reference tells the rest)
+    def _start(
+        self,
+        estimate: Estimate,  # noqa: ARG002 - the first step knows where the vehicle is
+        last_input: Array,
+    ) -> None:
         self._integral[:] = 0.0
         self._bumpless_from = last_input
         self._qp.forget()
 
-    def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution | None:  # noqa: ARG002
+    def _compute(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
+    ) -> Solution | None:
         yaw = float(reference.yaw_rad[-1])
         position = reference.position_m[-1]
         self._take_over_trim(yaw)
