@@ -59,7 +59,8 @@ class Inbox(Generic[M]):
     def drain(self, limit: int | None = None) -> list[Received[M]]:
         """Valid messages that arrived since the last call, oldest first, from at most `limit` payloads."""
         received = []
-        for _ in range(len(self._payloads) if limit is None else limit):
+        waiting = len(self._payloads)
+        for _ in range(waiting if limit is None else min(limit, waiting)):
             try:
                 payload, arrived_s = self._payloads.popleft()
             except IndexError:
@@ -76,7 +77,7 @@ class Inbox(Generic[M]):
     def waiting_since_s(self) -> float | None:
         """Arrival of the oldest message that has not been read; None if all have been."""
         try:
-            return self._payloads[0][1]
+            return self._payloads[0][1] if self._payloads else None
         except IndexError:
             return None
 
