@@ -12,7 +12,7 @@ from transmitter_gateway.limits import Fence, SurveillanceLimits
 LONGEST_EXTRAPOLATION_S = 0.1
 SHORTEST_STEP_S = 1e-3
 FORGET_AFTER_S = 1.0
-MOST_VEHICLES = 64
+MOST_OTHERS = 63
 CEILING = 2
 LIFTED_M = 0.03
 """Above where it stood, a vehicle flies."""
@@ -28,7 +28,10 @@ class Judgement:
 
 @dataclass(slots=True)
 class Track:
-    """Newest pose of a vehicle, its newest believed position [m] and low-passed velocity [m/s]."""
+    """Newest pose of a vehicle and its newest believed position [m].
+
+    Only the own vehicle's has a low-passed velocity [m/s] and the frame it is from.
+    """
 
     epoch: int
     frame: int
@@ -51,14 +54,20 @@ class Surveillance:
         What is allowed.
     counters : Counter
         Poses that were not used are counted here by reason.
+
+    Attributes
+    ----------
+    own_track : Track or None
+        What is known of the own vehicle, None before its first pose.
     """
 
     def __init__(self, vehicle: str, limits: SurveillanceLimits, counters: Counter[str]) -> None:
         self._vehicle = vehicle
         self._limits = limits
         self._counters = counters
-        self._tracks: dict[str, Track] = {}
-        self._close: set[str] = set()
+        self.own_track: Track | None = None
+        self._others: dict[str, Track] = {}
+        self._close: list[str] = []
         self._jumping_since_s: float | None = None
         self._mistaken: str | None = None
         self._stood_at_m: float | None = None
@@ -66,13 +75,7 @@ class Surveillance:
     @property
     def epoch(self) -> int | None:
         """Epoch of the own raw poses, None before the first."""
-        own = self._tracks.get(self._vehicle)
-        return None if own is None else own.epoch
-
-    @property
-    def own_track(self) -> Track | None:
-        """What is known of the own vehicle."""
-        return self._tracks.get(self._vehicle)
+        return None if self.own_track is None else self.own_track.epoch
 
     def pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
         """Take a pose; return whether its position is believed.
@@ -86,34 +89,46 @@ class Surveillance:
         airborne : bool
             Whether the own vehicle may be in the air; on the floor it can be carried anywhere.
         """
-        rejection = self._check(pose, now_s)
+        own = pose.vehicle == self._vehicle
+        track = self.own_track if own else self._others.get(pose.vehicle)
+        rejection = self._check(pose, track, now_s)
         if rejection is not None:
             self._counters[rejection] += 1
             return False
-        track = self._tracks.setdefault(pose.vehicle, Track(pose.epoch, pose.frame, now_s))
+        if track is None:
+            track = self._new_track(pose, now_s)
         track.epoch, track.frame, track.heard_s = pose.epoch, pose.frame, now_s
-        if pose.position_m is None:
+        position = pose.position_m
+        if position is None:
             self._counters["occluded pose"] += 1
             return False
-        own = pose.vehicle == self._vehicle
-        if own and self._is_stuck(track, pose.position_m, airborne):
-            self._counters["repeated pose"] += 1
-            return False
-        if own and airborne and self._is_jump(track, pose.position_m, now_s):
-            self._counters["pose jump"] += 1
-            return False
         if own:
+            if self._is_stuck(track, position, airborne):
+                self._counters["repeated pose"] += 1
+                return False
+            if airborne and self._is_jump(track, position, now_s):
+                self._counters["pose jump"] += 1
+                return False
             self._jumping_since_s = None
-        self._believe(track, pose, pose.position_m, now_s, moving=airborne or not own)
+            self._follow(track, pose, position, now_s, moving=airborne)
+        track.position_m, track.seen_s = position, now_s
         return True
 
-    def _check(self, pose: PoseInput, now_s: float) -> str | None:
+    def _new_track(self, pose: PoseInput, now_s: float) -> Track:
+        track = Track(pose.epoch, pose.frame, now_s)
+        if pose.vehicle == self._vehicle:
+            self.own_track = track
+        else:
+            self._others[pose.vehicle] = track
+        return track
+
+    def _check(self, pose: PoseInput, track: Track | None, now_s: float) -> str | None:
         position = pose.position_m
-        if position is not None and (len(position) != 3 or not all(math.isfinite(p) for p in position)):
+        if position is not None and (len(position) != 3 or not all(map(math.isfinite, position))):
             return "malformed pose"
-        track = self._tracks.get(pose.vehicle)
         if track is None:
-            return "too many vehicles" if len(self._tracks) >= MOST_VEHICLES else None
+            other = pose.vehicle != self._vehicle
+            return "too many vehicles" if other and len(self._others) >= MOST_OTHERS else None
         # After a silence any epoch is a new beginning: one wild number must not blind us for ever.
         if pose.epoch > track.epoch or now_s > track.heard_s + FORGET_AFTER_S:
             return None
@@ -139,9 +154,10 @@ class Surveillance:
             self._jumping_since_s = now_s
         return jump
 
-    def _believe(
+    def _follow(
         self, track: Track, pose: PoseInput, position: Position, now_s: float, *, moving: bool
     ) -> None:
+        """Filter the velocity up to a believed pose."""
         last = track.position_m
         if last is None or not moving:
             track.velocity_m_s = (0.0, 0.0, 0.0)
@@ -156,7 +172,6 @@ class Surveillance:
                 for v, p, q in zip(track.velocity_m_s, position, last, strict=True)
             )
             track.velocity_m_s = (x, y, z)
-        track.position_m, track.seen_s = position, now_s
         track.seen_frame, track.seen_epoch = pose.frame, pose.epoch
 
     def release(self) -> None:
@@ -168,7 +183,7 @@ class Surveillance:
         """Judge the newest poses at `now_s`; `thrust_time_s` is the time with thrust since arming [s]."""
         descend = self._mistaken_identity(now_s)
         hold: str | None = None
-        own = self._tracks.get(self._vehicle)
+        own = self.own_track
         lost_hold, lost_descend = self._lost(own, now_s)
         hold, descend = hold or lost_hold, descend or lost_descend
         if own is not None and own.position_m is not None:
@@ -201,22 +216,20 @@ class Surveillance:
         minimum = self._limits.minimum_distance_m
         if minimum is None:
             return None
-        reason: str | None = None
-        for name, track in self._tracks.items():
-            if name == self._vehicle or track.position_m is None:
+        apart = minimum + self._limits.distance_hysteresis_m
+        close: list[str] = []
+        for name, track in self._others.items():
+            if track.position_m is None or now_s >= track.seen_s + self._limits.other_pose_s:
                 continue
             distance = math.dist(position, track.position_m)
-            needed = minimum + (self._limits.distance_hysteresis_m if name in self._close else 0.0)
-            if distance < needed and now_s < track.seen_s + self._limits.other_pose_s:
-                self._close.add(name)
-                reason = reason or f"{name} closer than {minimum:g} m"
-            else:
-                self._close.discard(name)
-        return reason
+            if distance < minimum or (distance < apart and name in self._close):
+                close.append(name)
+        self._close = close
+        return f"{close[0]} closer than {minimum:g} m" if close else None
 
     def next_event_s(self) -> list[float]:
         """Times at which the judgement may change without a new pose [s]."""
-        own = self._tracks.get(self._vehicle)
+        own = self.own_track
         if own is None or own.position_m is None:
             return []
         limits = (self._limits.tracking_hold_s, self._limits.tracking_descend_s)
