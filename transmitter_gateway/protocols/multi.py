@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -195,8 +196,8 @@ class MultiProtocol(RadioProtocol):
         self.keepalive_s = 0.025
         self._parser = AnswerParser()
         self._opened_s: float | None = None
-        self._status_s: float | None = None
-        self._last_status: MultiStatus | None = None
+        self._answered_s = -math.inf
+        self._answered: ModuleStatus | None = None
 
     def reconfigure(self, settings: MultiSettings, *, disarmed: bool) -> None:
         """Change the transmission settings.
@@ -218,7 +219,9 @@ class MultiProtocol(RadioProtocol):
     ) -> bytes:
         """Build a frame; see `RadioProtocol.encode`. Kill puts channel 14 to -100 %."""
         self._refuse(flags, disarmed)
-        counts = [count_of(pulse) for pulse in self.check(pulses_us)]
+        self.check(pulses_us)
+        counts = [count_of(pulse) for pulse in pulses_us]
+        counts += [CENTER_COUNT] * (CHANNEL_COUNT - len(counts))
         if flags.kill:
             counts[KILL_CHANNEL] = KILL_COUNT
         settings = self.settings
@@ -251,15 +254,14 @@ class MultiProtocol(RadioProtocol):
         """Wait for a new status answer."""
         self._parser = AnswerParser()
         self._opened_s = now_s
-        self._status_s = None
-        self._last_status = None
+        self._answered = None
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Parse answers and keep the newest status."""
         for answer in self._parser.feed(data):
             if isinstance(answer, MultiStatus):
-                self._last_status = answer
-                self._status_s = now_s
+                self._answered = ModuleStatus(answer.ready, answer.binding, answer.describe())
+                self._answered_s = now_s
 
     def status(self, now_s: float) -> ModuleStatus:
         """Ready when the module says so and has been heard within 2 s (section 3.6)."""
@@ -268,8 +270,8 @@ class MultiProtocol(RadioProtocol):
         if not self.settings.answers_wired:
             settled = now_s - self._opened_s >= MODULE_SILENT_S
             return ModuleStatus(settled, False, "no answer line, assumed ready" if settled else "settling")
-        if self._last_status is None or self._status_s is None:
+        if self._answered is None:
             return ModuleStatus(False, False, "no answer from the module yet")
-        if now_s - self._status_s > MODULE_SILENT_S:
-            return ModuleStatus(False, False, f"module gone: silent for {now_s - self._status_s:.1f} s")
-        return ModuleStatus(self._last_status.ready, self._last_status.binding, self._last_status.describe())
+        if now_s - self._answered_s > MODULE_SILENT_S:
+            return ModuleStatus(False, False, f"module gone: silent for {now_s - self._answered_s:.1f} s")
+        return self._answered
