@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from transmitter_gateway.admission import AcceptedCommand, Admission, Stream
+from transmitter_gateway.admission import Admission, Stream
+from transmitter_gateway.bridging import bridging_step, played_input, step_ages_s
 from transmitter_gateway.hover import HoverThrust
 from transmitter_gateway.inputs import (
     FLYING,
@@ -31,8 +32,6 @@ from transmitter_gateway.surveillance import Surveillance
 from transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 
 LONGEST_SLEW_STEP_S = 0.04
-BRIDGE_DELAY = 1.5
-ROUNDING = 1e-9
 THRUST = 2
 
 
@@ -158,7 +157,7 @@ class Arbiter:
             return None
         self._candidate = source
         state = self._take(Condition.ARM, source, now_s)
-        conditions = self._conditions(now_s, {Condition.ARM})
+        conditions = self._conditions(now_s, {Condition.ARM}, self._stream(), 0)
         self._candidate = None
         if state is State.ARMED:
             return None
@@ -234,7 +233,9 @@ class Arbiter:
     def _grounded(self, now_s: float) -> bool:
         return self._low_since_s is not None and now_s >= self._low_since_s + self.limits.arm_low_s
 
-    def _conditions(self, now_s: float, requested: set[Condition]) -> set[Condition]:
+    def _conditions(
+        self, now_s: float, requested: set[Condition], stream: Stream | None, bridging: int
+    ) -> frozenset[Condition]:
         found = set(requested)
         if self._shutdown:
             found.add(Condition.SHUTDOWN)
@@ -242,29 +243,26 @@ class Arbiter:
             found.add(Condition.LINK_LOST)
         elif self._link is LinkState.READY:
             found.add(Condition.READY)
-        found |= self._command_conditions(now_s)
-        found |= self._surveillance_conditions(now_s)
+        if stream is not None:
+            self._judge_stream(found, stream, bridging, now_s)
+        if self.state is State.KILLED and self._thrust_wanted(now_s):
+            found.add(Condition.THRUST_WANTED)
+        self._judge_poses(found, now_s)
         if self.state is State.HOLD and now_s >= self._entered_s + self.limits.hold_limit_s:
             found.add(Condition.HOLD_OVER)
         if self.state is State.DESCEND and now_s >= self._entered_s + self._descent_s:
             found.add(Condition.DESCENT_OVER)
-        return found
+        return frozenset(found)
 
     @property
     def _descent_s(self) -> float:
         return self.limits.cut_after_s - self.limits.descend_after_s
 
-    def _command_conditions(self, now_s: float) -> set[Condition]:
+    def _judge_stream(self, found: set[Condition], stream: Stream, bridging: int, now_s: float) -> None:
         limits = self.limits
-        found: set[Condition] = set()
-        if self._thrust_wanted(now_s):
-            found.add(Condition.THRUST_WANTED)
-        stream = self._stream()
-        if stream is None:
-            return found
         if self._is_fresh(stream, now_s):
             found.add(Condition.FRESH)
-        if self._bridge(stream, now_s):
+        if bridging:
             found.add(Condition.BRIDGING)
         if now_s >= stream.arrival_s + limits.descend_after_s:
             found.add(Condition.SILENT)
@@ -272,7 +270,6 @@ class Arbiter:
             found.add(Condition.GONE)
         if stream.low_since_s is not None and now_s >= stream.low_since_s + limits.arm_low_s:
             found.add(Condition.LOW_COMMANDED)
-        return found
 
     def _thrust_wanted(self, now_s: float) -> bool:
         return any(
@@ -280,16 +277,15 @@ class Arbiter:
             for stream in self._admission.streams.values()
         )
 
-    def _surveillance_conditions(self, now_s: float) -> set[Condition]:
+    def _judge_poses(self, found: set[Condition], now_s: float) -> None:
         """Judge the raw poses; a vehicle that stands on the floor is left alone unless it is to be armed."""
-        found: set[Condition] = set()
-        if self.state in FLYING and self._grounded(now_s):
+        flying = self.state in FLYING
+        if flying and self._grounded(now_s):
             found.add(Condition.GROUNDED)
-            return found
-        if self.state not in FLYING and self._candidate is None:
-            return found
-        thrust_time_s = self._thrust_time_s if self.state in FLYING else 0.0
-        judgement = self.surveillance.judge(now_s, thrust_time_s)
+            return
+        if not flying and self._candidate is None:
+            return
+        judgement = self.surveillance.judge(now_s, self._thrust_time_s if flying else 0.0)
         for condition, reason in (
             (Condition.HOLD_CAUSE, judgement.hold),
             (Condition.DESCEND_CAUSE, judgement.descend),
@@ -297,7 +293,6 @@ class Arbiter:
             if reason is not None:
                 found.add(condition)
                 self._details[condition] = reason
-        return found
 
     # Time ---------------------------------------------------------------------------------------------
 
@@ -306,12 +301,18 @@ class Arbiter:
         now_s = max(now_s, self._now_s)
         elapsed_s = 0.0 if math.isinf(self._now_s) else now_s - self._now_s
         self._now_s = now_s
-        self._watch_thrust(now_s, elapsed_s)
-        row = find_transition(self.state, self._conditions(now_s, self._requested))
+        stream = self._stream()
+        bridging = 0 if stream is None else bridging_step(stream, now_s, self.limits)
+        self._watch_thrust(now_s, elapsed_s, stream, bridging)
+        row = find_transition(self.state, self._conditions(now_s, self._requested, stream, bridging))
         if row is not None:
             self._enter(row, now_s)
-        self._u = self._shape(now_s, elapsed_s)
-        stream = self._stream() if self.state is State.ARMED else None
+        acting = stream if self.state is State.ARMED else None
+        played = 0 if acting is None else bridging
+        if played > self._bridging_step:
+            self.counters["planned inputs played"] += played - self._bridging_step
+        self._bridging_step = played
+        self._u = self._shape(now_s, elapsed_s, acting)
         return ArbiterOutput(
             self.state,
             self.reason,
@@ -319,15 +320,13 @@ class Arbiter:
             throttle_low=self.state in (State.CUT, State.KILLED),
             kill=self.state is State.KILLED,
             bridging_step=self._bridging_step,
-            cause=None if stream is None else stream.command.cause,
+            cause=None if acting is None else acting.command.cause,
         )
 
-    def _watch_thrust(self, now_s: float, elapsed_s: float) -> None:
+    def _watch_thrust(self, now_s: float, elapsed_s: float, stream: Stream | None, bridging: int) -> None:
         """Keep track of since when neither the applied nor the commanded thrust lifts the vehicle."""
-        flying = self.state in FLYING
-        stream = self._stream() if flying else None
-        wanted = 0.0 if stream is None else _planned(stream.command, self._bridge(stream, now_s))[THRUST]
-        if flying and max(self._u[THRUST], wanted) > self.limits.low_thrust:
+        wanted = 0.0 if stream is None else played_input(stream.command, bridging)[THRUST]
+        if self.state in FLYING and max(self._u[THRUST], wanted) > self.limits.low_thrust:
             self._low_since_s = None
             self._thrust_time_s += elapsed_s
         elif self._low_since_s is None:
@@ -346,52 +345,28 @@ class Arbiter:
         self._entered_s = now_s
         self.counters[f"entered {row.target}"] += 1
 
-    def _bridge(self, stream: Stream, now_s: float) -> int:
-        """Number of the planned input to be played at `now_s`: 0 none, 1 the first.
-
-        Planned input n belongs to the time n periods after its command. The first one waits half a period
-        longer, but not until HOLD, so that a command that is merely a little late does not count as missing.
-        """
-        period_s = stream.command.period_s
-        within_time = int(self.limits.bridge_s / period_s + ROUNDING)
-        usable = min(len(stream.command.next_u), self.limits.bridge_steps, within_time)
-        end_s = max((usable + 1) * period_s, self.limits.hold_after_s)
-        if not stream.arrival_s + self._bridge_delay_s(period_s) <= now_s < stream.arrival_s + end_s:
-            return 0
-        return min(max(int((now_s - stream.arrival_s) / period_s + ROUNDING), 1), usable)
-
-    def _bridge_delay_s(self, period_s: float) -> float:
-        return min(BRIDGE_DELAY * period_s, self.limits.hold_after_s)
-
     # Output -------------------------------------------------------------------------------------------
 
-    def _shape(self, now_s: float, elapsed_s: float) -> Input:
-        bridging_step = 0
+    def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> Input:
         thrust = min(self._u[THRUST], self._hover.value)
-        u = NEUTRAL
-        if self.state is State.ARMED:
-            stream = self._stream()
-            if stream is not None:
-                bridging_step = self._bridge(stream, now_s)
-                u = self._slewed(_planned(stream.command, bridging_step), elapsed_s)
-                self._hover.note(self._u[THRUST], elapsed_s, self.surveillance.own_track, now_s)
-        elif self.state is State.HOLD:
-            u = (0.0, 0.0, thrust, 0.0)
-        elif self.state is State.DESCEND:
+        if acting is not None:
+            u = self._slewed(played_input(acting.command, self._bridging_step), elapsed_s)
+            self._hover.note(self._u[THRUST], elapsed_s, self.surveillance.own_track, now_s)
+            return u
+        if self.state is State.HOLD:
+            return (0.0, 0.0, thrust, 0.0)
+        if self.state is State.DESCEND:
             floor = min(thrust, self._hover.value - self.limits.descend_below_hover)
-            u = (0.0, 0.0, max(floor, thrust - self.limits.descend_rate_per_s * elapsed_s), 0.0)
-        if bridging_step > self._bridging_step:
-            self.counters["planned inputs played"] += bridging_step - self._bridging_step
-        self._bridging_step = bridging_step
-        return u
+            return (0.0, 0.0, max(floor, thrust - self.limits.descend_rate_per_s * elapsed_s), 0.0)
+        return NEUTRAL
 
     def _slewed(self, target: Input, elapsed_s: float) -> Input:
         step_s = min(elapsed_s, LONGEST_SLEW_STEP_S)
-        x, y, z, yaw = (
-            min(max(wanted, last - rate * step_s), last + rate * step_s)
-            for wanted, last, rate in zip(target, self._u, self._slew_per_s, strict=True)
-        )
-        return (x, y, z, yaw)
+        u = []
+        for wanted, last, rate in zip(target, self._u, self._slew_per_s, strict=True):
+            lowest, highest = last - rate * step_s, last + rate * step_s
+            u.append(lowest if wanted < lowest else highest if wanted > highest else wanted)
+        return (u[0], u[1], u[2], u[3])
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""
@@ -401,15 +376,9 @@ class Arbiter:
         times = self.surveillance.next_event_s()
         stream = self._stream()
         if stream is not None:
-            period_s = stream.command.period_s
             ages = [limits.hold_after_s, limits.descend_after_s, limits.cut_after_s]
-            ages.append(self._bridge_delay_s(period_s))
-            ages += [n * period_s for n in range(2, limits.bridge_steps + 2)]
+            ages += step_ages_s(stream.command.period_s, limits)
             times += [stream.arrival_s + age for age in ages]
         times.append(self._entered_s + limits.hold_limit_s)
         times.append(self._entered_s + self._descent_s)
         return min((time for time in times if time > self._now_s), default=math.inf)
-
-
-def _planned(command: AcceptedCommand, bridging_step: int) -> Input:
-    return command.next_u[bridging_step - 1] if bridging_step else command.u

@@ -21,6 +21,9 @@ class State(StrEnum):
     CUT = "CUT"
     KILLED = "KILLED"
 
+    # An enumeration's own hash is a Python function, and states are looked up all the time.
+    __hash__ = str.__hash__
+
 
 FLYING = frozenset({State.ARMED, State.HOLD, State.DESCEND})
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
 from transmitter_gateway.inputs import FLYING, State
 
@@ -34,6 +35,9 @@ class Condition(StrEnum):
     HOLD_OVER = "hold lasted too long"
     DESCENT_OVER = "descent lasted its time"
 
+    # An enumeration's own hash is a Python function, and sets of conditions are built all the time.
+    __hash__ = str.__hash__
+
 
 @dataclass(frozen=True, slots=True)
 class Transition:
@@ -45,7 +49,7 @@ class Transition:
     target: State
     reason: str
 
-    def fits(self, conditions: set[Condition]) -> bool:
+    def fits(self, conditions: frozenset[Condition]) -> bool:
         """Whether the row applies under `conditions`."""
         return self.needs <= conditions and self.unless.isdisjoint(conditions)
 
@@ -96,10 +100,10 @@ TRANSITIONS: tuple[Transition, ...] = (
         unless={_C.SHUTDOWN, _C.LINK_LOST, *CAUSES},
     ),
 )
-_ROWS_OF = {state: tuple(row for row in TRANSITIONS if state in row.states) for state in State}
 ARMING = TRANSITIONS[-1]
 
 
-def find_transition(state: State, conditions: set[Condition]) -> Transition | None:
+@lru_cache(maxsize=1024)
+def find_transition(state: State, conditions: frozenset[Condition]) -> Transition | None:
     """First row of the table that fits, or None to stay."""
-    return next((row for row in _ROWS_OF[state] if row.fits(conditions)), None)
+    return next((row for row in TRANSITIONS if state in row.states and row.fits(conditions)), None)

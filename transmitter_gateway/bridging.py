@@ -1,0 +1,39 @@
+"""Which planned input acts while the next command is late.
+
+Planned input n belongs to the time n periods after its command. The first one waits half a period longer, but
+not until HOLD, so that a command that is merely a little late does not count as missing.
+"""
+
+from transmitter_gateway.admission import AcceptedCommand, Stream
+from transmitter_gateway.inputs import Input
+from transmitter_gateway.limits import ArbiterLimits
+
+FIRST_AFTER_PERIODS = 1.5
+ROUNDING = 1e-9
+
+
+def bridging_step(stream: Stream, now_s: float, limits: ArbiterLimits) -> int:
+    """Number of the planned input to be played at `now_s`: 0 none, 1 the first."""
+    period_s, arrival_s = stream.command.period_s, stream.arrival_s
+    if now_s < arrival_s + _first_after_s(period_s, limits):
+        return 0
+    within_time = int(limits.bridge_s / period_s + ROUNDING)
+    usable = min(len(stream.command.next_u), limits.bridge_steps, within_time)
+    if now_s >= arrival_s + max((usable + 1) * period_s, limits.hold_after_s):
+        return 0
+    return min(max(int((now_s - arrival_s) / period_s + ROUNDING), 1), usable)
+
+
+def played_input(command: AcceptedCommand, step: int) -> Input:
+    """Input that acts in a step of `bridging_step`."""
+    return command.next_u[step - 1] if step else command.u
+
+
+def step_ages_s(period_s: float, limits: ArbiterLimits) -> list[float]:
+    """Ages of a command at which another input may begin to act [s]."""
+    later = [number * period_s for number in range(2, limits.bridge_steps + 2)]
+    return [_first_after_s(period_s, limits), *later]
+
+
+def _first_after_s(period_s: float, limits: ArbiterLimits) -> float:
+    return min(FIRST_AFTER_PERIODS * period_s, limits.hold_after_s)
