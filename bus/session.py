@@ -154,11 +154,28 @@ class Session:
         publisher.put(encode(message))
 
     def subscribe(
-        self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True
+        self,
+        channel: Channel[M],
+        unit: str,
+        depth: int = 1,
+        *,
+        waking: bool = True,
+        wake: Callable[[], None] | None = None,
     ) -> Subscription[M]:
-        """Receive a channel of one unit; `waking` tells whether its messages wake the loop."""
+        """Receive a channel of one unit.
+
+        Parameters
+        ----------
+        channel, unit, depth
+            What to receive, and how many messages are kept until they are read.
+        waking
+            Whether its messages wake the loop.
+        wake
+            Called on receive threads after each message, instead of what wakes the loop.
+        """
         full_key = channels.key(self.address.fleet, unit, channel.topic)
-        wake = self._wake if waking else lambda: None
+        if wake is None:
+            wake = self._wake if waking else lambda: None
         return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth)
 
     def subscribe_all(

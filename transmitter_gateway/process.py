@@ -41,8 +41,10 @@ class Gateway:
             transmitter.vehicle: Station(transmitter, session, realtime)
             for transmitter in settings.transmitters
         }
+        self._judge_poses_at_s = math.inf
         self._poses: dict[str, Subscription[Pose]] = {
-            name: session.subscribe(channels.POSE, name, depth=8) for name in settings.vehicles
+            name: session.subscribe(channels.POSE, name, depth=8, wake=self._on_pose)
+            for name in settings.vehicles
         }
         self._kill = session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=4)
         self._report_at_s = self._clock() + STATUS_PERIOD_S
@@ -53,7 +55,7 @@ class Gateway:
         """Wait for a message, an answer of a module or the next deadline."""
         deadline_s = min(
             self._report_at_s,
-            self._poses_at_s(),
+            self._judge_poses_at_s,
             *(station.transmitter.next_deadline_s() for station in self._stations.values()),
         )
         commands_wait = any(station.commands_wait for station in self._stations.values())
@@ -79,10 +81,8 @@ class Gateway:
                 station.take_kill(kill.message, self._clock())
         for incoming in self._session.pending():
             self._stations[incoming.unit].answer(incoming, self._clock())
-        if self._clock() >= self._poses_at_s():
-            for name, poses in self._poses.items():
-                for pose in poses.drain():
-                    self._take_pose(name, pose.message)
+        if self._clock() >= self._judge_poses_at_s:
+            self._take_poses()
         for station in self._stations.values():
             now_s = self._clock()
             if now_s >= station.transmitter.next_deadline_s():
@@ -121,16 +121,21 @@ class Gateway:
         for station in self._stations.values():
             station.transmitter.close()
 
-    def _poses_at_s(self) -> float:
-        waiting = (poses.waiting_since_s() for poses in self._poses.values())
-        return min(
-            (since_s + POSE_PATIENCE_S for since_s in waiting if since_s is not None), default=math.inf
-        )
+    def _on_pose(self) -> None:
+        """Note when poses are to be judged; called on receive threads. Only the first one wakes the loop."""
+        if self._judge_poses_at_s == math.inf:
+            self._judge_poses_at_s = self._clock() + POSE_PATIENCE_S
+            self._wakeup.notify()
 
-    def _take_pose(self, name: str, pose: Pose) -> None:
-        raw = PoseInput(name, pose.epoch, pose.frame, pose.position_m, pose.period_s)
-        for station in self._stations.values():
-            station.take_pose(raw, self._clock())
+    def _take_poses(self) -> None:
+        # First, so that a pose that arrives meanwhile is either drained here or wakes the loop again.
+        self._judge_poses_at_s = math.inf
+        for name, poses in self._poses.items():
+            for received in poses.drain():
+                pose = received.message
+                raw = PoseInput(name, pose.epoch, pose.frame, pose.position_m, pose.period_s)
+                for station in self._stations.values():
+                    station.take_pose(raw, self._clock())
 
     def _report(self) -> None:
         now_s = self._clock()

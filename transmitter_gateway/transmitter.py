@@ -172,7 +172,6 @@ class Transmitter:
 
     def on_pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of any vehicle; the own one is judged at once."""
-        self._deadline_s = None
         self.arbiter.pose(pose, now_s)
         if pose.vehicle == self.vehicle:
             self._run(now_s)

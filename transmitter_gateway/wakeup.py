@@ -10,10 +10,14 @@ class Wakeup:
 
     def __init__(self) -> None:
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._notified = False
 
     def notify(self) -> None:
         """Wake the loop; may be called from any thread and from signal handlers."""
-        os.eventfd_write(self._event, 1)
+        # A burst of messages costs one system call, not one each.
+        if not self._notified:
+            self._notified = True
+            os.eventfd_write(self._event, 1)
 
     def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
         """Wait for an event, for data or for the time-out.
@@ -29,6 +33,8 @@ class Wakeup:
         if self._event in ready:
             os.eventfd_read(self._event)
             ready.discard(self._event)
+            # In this order: what notifies in between has stored its message, and the caller reads after this.
+            self._notified = False
         return ready
 
     def close(self) -> None:
