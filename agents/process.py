@@ -73,7 +73,7 @@ class Agent:
         self._traffic = Traffic(
             vehicle, settings.clearance, lambda name: session.subscribe(channels.PLAN, name, waking=False)
         )
-        self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.share)
+        self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.share, session.wake)
         self._answers = session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
         self._external = External(
             vehicle, pilot, self._answers, lambda task: session.publish(channels.CONTROL_TASK, vehicle, task)

@@ -5,6 +5,7 @@ periods, so that no period is late (control.md section 8).
 """
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +82,8 @@ class Tuning:
         Control period.
     share
         What the followers leave the vehicle until more is known of them.
+    wake
+        Called from the thread when there is something to `finish`.
     """
 
     def __init__(
@@ -89,11 +92,13 @@ class Tuning:
         pilot: Pilot,
         period_s: float,
         share: Share,
+        wake: Callable[[], None] = lambda: None,
     ) -> None:
         self.configuration = configuration
         self._pilot = pilot
         self._period_s = period_s
         self._share = share
+        self._wake = wake
         self._thread: threading.Thread | None = None
         self._result: Replacement | ValueError | None = None
 
@@ -119,6 +124,10 @@ class Tuning:
             self._result = prepare(self.configuration, wanted, model, self._period_s, self._share, occasion)
         except ValueError as error:
             self._result = error
+        except Exception as error:  # noqa: BLE001 - a controller of somebody else may raise anything
+            reason = f"{type(error).__name__}: {error}"
+            self._result = ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {reason}")
+        self._wake()
 
     def finish(self) -> str | ValueError | None:
         """Swap in what is ready; to be called between two control periods.

@@ -97,7 +97,8 @@ class Session:
     address
         Endpoints, fleet and namespace.
     wake
-        Called on receive threads whenever a message or request arrived.
+        Called on receive threads whenever a message or request arrived; other threads of the process may
+        call it, too.
     clock
         Monotonic clock [s].
     timeout_s
@@ -118,7 +119,7 @@ class Session:
     ) -> None:
         self.address = address
         self.clock = clock
-        self._wake = wake
+        self.wake = wake
         self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
         self._taps: list[zenoh.Subscriber[None]] = []
@@ -175,7 +176,7 @@ class Session:
         """
         full_key = channels.key(self.address.fleet, unit, channel.topic)
         if wake is None:
-            wake = self._wake if waking else lambda: None
+            wake = self.wake if waking else lambda: None
         return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth)
 
     def subscribe_all(
@@ -183,7 +184,7 @@ class Session:
     ) -> UnitSubscriptions[M]:
         """Receive a channel of every unit; `waking` tells whether its messages wake the loop."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
-        wake = self._wake if waking else lambda: None
+        wake = self.wake if waking else lambda: None
         return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth)
 
     def tap(self, store: Callable[[str, str, bytes, float], None], topic: str = "*") -> None:
@@ -244,7 +245,7 @@ class Session:
                 query.reply_err(f"{verb}: {error}".encode())
             return
         self._incoming.put(Incoming(unit, verb, request, query))
-        self._wake()
+        self.wake()
 
     def pending(self) -> list[Incoming]:
         """Requests that arrived since the last call; each must be answered."""

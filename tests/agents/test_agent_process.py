@@ -11,7 +11,7 @@ from support.plans import plan_of
 
 from agents.interfaces import Share
 from agents.pilot import BLIND_LIMIT_S
-from agents.process import build_pilot
+from agents.process import Agent, build_pilot
 from agents.trajectory import hold
 from bus import channels
 from bus.codec import encode
@@ -203,3 +203,12 @@ def test_a_leader_plans_with_less_than_its_whole_input_range(bus_address: BusAdd
 
     for share in (1.0, 0.8, 0.64):
         assert most_pitch(share) == pytest.approx(share, abs=0.02)
+
+
+def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_address: BusAddress) -> None:
+    bench, woken = Bench(join, bus_address), threading.Event()
+    agent = Agent(bench.settings, bench.pilot, join(clock=bench.clock, wake=woken.set), realtime=False)
+    woken.clear()
+    agent._tuning.begin(agent._tuning.configuration.changed("lqr", {}, None, {}))
+    assert woken.wait(20.0)
+    assert isinstance(agent._tuning.finish(), str)

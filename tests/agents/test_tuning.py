@@ -1,12 +1,15 @@
 """Another controller, estimator or setting takes over in flight: without a bump, or with a clear refusal."""
 
+import threading
 from itertools import permutations
 
 import pytest
-from support.hovering import HoveringFlight
+from support.hovering import PERIOD_S, HoveringFlight
 
 from agents.configuration import Configuration
+from agents.interfaces import WHOLE
 from agents.phases import Event
+from agents.tuning import Tuning
 
 BUMP = 0.3
 """Largest step of any input at a switch, of a range from -1 to 1; gusts alone make steps of 0.1."""
@@ -102,3 +105,29 @@ def test_on_the_floor_a_change_takes_over_before_the_take_off() -> None:
     assert isinstance(flight.change(controller="lqr"), str)
     flight.fly(1)
     assert not flight.flown[-1].input.any()
+
+
+def test_the_loop_is_woken_when_a_change_is_ready() -> None:
+    flight, woken = HoveringFlight("cascade"), threading.Event()
+    tuning = Tuning(flight.tuning.configuration, flight.pilot, PERIOD_S, WHOLE, woken.set)
+    for weight, kind in ((2.0, str), (-1.0, ValueError)):
+        woken.clear()
+        tuning.begin(tuning.configuration.changed(None, {"soft_weight": weight}, None, {}))
+        assert woken.wait(20.0)
+        assert isinstance(tuning.finish(), kind)
+
+
+def test_a_controller_that_fails_in_its_own_way_is_refused_and_the_next_change_prepared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    flight = HoveringFlight("cascade")
+
+    def broken(*_: object) -> None:
+        raise TypeError("no such model")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Configuration, "controller_for", broken)
+        outcome = flight.change(controller="lqr")
+    assert isinstance(outcome, ValueError)
+    assert str(outcome) == "lqr, extended_kalman cannot be built: TypeError: no such model"
+    assert isinstance(flight.change(controller="lqr"), str)
