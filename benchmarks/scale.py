@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from bus import channels
-from bus.session import RequestFailedError
 from deploy.launcher import Launcher
 from ground_station.launched import launched
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures, percentiles
-from ground_station.vehicle import RefusedError
+from ground_station.vehicle import FLIGHT_ERRORS, lines_of
 from ground_station.waiting import NotReachedError
 
 SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
@@ -136,13 +135,11 @@ def _measured_or_failed(
 ) -> dict[str, Any]:
     try:
         return _measured(path, vehicles, horizon, seconds, tell)
-    except (NotReachedError, RefusedError, RequestFailedError) as error:
-        # What went wrong first says more than that the landing failed as well.
-        first = error.__context__ if isinstance(error.__context__, NotReachedError | RefusedError) else error
-        tell(f"{vehicles} vehicles: {first}")
+    except FLIGHT_ERRORS as error:
+        tell(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
         return {
             "vehicles": vehicles, "horizon": horizon, "missed_ticks": None, "pose_to_command_ms": None,
-            "problem": str(first),
+            "problem": str(error),
         }  # fmt: skip
 
 

@@ -7,13 +7,11 @@ from collections.abc import Callable
 
 from rich.table import Table
 
-from bus.session import RequestFailedError
 from experiments.manoeuvres import fly_paper_sequence
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
-from ground_station.vehicle import RefusedError
-from ground_station.waiting import NotReachedError
+from ground_station.vehicle import FLIGHT_ERRORS
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000
@@ -77,7 +75,7 @@ class Demonstration:
                 self._flown_s = time.monotonic() - started_s
         except _Stopped:
             return
-        except (NotReachedError, RefusedError, RequestFailedError) as error:
+        except FLIGHT_ERRORS as error:
             self.problem = str(error)
 
     def _wait_or_stop(self, seconds: float) -> None:

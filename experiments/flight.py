@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bus.session import RequestFailedError
 from deploy.fleet import load_fleet
 from deploy.shipped import fleet_path
 from experiments.manoeuvre import Manoeuvre
@@ -16,14 +15,12 @@ from experiments.steps import Say, Wait
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder, Recording
 from ground_station.report import FlightFigures, percentiles
-from ground_station.vehicle import RefusedError
-from ground_station.waiting import NotReachedError, StoppedError, stopped_by
+from ground_station.vehicle import FLIGHT_ERRORS, lines_of
+from ground_station.waiting import StoppedError, stopped_by
 
 REPORT_NAME = "report.json"
 SETTLE_S = 2.0
 """From the end of the take-off to the beginning of the recording."""
-FLIGHT_ERRORS = (RefusedError, NotReachedError, RequestFailedError)
-"""What ends a manoeuvre early and is told in its report."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +114,8 @@ def _landed(fleet: Fleet, say: Say, problem: str | None) -> str | None:
     try:
         fleet.land()
     except FLIGHT_ERRORS as error:
-        return f"landing: {error}" if problem is None else f"{problem}; landing: {error}"
+        landing = f"landing: {'; '.join(lines_of(error))}"
+        return landing if problem is None else f"{problem}; {landing}"
     return problem
 
 

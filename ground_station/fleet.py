@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -16,7 +16,7 @@ from deploy.shipped import fleet_path
 from ground_station.observer import Observer
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
 from ground_station.state import AIRBORNE
-from ground_station.vehicle import RefusedError, Vehicle
+from ground_station.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from ground_station.waiting import NotReachedError
 
 SOURCE = "operator"
@@ -66,10 +66,18 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if kind is not None:
-                self.land()
+            if error is not None:
+                self._land_after(error)
         finally:
             self.close()
+
+    def _land_after(self, error: BaseException) -> None:
+        """Land because of an error, which stays the one that is raised, whatever becomes of the landing."""
+        try:
+            self.land()
+        except FLIGHT_ERRORS as problem:
+            first, *others = lines_of(problem)
+            _add_notes(error, (f"landing failed as well: {first}", *others))
 
     def __getitem__(self, name: str) -> Vehicle:
         """Vehicle of this name."""
@@ -233,33 +241,35 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         Raises
         ------
         RefusedError, RequestFailedError, NotReachedError
-            A vehicle could not be told to land, or did not; all the others land first.
+            A vehicle could not be told to land, or did not; all the others land and are disarmed first. What
+            went wrong with further vehicles is in the notes.
         """
         self.hear(names := None if names is None else list(names))
         vehicles = [self[name] for name in (self.present() if names is None else names)]
-        problems: list[RefusedError | RequestFailedError] = []
+        problems: list[Exception] = []
         told = []
         for vehicle in vehicles:
-            if vehicle.state.airborne or vehicle.state.agent is None:
-                try:
+            with _collected(problems):
+                if vehicle.state.airborne or vehicle.state.agent is None:
                     vehicle.land()
-                except (RefusedError, RequestFailedError) as error:
-                    problems.append(error)
-                    continue
-            told.append(vehicle)
-        self.wait_until(
-            lambda: not any(vehicle.state.airborne for vehicle in told),
-            timeout_s,
-            "not all vehicles have landed",
-            [vehicle.name for vehicle in told],
-        )
-        for vehicle in told:
+                told.append(vehicle)
+        with _collected(problems):
+            self.wait_until(
+                lambda: not any(vehicle.state.airborne for vehicle in told),
+                timeout_s,
+                "not all vehicles have landed",
+                [vehicle.name for vehicle in told],
+            )
+        for vehicle in [vehicle for vehicle in told if not vehicle.state.airborne]:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
-                vehicle.disarm()
+                with _collected(problems):
+                    vehicle.disarm()
         # Whoever takes off next must not take the last words before disarming for the present.
         self._bell.wait_until(lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S)
         if problems:
-            raise problems[0]
+            first, *others = problems
+            _add_notes(first, map(str, others))
+            raise first
 
     def kill(self, names: Iterable[str] = (), reason: str = "operator", seconds: float = 1.0) -> None:
         """Cut the motors of some or all vehicles now; repeated for a while, as delivery is not assured."""
@@ -270,3 +280,17 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             if time.monotonic() >= deadline_s:
                 return
             time.sleep(KILL_REPEAT_S)
+
+
+@contextmanager
+def _collected(problems: list[Exception]) -> Iterator[None]:
+    """Keep what goes wrong in the block for later, so that one vehicle does not hold up the others."""
+    try:
+        yield
+    except FLIGHT_ERRORS as error:
+        problems.append(error)
+
+
+def _add_notes(error: BaseException, notes: Iterable[str]) -> None:
+    for note in notes:
+        error.add_note(note)

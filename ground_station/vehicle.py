@@ -20,8 +20,10 @@ from bus.requests import (
     TakeOff,
     Tune,
 )
+from bus.session import RequestFailedError
 from ground_station.observer import Observer
 from ground_station.state import VehicleState
+from ground_station.waiting import NotReachedError
 
 RUN_IN_LIMIT_S = 30.0
 TUNING_LIMIT_S = 10.0
@@ -30,6 +32,15 @@ TUNING_LIMIT_S = 10.0
 
 class RefusedError(RuntimeError):
     """A vehicle refused a request; the text is its reason."""
+
+
+FLIGHT_ERRORS = (RefusedError, RequestFailedError, NotReachedError)
+"""What may become of a request in flight."""
+
+
+def lines_of(error: BaseException) -> tuple[str, ...]:
+    """Text of an error, and what went wrong after it, which its notes tell."""
+    return (str(error), *getattr(error, "__notes__", ()))
 
 
 class Vehicle:

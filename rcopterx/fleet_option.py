@@ -6,13 +6,12 @@ from typing import Annotated
 
 import typer
 
-from bus.session import BusUnreachableError, RequestFailedError
+from bus.session import BusUnreachableError
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import FleetError, load_fleet
 from deploy.shipped import fleet_path
 from ground_station.fleet import Fleet
-from ground_station.vehicle import RefusedError
-from ground_station.waiting import NotReachedError
+from ground_station.vehicle import FLIGHT_ERRORS, lines_of
 
 DEFAULT_FLEET = "trio"
 EXIT_FAILED = 1
@@ -52,13 +51,14 @@ def user_errors() -> Iterator[None]:
     except FleetError as error:
         _say(error)
         raise typer.Exit(EXIT_USAGE) from None
-    except (BusUnreachableError, RequestFailedError, RefusedError, NotReachedError, OSError) as error:
+    except (BusUnreachableError, *FLIGHT_ERRORS, OSError) as error:
         _say(error)
         raise typer.Exit(EXIT_FAILED) from None
 
 
 def _say(error: Exception) -> None:
-    typer.echo(f"error: {error}", err=True)
+    for line in lines_of(error):
+        typer.echo(f"error: {line}", err=True)
 
 
 @contextmanager

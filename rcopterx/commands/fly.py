@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ground_station.fleet import Fleet
+from ground_station.vehicle import FLIGHT_ERRORS
 from ground_station.waiting import NotReachedError, StoppedError, stopped_by
 from rcopterx.commands.launch import launched
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
@@ -84,8 +85,8 @@ def _fly_rows(rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, resul
 def _fly_row(
     row: "Manoeuvre", fleet: Fleet, stop: threading.Event, progress: "Progress", results: "Results"
 ) -> None:
-    from experiments.flight import FLIGHT_ERRORS, not_flown, reason_not_to_fly, report_of
     from experiments.flight import fly as fly_manoeuvre
+    from experiments.flight import not_flown, reason_not_to_fly, report_of
 
     reason = reason_not_to_fly(row, fleet)
     if reason is not None:

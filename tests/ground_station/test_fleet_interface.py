@@ -19,7 +19,7 @@ from deploy.fleet import parse_fleet
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.table import fleet_table
-from ground_station.vehicle import RefusedError
+from ground_station.vehicle import RefusedError, lines_of
 from ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -210,6 +210,34 @@ def test_an_error_in_a_script_lands_the_fleet(fleet: Fleet, vehicles: Vehicles) 
     with pytest.raises(ZeroDivisionError), fleet:
         _ = 1 / 0
     assert phases(vehicles) == ["ground", "ground"]
+
+
+def test_the_error_of_a_script_stays_the_error_when_the_landing_fails_as_well(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    put(vehicles, fleet, "flying")
+    for name, reason in (("h1", "stuck"), ("h2", "no time")):
+        vehicles[name].refusals["land"] = reason
+    with pytest.raises(ZeroDivisionError) as caught, fleet:
+        _ = 1 / 0
+    assert lines_of(caught.value) == ("division by zero", "landing failed as well: h1: stuck", "h2: no time")
+
+
+def test_of_several_vehicles_that_cannot_be_landed_all_are_told_and_the_others_disarmed(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    put(vehicles, fleet, "flying")
+    vehicles["h1"].stuck.add("land")
+    with pytest.raises(NotReachedError, match="not all vehicles have landed"):
+        fleet.land(timeout_s=0.3)
+    assert vehicles["h2"].verbs == ["Land", "Disarm"]
+    vehicles["h1"].stuck.clear()
+    vehicles["h1"].refusals["land"] = "busy"
+    vehicles["h2"].refusals["land"] = "busy, too"
+    put(vehicles, fleet, "flying")
+    with pytest.raises(RefusedError) as caught:
+        fleet.land()
+    assert lines_of(caught.value) == ("h1: busy", "h2: busy, too")
 
 
 def test_a_script_that_ends_well_leaves_the_fleet_in_the_air(fleet: Fleet, vehicles: Vehicles) -> None:
