@@ -7,15 +7,17 @@ import numpy as np
 
 from agents.configuration import Configuration
 from agents.external import External
+from agents.interfaces import KeepsClear
 from agents.leader_requests import LeaderRequests, reply_of
 from agents.leaders import Leaders
-from agents.links import link_of
+from agents.links import following_at_rest, link_of
 from agents.neighbours import Neighbours, formation_of
 from agents.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from agents.phases import Phase
 from agents.pilot import Pilot
-from agents.placement import Room, move_problem
+from agents.placement import Room, move_problem, take_off_problem
 from agents.settings import AgentSettings
+from agents.topology import Links, followers, places
 from agents.tuning import Tuning
 from bus.messages import AgentStatus
 from bus.requests import (
@@ -179,7 +181,16 @@ class Desk:
                 f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m",
                 "",
             )
-        return self._pilot.take_off(request.height_m), ""
+        guidance = self._pilot.guidance
+        problem = guidance.take_off_problem() or take_off_problem(
+            self._settings.vehicle,
+            self._pilot.estimate.motion[:3],
+            request.height_m,
+            tuple(following_at_rest(link) for link in guidance.assigned),
+            self._neighbours.statuses(),
+            self._room,
+        )
+        return problem or self._pilot.take_off(request.height_m), ""
 
     def _land(self, _: Land) -> Decision:
         return self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s), ""
@@ -214,10 +225,19 @@ class Desk:
         guidance.fly(path, time_s)
         return None, f"{path.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
 
+    def _formation(self) -> tuple[Links, dict[str, Array]]:
+        """Who follows whom, and where heads are, by what the others say of themselves."""
+        return formation_of(self._neighbours.statuses(), flying=(self._settings.vehicle,))
+
     def _formation_problem(self, samples: Array) -> str | None:
-        """Who of those that follow would leave the volume."""
-        links, _ = formation_of(self._neighbours.statuses(), flying=(self._settings.vehicle,))
-        return move_problem(self._settings.vehicle, samples, links, self._room)
+        """Who of those that follow would leave the volume, or come too close to somebody not avoided."""
+        own = self._settings.vehicle
+        links, heads = self._formation()
+        strangers = {}
+        if self._settings.clearance is None or not isinstance(self._pilot.controller, KeepsClear):
+            moved = {own, *followers(links, own)}
+            strangers = {name: at for name, at in places(links, heads).items() if name not in moved}
+        return move_problem(own, samples, links, self._room, strangers)
 
     def _lead(self, _: Lead) -> Decision:
         self.leading.lead()

@@ -152,10 +152,17 @@ class Guidance:
         """Make the present place the set point."""
         self.source = SetPointReference(estimate.motion[:3].copy(), float(estimate.motion[YAW]))
 
+    def take_off_problem(self) -> str | None:
+        """Why the vehicle does not take off now; None if it may."""
+        if self.phase is Phase.ARMED:
+            return None
+        return f"take-off needs an armed vehicle on the floor, the phase is {self.phase}"
+
     def take_off(self, estimate: Estimate, height_m: float, time_s: float) -> str | None:
         """Begin to climb at `time_s`; a refusal is returned as its reason."""
-        if self.phase is not Phase.ARMED:
-            return f"take-off needs an armed vehicle on the floor, the phase is {self.phase}"
+        problem = self.take_off_problem()
+        if problem is not None:
+            return problem
         start = estimate.motion[:3].copy()
         self._floor_m = float(start[2])
         end = start + np.array([0.0, 0.0, height_m])

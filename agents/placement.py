@@ -2,15 +2,18 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
+from agents.neighbours import AT_WORK, formation_of
 from agents.topology import Links, followers, places
-from bus.messages import Following
+from bus.messages import AgentStatus, Following
 from vehicles.state import Array
 
 Three = tuple[float, float, float]
 TOLERANCE_M = 1e-6
+NOBODY: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -99,10 +102,56 @@ def place_problem(
     return None
 
 
-def move_problem(name: str, samples: Array, links: Links, room: Room) -> str | None:
-    """Why a vehicle that leads must not go somewhere, None if it may: its followers come along.
+def take_off_problem(
+    name: str,
+    floor_m: Array,
+    height_m: float,
+    following: tuple[Following, ...],
+    statuses: Mapping[str, AgentStatus],
+    room: Room,
+) -> str | None:
+    """Why a vehicle must not take off from where it stands, None if it may.
 
-    Whether the places are free is not asked here: others may be on their way, too.
+    The column above it must be free, and so must its place beside its leaders if they are in the air.
+
+    Parameters
+    ----------
+    name
+        The vehicle.
+    floor_m
+        Where it stands, shape (3,).
+    height_m
+        How far it will climb.
+    following
+        Its leaders.
+    statuses
+        What the others say of themselves.
+    room
+        Limits.
+
+    Returns
+    -------
+    str or None
+        Who is in the way, how far off, and what is allowed.
+    """
+    for other, status in statuses.items():
+        if status.position_m is None or other == name:
+            continue
+        place = np.array(status.position_m)
+        nearest = np.array([*floor_m[:2], np.clip(place[2], floor_m[2], floor_m[2] + height_m)])
+        problem = room.too_close(nearest, place)
+        if problem is not None:
+            return f"on its way up {name} and {other} would be {problem}"
+    if not all(link.leader in statuses and statuses[link.leader].phase in AT_WORK for link in following):
+        return None
+    others = {other: status for other, status in statuses.items() if other != name}
+    return place_problem(name, following, *formation_of(others, flying=(name,)), room)
+
+
+def move_problem(
+    name: str, samples: Array, links: Links, room: Room, strangers: Mapping[str, Array] = NOBODY
+) -> str | None:
+    """Why a vehicle that leads must not go somewhere, None if it may: its followers come along.
 
     Parameters
     ----------
@@ -114,12 +163,21 @@ def move_problem(name: str, samples: Array, links: Links, room: Room) -> str | N
         Who follows whom.
     room
         Limits.
+    strangers
+        Places of others, x y z first, that have to be kept off because nobody plans around them. Vehicles
+        that do plan around each other may well be sent to each other's places.
     """
     along = followers(links, name)
     for sample in samples:
-        problem = _leaving(along, places({**links, name: ()}, {name: sample[:4]}), room)
+        where = places({**links, name: ()}, {name: sample[:4]})
+        problem = _leaving(along, where, room)
         if problem is not None:
             return problem
+        for moved in (name, *along):
+            for other, place in strangers.items():
+                problem = room.too_close(where[moved], place) if moved in where else None
+                if problem is not None:
+                    return f"{moved} and {other} would be {problem}"
     return None
 
 

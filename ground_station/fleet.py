@@ -6,12 +6,17 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+
+from agents.placement import Room, take_off_problem
 from bus import channels
 from bus.messages import Kill
 from bus.session import RequestFailedError
 from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
+from deploy.formation_check import links_of
 from deploy.launcher import Launcher
+from deploy.role_settings import limits_of
 from deploy.shipped import fleet_path
 from ground_station.observer import Observer
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
@@ -200,8 +205,12 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         Raises
         ------
         RefusedError, RequestFailedError, NotReachedError
-            It could not be started, or something is missing; the others fly on.
+            Somebody is above it or at the place it would take, it could not be started, or something is
+            missing; the others fly on.
         """
+        problem = self._join_problem(name, height_m)
+        if problem is not None:
+            raise RefusedError(f"{name}: {problem}")
         self[name].start()
         started_s = self.session.clock()
 
@@ -217,6 +226,17 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             self.wait_for_formation([name], timeout_s=timeout_s)
             return f"{name} follows {', '.join(leaders)}"
         return f"{name} flies"
+
+    def _join_problem(self, name: str, height_m: float) -> str | None:
+        """Who is in the way, as its agent would say, too; None while nobody knows where it stands."""
+        self.hear()
+        state = self.state_of(name)
+        if state.seen_at_m is None or state.airborne:
+            return None
+        low_m, high_m = self.file.volume.min_m, self.file.volume.max_m
+        room = Room(low_m, high_m, limits_of(self.file, name).surveillance.minimum_distance_m)
+        following = links_of(self.file)[name]
+        return take_off_problem(name, np.array(state.seen_at_m), height_m, following, self.statuses(), room)
 
     def leave(self, name: str, timeout_s: float = 15.0) -> None:
         """Land a vehicle and end its agent; the others fly on.

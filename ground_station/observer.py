@@ -70,8 +70,9 @@ class Observer:
         plan, _ = _newest(self.plans.inboxes.get(name), now_s)
         seen_age_s = self._unseen_s(name, now_s) if pose is None or pose.occluded else pose_age_s
         return VehicleState(
-            name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan
-        )
+            name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan,
+            None if pose is None else pose.position_m,
+        )  # fmt: skip
 
     def present(self) -> list[str]:
         """Vehicles of the fleet file that take part: all but those that a launcher says are absent."""

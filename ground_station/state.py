@@ -28,6 +28,8 @@ class VehicleState:
         Time since the motion capture last saw the vehicle; None if it never did since this program joined.
     plan
         Newest plan, None before the first.
+    seen_at_m
+        Where the motion capture sees the vehicle; None if it does not.
     """
 
     name: str
@@ -38,6 +40,7 @@ class VehicleState:
     pose_age_s: float | None
     seen_age_s: float | None = None
     plan: Plan | None = None
+    seen_at_m: tuple[float, float, float] | None = None
 
     @property
     def phase(self) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.desk import UP, Office, follow, go_to, say
+from support.desk import UP, Office, follow, follow_at, go_to, say
 from support.plans import plan_of
 from support.statuses import flying_status, hovering
 
@@ -164,3 +164,45 @@ def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(of
     assert refusal is not None
     assert refusal.startswith(words)
     assert office.ask(narrow).refusal is None
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ((0.1, 0.2, 0.8), "on its way up h9 and h2 would be 0 m apart, the minimum distance is 0.3 m"),
+        ((0.3, 0.2, 0.4), "on its way up h9 and h2 would be 0.2 m apart, the minimum distance is 0.3 m"),
+        ((0.1, 0.2, 1.2), "on its way up h9 and h2 would be 0.2 m apart, the minimum distance is 0.3 m"),
+        ((0.1, 0.2, 1.4), None),
+        ((0.5, 0.2, 0.5), None),
+    ],
+)
+def test_nobody_takes_off_into_somebody_above(
+    office: Office, place: tuple[float, float, float], words: str | None
+) -> None:
+    office.arm()
+    say(office, "h2", hovering(place))
+    assert office.ask(TakeOff(height_m=1.0)).refusal == words
+    assert office.pilot.guidance.phase is (Phase.TAKEOFF if words is None else Phase.ARMED)
+
+
+def test_nobody_takes_off_to_a_place_that_is_taken(office: Office) -> None:
+    office.arm()
+    assert follow_at(office, (0.5, 0.5, 0.0)).refusal is None
+    say(office, "h1", hovering((-0.5, 0.0, 1.0)))
+    say(office, "h2", hovering((0.0, 0.7, 1.0)))
+    words = "h9 and h2 would be 0.2 m apart, the minimum distance is 0.3 m"
+    assert office.ask(TakeOff()).refusal == words
+    say(office, "h1", hovering((-0.5, 0.0, 0.0), phase="armed"))
+    assert office.ask(TakeOff()).refusal is None
+
+
+def test_without_avoidance_set_points_at_the_places_of_others_are_refused(office: Office) -> None:
+    """The controller of these tests avoids nobody."""
+    office.fly()
+    say(office, "h2", hovering((0.5, 0.5, 1.0)))
+    say(office, "h1", hovering((0.1, 0.6, 1.0), Following(leader="h9", offset_m=(0.0, 0.4, 0.0))))
+    words = "h9 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"
+    assert office.ask(go_to(0.4, 0.5, 1.0)).refusal == words
+    words = "h1 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"
+    assert office.ask(go_to(0.4, 0.1, 1.0)).refusal == words
+    assert office.ask(go_to(0.1, -0.3, 1.0)).refusal is None

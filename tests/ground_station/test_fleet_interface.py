@@ -345,3 +345,13 @@ def test_ctrl_c_in_a_script_lands_the_fleet(fleet: Fleet, vehicles: Vehicles) ->
     with pytest.raises(KeyboardInterrupt), fleet:
         raise KeyboardInterrupt
     assert phases(vehicles) == ["ground", "ground"]
+
+
+def test_a_vehicle_does_not_join_below_or_into_somebody(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying", ["h1"])
+    vehicles["h1"].position_m = (0.1, 0.4, 0.9)
+    wait_for(lambda: (at := fleet["h1"].state.agent) and at.position_m == (0.1, 0.4, 0.9), "not there")
+    words = "h2: on its way up h2 and h1 would be 0.2 m apart, the minimum distance is 0.3 m"
+    with pytest.raises(RefusedError, match=words):
+        fleet.join("h2")
+    assert vehicles["h2"].requests == []
