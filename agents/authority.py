@@ -10,12 +10,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from agents.interfaces import Controller, Share, SharesAuthority
-from agents.topology import Links, leaders_of
+from agents.references import TurnLimits
+from agents.topology import Links, followers, leaders_of, places
 from vehicles.model import Model
 from vehicles.state import Array
 
 LEADER_SHARE = 0.8
 """Share of its followers' accelerations a leader plans with."""
+ARM_SPEED_SHARE = 0.8
+ARM_ACCELERATION_SHARE = 0.5
+"""Shares of what a follower can do that a turn of its leader may ask of it; the rest is for all else."""
+SHORTEST_ARM_M = 0.02
 
 
 def share_of(links: Links, models: Mapping[str, Model], name: str) -> Share:
@@ -43,6 +48,46 @@ def _share(links: Links, models: Mapping[str, Model], name: str, levels: int) ->
         inputs = np.minimum(inputs, LEADER_SHARE * weaker * below.inputs)
         rates = np.minimum(rates, slower * below.rates)
     return Share(tuple(inputs.tolist()), tuple(rates.tolist()))
+
+
+def turn_limits_of(links: Links, models: Mapping[str, Model], name: str) -> TurnLimits | None:
+    """How fast a vehicle may turn, for those it carries round; None where there are none.
+
+    Followers whose offsets turn with the heading fly an arc as their leader turns; those at the end of long
+    arms soon cannot.
+
+    Parameters
+    ----------
+    links
+        Who follows whom.
+    models
+        Vehicles by name; one that is missing is taken for an equal of its leader.
+    name
+        The vehicle.
+    """
+    rate, acceleration = np.inf, np.inf
+    for follower, arm_m in arms_of(links, name).items():
+        model = models.get(follower, models.get(name))
+        if model is None:
+            continue
+        speeds = _speeds(model)
+        rate = min(rate, ARM_SPEED_SHARE * float(speeds[0]) / arm_m, float(speeds[3]))
+        acceleration = min(acceleration, ARM_ACCELERATION_SHARE * float(_accelerations(model)[0]) / arm_m)
+    return TurnLimits(rate, acceleration) if np.isfinite(rate) else None
+
+
+def arms_of(links: Links, name: str) -> dict[str, float]:
+    """Radii of the circles on which a vehicle carries others round when it turns [m]."""
+    turning = {**links, name: ()}
+    heads = {other: np.zeros(4) for other, own in turning.items() if not own}
+    ahead = places(turning, heads)
+    back = places(turning, {**heads, name: np.array([0.0, 0.0, 0.0, np.pi])})
+    arms = {
+        other: 0.5 * float(np.linalg.norm(ahead[other][:2] - back[other][:2]))
+        for other in followers(turning, name)
+        if other in ahead
+    }
+    return {other: arm_m for other, arm_m in arms.items() if arm_m > SHORTEST_ARM_M}
 
 
 def _compared(follower: Model | None, leader: Model | None) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.authority import turn_limits_of
 from agents.configuration import Configuration
 from agents.external import External
 from agents.interfaces import KeepsClear
@@ -204,7 +205,9 @@ class Desk:
         )
         if problem is not None:
             return problem, ""
-        return self._pilot.guidance.go_to(position_m, yaw_rad), ""
+        vehicle, models = self._settings.vehicle, self._settings.models
+        turn = turn_limits_of(self._formation()[0], {vehicle: self._pilot.model, **models}, vehicle)
+        return self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, turn), ""
 
     def _fly(self, request: Fly) -> Decision:
         guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s

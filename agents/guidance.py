@@ -19,6 +19,8 @@ from agents.references import (
     ReferenceSource,
     SetPointReference,
     SmoothMove,
+    SmoothTurn,
+    TurnLimits,
 )
 from agents.trajectory import Trajectory
 from vehicles.state import YAW, Array
@@ -183,12 +185,29 @@ class Guidance:
         self.on_event(Event.LAND, estimate)
         return None
 
-    def go_to(self, position_m: Array, yaw_rad: float) -> str | None:
-        """Set point of a vehicle that follows nobody; a refusal is returned as its reason."""
+    def go_to(
+        self, position_m: Array, yaw_rad: float, time_s: float = 0.0, turn: TurnLimits | None = None
+    ) -> str | None:
+        """Set point of a vehicle that follows nobody; a refusal is returned as its reason.
+
+        Parameters
+        ----------
+        position_m, yaw_rad
+            The set point, inertial frame.
+        time_s
+            Present fleet time.
+        turn
+            How fast the heading may change for those who are carried round; None lets it step.
+        """
         problem = self.flight_problem()
-        if problem is None:
+        if problem is not None:
+            return problem
+        if turn is None:
             self.source = SetPointReference(position_m, yaw_rad)
-        return problem
+        else:
+            present = self.source.sample(time_s, 1.0, 1).samples[0]
+            self.source = SmoothTurn.within(turn, position_m, yaw_rad, present, time_s)
+        return None
 
     def flight_problem(self) -> str | None:
         """Why a set point or a path is not taken now; None if it is."""

@@ -58,7 +58,7 @@ class FlightPath:
         before, after = knots[right - 1], knots[right]
         span = (after[:, 0] - before[:, 0])[:, None]
         s = (time - before[:, 0])[:, None] / span
-        samples = _quintic(before[:, 1:], after[:, 1:], span, s)
+        samples = quintic(before[:, 1:], after[:, 1:], span, s)
         samples[(at_s < 0.0) | (at_s > self.duration_s), 4:] = 0.0
         return samples
 
@@ -302,8 +302,21 @@ def _knot_times(duration_s: float) -> Array:
     return np.linspace(0.0, duration_s, count)
 
 
-def _quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
-    """Quintic Hermite interpolation: rows of four values, their rates and accelerations."""
+def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
+    """Quintic Hermite interpolation.
+
+    Parameters
+    ----------
+    before, after
+        Rows of four values, their rates and their accelerations at both ends, shape (k, 12).
+    span, s
+        Time between the ends, and the fraction of it that has passed, shape (k, 1).
+
+    Returns
+    -------
+    Array
+        Rows of the same kind, shape (k, 12).
+    """
     p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
     p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2
     gap = p1 - p0 - v0 - 0.5 * a0

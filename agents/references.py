@@ -8,12 +8,24 @@ from typing import Protocol
 
 import numpy as np
 
-from agents.paths import FlightPath
-from agents.trajectory import ACCELERATION, COLUMNS, POSITION, VELOCITY, YAW, Trajectory, hold
+from agents.paths import FlightPath, quintic
+from agents.trajectory import (
+    ACCELERATION,
+    COLUMNS,
+    POSITION,
+    VELOCITY,
+    YAW,
+    YAW_ACCELERATION,
+    YAW_RATE,
+    Trajectory,
+    hold,
+)
 from vehicles.state import Array
 
 PEAK_TO_MEAN_SPEED = 1.875
 """Ratio of the peak to the mean speed of a quintic that starts and ends at rest."""
+_TURN_DURATIONS_S = np.geomspace(0.2, 120.0, 90)
+_TURN_MOMENTS = np.linspace(0.0, 1.0, 21)
 
 
 class ReferenceSource(Protocol):
@@ -113,3 +125,76 @@ class PathReference:
     def finished(self, time_s: float) -> bool:
         """See `ReferenceSource.finished`."""
         return time_s >= self.start_s + self.path.duration_s
+
+
+@dataclass(frozen=True, slots=True)
+class TurnLimits:
+    """How fast a heading may change while other vehicles are carried round.
+
+    Attributes
+    ----------
+    rate_rad_s
+        Largest yaw rate.
+    acceleration_rad_s2
+        Largest sqrt(psi''^2 + psi'^4): times the arm, the acceleration of whoever is carried round.
+    """
+
+    rate_rad_s: float
+    acceleration_rad_s2: float
+
+    def used(self, samples: Array) -> Array:
+        """How much of the limits rows of a trajectory use, shape (..); 1 is all of them."""
+        rate, acceleration = samples[..., YAW_RATE], samples[..., YAW_ACCELERATION]
+        spin = np.hypot(acceleration, rate**2)
+        return np.maximum(np.abs(rate) / self.rate_rad_s, spin / self.acceleration_rad_s2)
+
+
+@dataclass(frozen=True)
+class SmoothTurn:
+    """Be at one place, and come to a heading smoothly.
+
+    Attributes
+    ----------
+    way
+        Quintic polynomial of the heading; the position does not change.
+    """
+
+    way: PathReference
+
+    @classmethod
+    def within(
+        cls, limits: TurnLimits, position_m: Array, yaw_rad: float, present: Array, time_s: float
+    ) -> "SmoothTurn":
+        """Shortest turn within limits.
+
+        Parameters
+        ----------
+        limits
+            How fast.
+        position_m, yaw_rad
+            Place to be at from now on, shape (3,), and heading to come to [unwrapped].
+        present
+            Row of the present reference, whose heading goes on from there, shape (12,).
+        time_s
+            Now.
+        """
+        ends = np.zeros((2, COLUMNS))
+        ends[:, POSITION] = position_m
+        ends[0, YAW::4] = present[YAW::4]
+        ends[1, YAW] = yaw_rad
+        durations, moments = np.meshgrid(_TURN_DURATIONS_S, _TURN_MOMENTS, indexing="ij")
+        rows = quintic(ends[:1], ends[1:], durations.reshape(-1, 1), moments.reshape(-1, 1))
+        used = limits.used(rows).reshape(durations.shape).max(axis=1)
+        within = used <= 1.0
+        # A turn that is too fast already cannot be ended within the limits: then as gently as possible.
+        best = int(np.argmax(within)) if within.any() else int(np.argmin(used))
+        times = np.array([[0.0], [_TURN_DURATIONS_S[best]]])
+        return cls(PathReference(FlightPath(np.hstack((times, ends))), time_s))
+
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
+        """See `ReferenceSource.sample`."""
+        return self.way.sample(time_s, period_s, stages)
+
+    def finished(self, time_s: float) -> bool:
+        """See `ReferenceSource.finished`."""
+        return self.way.finished(time_s)

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from experiments import chain, formation, horizon, hover, preview, swapping
+from experiments import chain, formation, horizon, hover, preview, swapping, turning
 from experiments.runner import Options, Result, Tell
 
 
@@ -43,6 +43,7 @@ EXPERIMENTS: Final = MappingProxyType(
             ),
             Experiment("preview", "A figure-eight with and without preview and feed-forward", 3, preview.run),
             Experiment("chain", "Errors along chains, trees and with several leaders", 3, chain.run),
+            Experiment("turning", "Yaw steps of a leader whose followers turn with it", 3, turning.run),
             Experiment("swapping", "Ten vehicles swap places without collision", 5, swapping.run),
         )
     }

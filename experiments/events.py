@@ -11,9 +11,26 @@ from agents.guidance import LeaderPlan
 from agents.links import link_of
 from agents.paths import FlightPath
 from agents.pilot import Pilot
+from agents.references import TurnLimits
 from bus.messages import Following
 
 Three = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a vehicle knows of the others when something happens to it.
+
+    Attributes
+    ----------
+    plans
+        Newest plans of the leaders that are needed for it.
+    turn
+        How fast it may turn for those it carries round, None for no limit.
+    """
+
+    plans: Mapping[str, LeaderPlan]
+    turn: TurnLimits | None = None
 
 
 class Event(Protocol):
@@ -34,7 +51,7 @@ class Event(Protocol):
         """Vehicles whose plans are needed for it."""
         ...
 
-    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:
+    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
         """Make it happen; a refusal is returned as its reason."""
         ...
 
@@ -53,9 +70,9 @@ class GoTo:
         """See `Event.leaders`."""
         return ()
 
-    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
         """See `Event.apply`."""
-        return pilot.guidance.go_to(np.array(self.position_m), self.yaw_rad)
+        return pilot.guidance.go_to(np.array(self.position_m), self.yaw_rad, pilot.clock.time_s, scene.turn)
 
 
 @dataclass(frozen=True)
@@ -71,7 +88,7 @@ class Fly:
         """See `Event.leaders`."""
         return ()
 
-    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+    def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
         """See `Event.apply`."""
         problem = pilot.guidance.flight_problem()
         if problem is None:
@@ -96,13 +113,13 @@ class Follow:
         """See `Event.leaders`."""
         return tuple(following.leader for following in self.following)
 
-    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:
+    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
         """See `Event.apply`."""
-        missing = [leader for leader in self.leaders if leader not in plans]
+        missing = [leader for leader in self.leaders if leader not in scene.plans]
         if missing:
             return f"no plan from {', '.join(missing)}"
         links = [link_of(following) for following in self.following]
-        pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, self.transition_s)
+        pilot.guidance.follow(links, scene.plans, pilot.estimate, pilot.clock.time_s, self.transition_s)
         return None
 
 
@@ -118,7 +135,7 @@ class Lead:
         """See `Event.leaders`."""
         return ()
 
-    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+    def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
         """See `Event.apply`."""
         pilot.guidance.lead(pilot.estimate)
         return None
@@ -138,7 +155,7 @@ class Switch:
         """See `Event.leaders`."""
         return ()
 
-    def apply(self, pilot: Pilot, plans: Mapping[str, LeaderPlan]) -> str | None:  # noqa: ARG002 - none needed
+    def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
         """See `Event.apply`."""
         controller = build_controller(self.controller, pilot.model, pilot.controller.period_s, self.settings)
         controller.reset(pilot.estimate, pilot.inputs.newest)

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.authority import share_of
+from agents.authority import share_of, turn_limits_of
 from agents.avoidance import Clearance, Neighbour
 from agents.clearance_shares import share_kept_clear
 from agents.guidance import LeaderPlan
@@ -25,7 +25,7 @@ from agents.settings import AgentSettings
 from agents.topology import leaders_of, places
 from bus.messages import Following
 from bus.session import BusAddress
-from experiments.events import Event
+from experiments.events import Event, Scene
 from experiments.record import FlightRecord, Recorder
 from simulator.conditions import Conditions
 from simulator.laboratory import Laboratory
@@ -229,7 +229,9 @@ class Rig:
         if event.vehicle not in self.pilots:
             raise RigError(f"event at {event.time_s:g} s: there is no vehicle {event.vehicle!r}")
         plans = self._leader_plans(event.vehicle, self._plans, event.leaders)
-        refusal = event.apply(self.pilots[event.vehicle], plans)
+        models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
+        scene = Scene(plans, turn_limits_of(self._links(), models, event.vehicle))
+        refusal = event.apply(self.pilots[event.vehicle], scene)
         if refusal is not None:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
 
@@ -256,15 +258,19 @@ class Rig:
     def _leaders(pilot: Pilot) -> list[str]:
         return [link.leader for link in pilot.guidance.links]
 
+    def _links(self) -> dict[str, tuple[Following, ...]]:
+        """Who follows whom now, offsets at rest."""
+        return {
+            name: tuple(following_at_rest(link) for link in pilot.guidance.links)
+            for name, pilot in self.pilots.items()
+        }
+
     def _share_the_room(self) -> None:
         """Who keeps how clear of whom, as agents work it out from each other's statuses."""
         clearance = self._options.clearance
         if clearance is None:
             return
-        links = {
-            name: tuple(following_at_rest(link) for link in pilot.guidance.links)
-            for name, pilot in self.pilots.items()
-        }
+        links = self._links()
         heads = {name: np.append(*pilot.guidance.set_point()) for name, pilot in self.pilots.items()}
         where, order = places(links, heads), list(self.pilots)
         self._shares = {

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from support.flight import NotedController
 
-from agents.authority import LEADER_SHARE, Authority, share_of
+from agents.authority import (
+    ARM_ACCELERATION_SHARE,
+    ARM_SPEED_SHARE,
+    LEADER_SHARE,
+    Authority,
+    arms_of,
+    share_of,
+    turn_limits_of,
+)
 from agents.interfaces import Share
 from agents.topology import exchanged, places
 from bus.messages import Following
@@ -84,3 +92,39 @@ def test_a_fixed_range_and_an_unknown_formation_change_nothing() -> None:
     Authority("h1", {}).tend(controller, {}, {"h1": ()})
     Authority("h1", {}).tend(NotedController(np.zeros((1, 4))), {}, TREE)
     assert controller.shares == []
+
+
+def test_arms_are_the_circles_on_which_a_leader_carries_others_round() -> None:
+    abreast = Following(leader="h1", offset_m=(0.0, 0.6, 0.3), frame="heading", yaw_offset_rad=np.pi / 2)
+    links = {
+        "h1": (),
+        "h2": (abreast,),
+        "h3": (Following(leader="h2", offset_m=(0.5, 0.0, 0.0)),),
+        "h4": (Following(leader="h2", offset_m=(0.8, 0.0, 0.0), frame="heading"),),
+        "h5": (Following(leader="h1", offset_m=(0.4, 0.0, 0.0)),),
+        "h6": (abreast, Following(leader="h5", offset_m=(0.0, 0.6, 0.0))),
+        "h7": (Following(leader="h8", offset_m=(0.0, 0.6, 0.0), frame="heading"),),
+        "h8": (),
+    }
+    arms = {"h2": 0.6, "h3": 0.6, "h4": 1.4, "h6": 0.3}
+    assert arms_of(links, "h1") == pytest.approx(arms)
+    assert arms_of(links, "h2") == pytest.approx({"h4": 0.8})
+    assert arms_of(links, "h8") == pytest.approx({"h7": 0.6})
+    assert arms_of(links, "h5") == {}
+
+
+def test_the_longest_arm_and_the_weakest_follower_limit_a_turn() -> None:
+    links = {
+        f"h{number}": (Following(leader="h1", offset_m=(x, 0.0, 0.0), frame="heading"),)
+        for number, x in ((2, 0.3), (3, 0.6))
+    }
+    models = dict.fromkeys(("h1", "h2", "h3"), COAXIAL)
+    limits = turn_limits_of(links, models, "h1")
+    assert limits is not None
+    assert limits.rate_rad_s == pytest.approx(ARM_SPEED_SHARE * 1.0 / 0.6)
+    assert limits.acceleration_rad_s2 == pytest.approx(ARM_ACCELERATION_SHARE * 2.0 / 0.6)
+    stronger = turn_limits_of(links, models | {"h3": QUADROTOR}, "h1")
+    assert stronger is not None
+    assert stronger.acceleration_rad_s2 > limits.acceleration_rad_s2
+    assert turn_limits_of(links, models, "h2") is None
+    assert turn_limits_of(links, {}, "h1") is None

@@ -206,3 +206,17 @@ def test_without_avoidance_set_points_at_the_places_of_others_are_refused(office
     words = "h1 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"
     assert office.ask(go_to(0.4, 0.1, 1.0)).refusal == words
     assert office.ask(go_to(0.1, -0.3, 1.0)).refusal is None
+
+
+def test_a_leader_turns_slowly_enough_for_those_it_carries_round(office: Office) -> None:
+    office.fly()
+    turned = GoTo(set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=1.5))
+    for frame, step_rad in (("inertial", 1.5), ("heading", 0.0)):
+        abreast = Following(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
+        say(office, "h2", hovering((0.0, 0.6, 1.0), abreast))
+        office.ask(go_to(0.0, 0.0, 1.0))
+        office.pilot.guidance.go_to(np.array([0.0, 0.0, 1.0]), 0.0)
+        assert office.ask(turned).refusal is None
+        now = office.pilot.guidance.source.sample(office.pilot.clock.time_s, 0.02, 50)
+        assert now.yaw_rad[0] == pytest.approx(step_rad)
+        assert office.pilot.guidance.set_point()[1] == 1.5

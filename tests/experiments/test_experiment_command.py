@@ -23,6 +23,7 @@ def test_experiments_are_listed() -> None:
         "formation",
         "preview",
         "chain",
+        "turning",
         "swapping",
     ]
 
