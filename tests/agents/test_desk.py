@@ -7,7 +7,7 @@ from support.plans import plan_of
 from support.statuses import flying_status, hovering
 
 from agents.links import following_of, link_of
-from agents.paths import through
+from agents.path_shapes import through
 from agents.phases import Phase
 from bus.messages import FloatArray, Following, SetPoint
 from bus.requests import (

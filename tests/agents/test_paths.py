@@ -7,18 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.paths import (
-    MAX_KNOTS,
-    FlightPath,
-    PathError,
-    begun_from,
-    circle,
-    figure_eight,
-    path_problem,
-    run_in_time_s,
-    spiral,
-    through,
-)
+from agents.path_shapes import circle, figure_eight, spiral, through
+from agents.paths import MAX_KNOTS, FlightPath, PathError, begun_from, path_problem, run_in_time_s
 from agents.references import PathReference
 from vehicles.types import COAXIAL
 
