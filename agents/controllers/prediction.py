@@ -7,7 +7,7 @@ flies the trajectory through this same model reproduces it exactly.
 """
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg import blas
 
 from agents.interfaces import Estimate
 from agents.trajectory import COLUMNS, Trajectory
@@ -23,7 +23,10 @@ def lag_poles(model: Model, period_s: float) -> Array:
 
 def first_order(pole: float, start: float, driven: Array) -> Array:
     """Solve s[i+1] = pole s[i] + driven[i] from s[0] = start; returns len(driven) + 1 values."""
-    response: Array = lfilter([1.0], [1.0, -pole], np.concatenate(([start], driven)))
+    # A bidiagonal system; `scipy.signal.lfilter` is no quicker and a quarter of a second slower to import.
+    bands = np.ones((2, len(driven) + 1), order="F")
+    bands[1] = -pole
+    response: Array = blas.dtbsv(1, bands, np.concatenate(([start], driven)), lower=1, diag=1)
     return response
 
 
