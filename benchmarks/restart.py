@@ -55,7 +55,7 @@ class Victim:
 
 
 def victims_of(fleet: Fleet) -> list[Victim]:
-    """The agents of a leader and of a follower, the router and the Vicon gateway."""
+    """The agents of a leader and of a follower, the router and the gateways."""
     names = tuple(fleet.file.vehicles)
     leaders = [name for name in names if not fleet.file.vehicles[name].follow]
     followers = [name for name in names if fleet.file.vehicles[name].follow]
@@ -64,7 +64,19 @@ def victims_of(fleet: Fleet) -> list[Victim]:
         *(Victim(f"agent-{name}", (name,)) for name in agents),
         Victim("router", names),
         Victim("tracker", names),
+        *(
+            Victim(gateway, served)
+            for gateway in fleet.file.gateways
+            if (served := served_by(fleet, gateway))
+        ),
     ]
+
+
+def served_by(fleet: Fleet, gateway: str) -> tuple[str, ...]:
+    """Vehicles whose radio a transmitter gateway serves."""
+    return tuple(
+        name for name, vehicle in fleet.file.vehicles.items() if vehicle.transmitter.gateway == gateway
+    )
 
 
 def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:

@@ -17,7 +17,11 @@ from deploy.role_settings import pilot_of
 from deploy.roles import end_with_parent, run_reporting, run_role
 from deploy.spare_process import READY, Job
 
-MODULES = {"router": "bus.router", "tracker": "vicon_gateway.process"}
+MODULES = {
+    "router": "bus.router",
+    "tracker": "vicon_gateway.process",
+    "transmitters": "transmitter_gateway.process",
+}
 """What a role needs beyond what agents need."""
 
 

@@ -15,7 +15,7 @@ from deploy.spare_process import SpareProcess, child_environment
 
 STABLE_AFTER_S = 2.0
 SETTLED_S = 1.0
-SPARE_ROLES = ("agent", "router", "tracker")
+SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
 """What vehicles in the air cannot do without, and a spare process can take over."""
 QUICK_RESTARTS = 3
 MAX_PAUSE_S = 5.0
