@@ -186,6 +186,7 @@ class Arbiter:
             problem = "serial link lost"
         self.holder = None
         self.counters["refused: take over"] += 1
+        self.reason = f"not taken over: {problem}"
         return Answer(False, problem)
 
     def _take_over_problem(self, words: LastWords, now_s: float) -> str | None:

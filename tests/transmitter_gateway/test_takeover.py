@@ -106,6 +106,7 @@ def test_what_is_not_certainly_a_flight_stays_disarmed(changes: dict[str, object
     answer = take_over(arbiter, **changes)
     assert not answer.accepted
     assert answer.reason.startswith(words)
+    assert arbiter.reason == f"not taken over: {answer.reason}"
     assert arbiter.state is State.DISARMED
     assert arbiter.holder is None
     take_over(arbiter, **changes)
