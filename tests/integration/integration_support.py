@@ -50,6 +50,10 @@ class Flying:
         os.kill(pid, signal.SIGKILL)
         return pid
 
+    def started_s(self, process: str) -> float:
+        """When the process that runs now was started [monotonic s]."""
+        return self.launcher_of(process).supervisor.children[process].started_s
+
     def restarts(self, process: str) -> int:
         return self.launcher_of(process).supervisor.children[process].restarts
 
