@@ -1,5 +1,6 @@
 """Fixtures that tests of several packages share."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -31,3 +32,11 @@ def join(bus_address: BusAddress) -> Iterator[Callable[..., Session]]:
             return stack.enter_context(Session(bus_address, **options))
 
         yield opened
+
+
+@pytest.fixture(autouse=True)
+def _ordinary_scheduling() -> Iterator[None]:
+    """No test leaves its own process in the real-time class, to disturb whatever flies beside it."""
+    before = os.sched_getscheduler(0)
+    yield
+    assert os.sched_getscheduler(0) == before

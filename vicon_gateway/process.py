@@ -128,16 +128,17 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
     BusUnreachableError
         No router answers. A Tracker that does not answer is no error: the gateway keeps trying and says so.
     """
-    stopping: list[int] = []
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda caught, _: stopping.append(caught))
     if settings.brand is not None:
         check_library()
-    realtime = request_realtime(settings.realtime_priority)
     with ExitStack() as stack:
         file = None
         if settings.record_raw is not None:
             file = stack.enter_context(RecordingFile.create(settings.record_raw))
+        # What is wrong with the settings has been said; from here on this process is the gateway.
+        stopping: list[int] = []
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda caught, _: stopping.append(caught))
+        realtime = request_realtime(settings.realtime_priority)
         session = stack.enter_context(Session(settings.bus, clock=time.monotonic))
         client = _client(settings, file)
         stack.callback(client.close)
