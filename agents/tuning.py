@@ -18,6 +18,7 @@ from vehicles.model import Model
 from vehicles.state import YAW, Array
 
 WARM_UP_STEPS = 3
+"""Of a controller or an estimator that nobody has flown with; one step tries out other settings of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +60,12 @@ def prepare(
         motion = occasion.estimate.motion
         reference = hold(motion[:3], float(motion[YAW]), period_s, controller.horizon)
         controller.reset(occasion.estimate, occasion.last_input)
-        for _ in range(WARM_UP_STEPS):
+        for _ in range(WARM_UP_STEPS if wanted.controller != present.controller else 1):
             controller.step(occasion.estimate, reference, occasion.last_input)
     if (wanted.estimator, wanted.estimator_settings) != (present.estimator, present.estimator_settings):
         estimator = wanted.estimator_for(model, period_s)
         estimator.take_over(occasion.estimate)
-        for _ in range(WARM_UP_STEPS):
+        for _ in range(WARM_UP_STEPS if wanted.estimator != present.estimator else 1):
             estimator.predict(occasion.last_input, occasion.frame_period_s)
     return Replacement(wanted, controller, estimator)
 
