@@ -54,7 +54,7 @@ class Arbiter:
     state, reason
         Current state and why.
     counters : Counter
-        Rejections, state entries and planned inputs played, by name.
+        Rejections, state entries, planned inputs played and steps that slew rates limited, by name.
     holder : str or None
         Source with the control lease.
     """
@@ -74,7 +74,9 @@ class Arbiter:
         self._candidate: str | None = None
         self._shutdown = False
         self._u: Input = NEUTRAL
+        self._moved_s = 4 * [-math.inf]
         self._now_s = -math.inf
+        self._shaped_s = -math.inf
         self._entered_s = -math.inf
         self._low_since_s: float | None = None
         self._thrust_time_s = 0.0
@@ -85,7 +87,8 @@ class Arbiter:
 
     def command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; a rejected one changes nothing but a counter."""
-        self.step(now_s)
+        # The output stays as it is until the next step: that may follow the command at once.
+        self._pass(now_s)
         rejection = self._admission.consider(
             command, now_s, pose_epoch=self.surveillance.epoch, holder=self.holder
         )
@@ -299,6 +302,22 @@ class Arbiter:
 
     def step(self, now_s: float) -> ArbiterOutput:
         """Let the time pass to `now_s`, change the state if the table says so, and give the output."""
+        acting = self._pass(now_s)
+        elapsed_s = 0.0 if math.isinf(self._shaped_s) else self._now_s - self._shaped_s
+        self._shaped_s = self._now_s
+        self._u = self._shape(self._now_s, elapsed_s, acting)
+        return ArbiterOutput(
+            self.state,
+            self.reason,
+            self._u,
+            throttle_low=self.state in (State.CUT, State.KILLED),
+            kill=self.state is State.KILLED,
+            bridging_step=self._bridging_step,
+            cause=None if acting is None else acting.command.cause,
+        )
+
+    def _pass(self, now_s: float) -> Stream | None:
+        """Let the time pass and change the state; whose commands act then."""
         now_s = max(now_s, self._now_s)
         elapsed_s = 0.0 if math.isinf(self._now_s) else now_s - self._now_s
         self._now_s = now_s
@@ -313,16 +332,7 @@ class Arbiter:
         if played > self._bridging_step:
             self.counters["planned inputs played"] += played - self._bridging_step
         self._bridging_step = played
-        self._u = self._shape(now_s, elapsed_s, acting)
-        return ArbiterOutput(
-            self.state,
-            self.reason,
-            self._u,
-            throttle_low=self.state in (State.CUT, State.KILLED),
-            kill=self.state is State.KILLED,
-            bridging_step=self._bridging_step,
-            cause=None if acting is None else acting.command.cause,
-        )
+        return acting
 
     def _watch_thrust(self, now_s: float, elapsed_s: float, stream: Stream | None, bridging: int) -> None:
         """Keep track of since when neither the applied nor the commanded thrust lifts the vehicle."""
@@ -351,7 +361,7 @@ class Arbiter:
     def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> Input:
         thrust = min(self._u[THRUST], self._hover.value)
         if acting is not None:
-            u = self._slewed(played_input(acting.command, self._bridging_step), elapsed_s)
+            u = self._slewed(played_input(acting.command, self._bridging_step), now_s)
             self._hover.note(self._u[THRUST], elapsed_s, self.surveillance.own_track, now_s)
             return u
         if self.state is State.HOLD:
@@ -361,13 +371,20 @@ class Arbiter:
             return (0.0, 0.0, max(floor, thrust - self.limits.descend_rate_per_s * elapsed_s), 0.0)
         return NEUTRAL
 
-    def _slewed(self, target: Input, elapsed_s: float) -> Input:
-        step_s = min(elapsed_s, LONGEST_SLEW_STEP_S)
+    def _slewed(self, target: Input, now_s: float) -> Input:
+        """Inputs on their way to a target: the time since each of them moved last allows its next move.
+
+        Steps in between, for poses or deadlines, must not use it up.
+        """
         u = []
-        for wanted, last, rate in zip(target, self._u, self._slew_per_s, strict=True):
-            lowest, highest = last - rate * step_s, last + rate * step_s
-            u.append(lowest if wanted < lowest else highest if wanted > highest else wanted)
-        return (u[0], u[1], u[2], u[3])
+        for axis, (wanted, last, rate) in enumerate(zip(target, self._u, self._slew_per_s, strict=True)):
+            most = rate * min(now_s - self._moved_s[axis], LONGEST_SLEW_STEP_S)
+            if wanted != last:
+                self._moved_s[axis] = now_s
+            u.append(last - most if wanted < last - most else last + most if wanted > last + most else wanted)
+        limited = (u[0], u[1], u[2], u[3])
+        self.counters["steps slew limited"] += limited != target
+        return limited
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""

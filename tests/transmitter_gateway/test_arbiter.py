@@ -140,15 +140,31 @@ def test_arming_while_shutting_down_is_refused() -> None:
 
 
 def test_output_is_slew_limited_per_axis() -> None:
-    bench = Bench()
-    bench.arm()
-    bench.wait(PERIOD_S)
-    bench.command((1.0, -1.0, 1.0, 0.4))
+    bench = flying()
+    bench.command((0.5, -0.5, 0.5, 0.1))
+    bench.run(0.2, (0.5, -0.5, 0.5, 0.1))
+    bench.wait(0.01)
+    bench.command((-1.0, 1.0, 1.0, 0.4))
     first = bench.outputs[-1].u
-    assert first == NEUTRAL
+    assert first == pytest.approx((0.5 - 0.8, -0.5 + 0.8, 0.5 + 0.16, 0.4))
+    limited = bench.arbiter.counters["steps slew limited"]
     second = bench.wait(0.01).u
-    assert second == pytest.approx((0.2, -0.2, 0.04, 0.08))
-    assert bench.wait(0.01).u == pytest.approx((0.4, -0.4, 0.08, 0.16))
+    assert second == pytest.approx((first[0] - 0.2, first[1] + 0.2, first[2] + 0.04, 0.4))
+    assert bench.arbiter.counters["steps slew limited"] == limited + 1
+
+
+def test_a_command_within_the_slew_rates_is_played_at_once_whatever_was_stepped_just_before() -> None:
+    """Poses and deadlines step the arbiter at any moment; a command must not wait for the next one."""
+    bench = flying()
+    wanted = (0.3, -0.3, 0.6, 0.1)
+    bench.wait(PERIOD_S)
+    bench.arbiter.step(bench.now_s)
+    bench.command(wanted)
+    assert bench.outputs[-1].u == wanted
+    bench.wait(PERIOD_S - 0.001)
+    bench.wait(0.001)
+    bench.command(HOVER)
+    assert bench.outputs[-1].u == HOVER
 
 
 def test_a_long_pause_does_not_allow_a_jump() -> None:

@@ -59,6 +59,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         self.fed_s = dict.fromkeys(SOURCES, -math.inf)
         self.last: ArbiterOutput = self.arbiter.step(self.now_s)
         self.last_s = self.now_s
+        self.moved_s = 4 * [-math.inf]
         self.entered_s = self.now_s
         self.reset = self.armed = False
         self.arbiter.link(LinkState.READY if armed else ready)
@@ -206,9 +207,11 @@ class ArbiterMachine(RuleBasedStateMachine):
         self.check_transition(output.state)
         self.check_ages(output)
         if output.state is State.ARMED and self.last.state is State.ARMED:
-            elapsed_s = min(self.now_s - self.last_s, 0.04) + ROUNDING_S
-            for now, before, rate in zip(output.u, self.last.u, SLEW, strict=True):
-                assert abs(now - before) <= rate * elapsed_s
+            for axis, (now, before, rate) in enumerate(zip(output.u, self.last.u, SLEW, strict=True)):
+                at_rest_s = min(self.now_s - self.moved_s[axis], 0.04)
+                assert abs(now - before) <= rate * (at_rest_s + ROUNDING_S)
+                if now != before:
+                    self.moved_s[axis] = self.now_s
         self.last, self.last_s = output, self.now_s
 
     def check_output(self, output: ArbiterOutput) -> None:
