@@ -15,6 +15,7 @@ import msgspec
 from msgspec import Meta, field
 
 from bus import channels
+from deploy.field_help import allowed_at
 from deploy.laboratory_tables import (
     DEFAULT_HOST,
     Four,
@@ -215,6 +216,7 @@ def parse_fleet(text: str) -> Fleet:
     for group, kind in (("vehicles", Vehicle), ("hosts", Host), ("gateways", Gateway)):
         tables = raw.get(group)
         for name, table in tables.items() if isinstance(tables, dict) else ():
+            converted(name, Name, f"{group}.{name}")
             converted(table, kind, f"{group}.{name}")
     fleet = converted(raw, Fleet, "")
     _check_vehicles(fleet)
@@ -258,10 +260,11 @@ def converted(raw: object, kind: type[T], where: str) -> T:
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        what, separator, place = str(error).rpartition(" - at `")
-        what = what if separator else str(error)
-        below = place.rstrip("`").removeprefix("key in ").removeprefix("$") if separator else ""
+        what, _, place = str(error).partition(" - at `")
+        below = place.rstrip("`").removeprefix("key` in `").removeprefix("$")
         path = f"{where}{below}".removeprefix(".")
+        if "unknown field" in what or "enum value" in what:
+            what = f"{what}, allowed are {', '.join(allowed_at(kind, below))}"
         raise FleetError(f"{path or 'top level'}: {what[0].lower()}{what[1:]}") from None
 
 

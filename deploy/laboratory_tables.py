@@ -49,7 +49,7 @@ class Simulator(Table, frozen=True, kw_only=True):
     host: Name = DEFAULT_HOST
     rate_hz: Annotated[float, Meta(ge=20, le=400)] = 50.0
     profile: Literal["tracker1", "tracker2", "tracker3"] = "tracker3"
-    seed: int = 0
+    seed: Annotated[int, Meta(ge=0)] = 0
     conditions: str = "laboratory"
     """Name of a preset: `ideal` or `laboratory`."""
     condition_overrides: dict[str, Any] = {}

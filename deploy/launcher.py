@@ -1,5 +1,6 @@
 """Starts the part of a fleet that belongs to one host, after making sure that it can be started."""
 
+import errno
 import os
 import socket
 import threading
@@ -84,9 +85,8 @@ def _check_free(address: str, port: int, where: str) -> None:
         try:
             probe.bind((address, port))
         except OSError as error:
-            raise FleetError(
-                f"{where}: {address}:{port} cannot be used: {error.strerror}; is the fleet already up?"
-            ) from None
+            hint = "; is the fleet already up?" if error.errno == errno.EADDRINUSE else ""
+            raise FleetError(f"{where}: {address}:{port} cannot be used: {error.strerror}{hint}") from None
 
 
 class Launcher(AbstractContextManager["Launcher"]):
