@@ -1,11 +1,13 @@
 """Zenoh configurations of routers and clients (zenoh_bus.md section 7.2)."""
 
 import json
+import re
 
 import zenoh
 
 QUEUE_SIZE = 16
 LEASE_MS = 1000
+_SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
 
 
 def router_config(listen: list[str], connect: list[str], namespace: str | None) -> zenoh.Config:
@@ -65,6 +67,11 @@ def client_config(endpoints: list[str], namespace: str | None, timeout_s: float)
         },
     }
     return zenoh.Config.from_json5(json.dumps(settings))
+
+
+def reason_of(error: zenoh.ZError) -> str:
+    """What Zenoh says, without the places in its own source code."""
+    return _SOURCE_PLACE.sub("", str(error))
 
 
 def _common(namespace: str | None) -> dict[str, object]:

@@ -5,7 +5,7 @@ import threading
 
 import zenoh
 
-from bus.endpoints import router_config
+from bus.endpoints import reason_of, router_config
 from bus.realtime import request_realtime
 
 
@@ -31,6 +31,6 @@ def run_router(listen: list[str], connect: list[str], namespace: str | None, rea
     try:
         session = zenoh.open(router_config(listen, connect, namespace))
     except zenoh.ZError as error:
-        raise OSError(f"router cannot listen on {', '.join(listen)}: {error}") from None
+        raise OSError(f"router cannot listen on {', '.join(listen)}: {reason_of(error)}") from None
     stop.wait()
     session.close()

@@ -12,7 +12,7 @@ from zenoh.handlers import Callback
 from bus import channels
 from bus.channels import Channel
 from bus.codec import RejectedError, decode, encode
-from bus.endpoints import client_config
+from bus.endpoints import client_config, reason_of
 from bus.messages import Message
 from bus.requests import VERBS, Reply, Request, Verb, verb_of
 from bus.subscription import Subscription, UnitSubscriptions
@@ -74,14 +74,14 @@ def _opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
     """
     give_up_s = time.monotonic() + timeout_s
     attempt_s = FIRST_ATTEMPT_S
-    reason: zenoh.ZError | None = None
+    reason = ""
     while True:
         for endpoint in address.endpoints:
             left_s = max(0.0, give_up_s - time.monotonic())
             try:
                 return zenoh.open(client_config([endpoint], address.namespace, min(attempt_s, left_s)))
             except zenoh.ZError as error:
-                reason = error
+                reason = reason_of(error)
         if time.monotonic() >= give_up_s:
             raise BusUnreachableError(
                 f"no router at {', '.join(address.endpoints)} after {timeout_s:g} s ({reason})"
