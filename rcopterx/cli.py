@@ -39,9 +39,12 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Experiment": (experiment.experiment,),
     "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
 }  # fmt: skip
+WITH_COORDINATES = (steer.goto,)
+"""A coordinate may be negative; unknown options are not looked for, so that -0.5 is a number."""
 for panel, commands in COMMANDS.items():
     for command in commands:
-        app.command(rich_help_panel=panel)(command)
+        settings = {"ignore_unknown_options": command in WITH_COORDINATES}
+        app.command(rich_help_panel=panel, context_settings=settings)(command)
 app.add_typer(bench.app, name="bench", rich_help_panel="Experiment")
 
 

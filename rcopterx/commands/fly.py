@@ -1,6 +1,7 @@
 """Flying manoeuvres: `fly`."""
 
 import json
+import os
 import sys
 import threading
 import time
@@ -58,6 +59,8 @@ def fly(
         raise typer.BadParameter(
             f"unknown manoeuvre {manoeuvre!r}, known are {', '.join(MANOEUVRES)}", param_hint="MANOEUVRE"
         )
+    if report is not None:
+        _make_directory(report)
     rows = list(MANOEUVRES.values()) if every else [MANOEUVRES[manoeuvre]]
     results = Results(report, several=every)
     with user_errors():
@@ -68,6 +71,16 @@ def fly(
     results.print(as_json)
     if not results.passed:
         raise typer.Exit(EXIT_FAILED)
+
+
+def _make_directory(path: Path) -> None:
+    """Refuse a directory that cannot be written to before anything is flown."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"{path}: {error.strerror}", param_hint="--report") from None
+    if not os.access(path, os.W_OK):
+        raise typer.BadParameter(f"{path}: no permission to write", param_hint="--report")
 
 
 def _fly_rows(rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, results: "Results") -> None:

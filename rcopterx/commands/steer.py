@@ -54,7 +54,7 @@ def goto(
     yaw: Annotated[float, typer.Argument(help="Heading in degrees; more than a turn is allowed.")] = 0.0,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
-    """Give a leader a new set point. Put -- before negative numbers: goto h1 -- -0.5 0 1."""
+    """Give a leader a new set point: goto h1 -0.5 0 1."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         running[vehicle].go_to((x, y, z), math.radians(yaw))
@@ -74,9 +74,10 @@ def follow(
     """Let a vehicle follow another one's plan, in flight or on the floor."""
     if frame not in ("inertial", "heading"):
         raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
+    offset_m = three(offset)
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle, leader])
-        typer.echo(running[vehicle].follow(leader, three(offset), math.radians(yaw), frame))
+        typer.echo(running[vehicle].follow(leader, offset_m, math.radians(yaw), frame))
 
 
 def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:

@@ -71,6 +71,8 @@ def _waypoints(file: Path | None) -> list[list[float]]:
             rows = list(csv.reader(lines))
     except OSError as error:
         raise typer.BadParameter(f"{file}: {error.strerror}", param_hint="FILE") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise typer.BadParameter(f"{file}: no CSV file: {error}", param_hint="FILE") from None
     if rows and rows[0] == ["t", "x", "y", "z", "yaw"]:
         rows = rows[1:]
     table = []

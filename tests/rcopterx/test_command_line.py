@@ -152,7 +152,8 @@ def test_a_fleet_file_that_is_not_there_is_said_so(command: str) -> None:
 BAD_FILES = [
     ("x = [", "not TOML"),
     (PAIR + "control = { horizon = 1.5 }", "vehicles.h2.control.horizon: expected `int`"),
-    (PAIR + 'colour = "red"', "unknown field `colour`"),
+    (PAIR + 'colour = "red"', "unknown field `colour`, allowed are transmitter, "),
+    (PAIR.replace("vehicles.h2", "vehicles.H2"), "vehicles.H2: expected `str` matching regex"),
     (PAIR + "[vehicles.h1]", "not TOML"),
     (PAIR.replace("heli2", "heli1"), "vehicles.h2.subject: 'heli1' is already that of vehicles.h1"),
     (PAIR.replace('leader = "h1"', 'leader = "h7"'), "vehicles.h2.follow[0].leader: unknown vehicle 'h7'"),
@@ -180,6 +181,25 @@ def test_a_wrong_fleet_file_is_a_usage_error_that_names_the_field_and_starts_not
 
 def free() -> str:
     return own_address().endpoints[0].rpartition(":")[2]
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"t,x,y\n", b"1,2,3,4,five\n", None])
+def test_a_waypoint_file_that_is_none_is_a_usage_error(content: bytes | None, tmp_path: Path) -> None:
+    path = tmp_path / "tour.csv"
+    if content is not None:
+        path.write_bytes(content)
+    result = run("trajectory", "h1", "waypoints", str(path))
+    assert result.exit_code == 2
+    assert "tour.csv" in plain(result)
+
+
+def test_negative_coordinates_need_no_dashes_and_misspelt_options_are_still_refused(
+    up: str, vehicles: Vehicles
+) -> None:
+    assert run("goto", "--fleet", up, "h1", "--", "-0.5", "-.2", "1").exit_code == 0
+    result = run("goto", "h1", "-0.5", "0", "1", "--flet", "x")
+    assert result.exit_code == 2
+    assert len(vehicles["h1"].requests) == 1
 
 
 def test_an_address_in_use_is_a_usage_error_that_names_it(tmp_path: Path) -> None:
@@ -238,8 +258,8 @@ def test_unknown_vehicles_are_usage_errors_and_nobody_is_asked_anything(
 def test_vehicles_take_off_fly_and_land_by_commands(up: str, vehicles: Vehicles) -> None:
     assert run("takeoff", "--height", "0.7", "--fleet", up).output.strip() == "flying"
     assert vehicles["h2"].requests[-1] == TakeOff(height_m=0.7)
-    result = run("goto", "--fleet", up, "h1", "--", "-0.5", "0", "1", "540")
-    assert result.exit_code == 0
+    result = run("goto", "h1", "-0.5", "0", "1", "540", "--fleet", up)
+    assert result.exit_code == 0, result.output
     assert result.output.strip() == "h1: on the way to -0.5 0 1 m, 540 deg"
     go_to = vehicles["h1"].requests[-1]
     assert isinstance(go_to, GoTo)

@@ -151,10 +151,10 @@ def test_a_fleet_that_is_not_ready_is_a_failure_with_the_reason(
     up: str, vehicles: Vehicles, table: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     vehicles["h2"].ready = False
-    monkeypatch.setattr(Fleet.wait_ready, "__defaults__", (None, 0.5))
+    monkeypatch.setattr(Fleet.wait_ready, "__defaults__", (None, 2.0))
     result = run("fly", "fine", "-f", up)
     assert result.exit_code == 1
-    assert "not ready after 0.5 s: h2: transmitter not ready" in result.stdout
+    assert "not ready after 2 s: h2: transmitter not ready" in result.stdout
 
 
 def test_nothing_flown_is_no_success(up: str, table: dict[str, Manoeuvre]) -> None:
@@ -162,6 +162,16 @@ def test_nothing_flown_is_no_success(up: str, table: dict[str, Manoeuvre]) -> No
         del table[name]
     result = run("fly", "--all", "-f", up)
     assert (result.exit_code, result.stdout.split()[:2]) == (1, ["not", "flown"])
+
+
+def test_a_report_that_cannot_be_written_is_refused_before_anything_is_flown(
+    up: str, vehicles: Vehicles, table: object, tmp_path: Path
+) -> None:
+    (tmp_path / "taken").touch()
+    result = run("fly", "fine", "-f", up, "--report", str(tmp_path / "taken"))
+    assert result.exit_code == 2
+    assert "File exists" in result.stderr
+    assert vehicles["h1"].requests == []
 
 
 def test_a_name_and_all_exclude_each_other() -> None:
