@@ -76,8 +76,15 @@ class Bench:
         """The next frame arrives 20 ms later."""
         self.frame += 1
         self.clock.advance(0.02)
-        self.pose(occluded)
-        self.step_until(lambda: self.pilot.clock.frame == self.frame, f"frame {self.frame} does not arrive")
+
+        def seen() -> bool:
+            if self.pilot.clock.frame == self.frame:
+                return True
+            # The bus drops poses on a busy machine; one that comes twice is ignored the second time.
+            self.pose(occluded)
+            return False
+
+        self.step_until(seen, f"frame {self.frame} does not arrive")
 
     def apply(self, state: str, thrust: float = 0.0) -> None:
         self.others.publish(
