@@ -156,7 +156,7 @@ class SmoothTurn:
     Attributes
     ----------
     way
-        Quintic polynomial of the heading; the position does not change.
+        Quintic polynomials of the heading, one or two; the position does not change.
     """
 
     way: PathReference
@@ -178,18 +178,23 @@ class SmoothTurn:
         time_s
             Now.
         """
-        ends = np.zeros((2, COLUMNS))
-        ends[:, POSITION] = position_m
-        ends[0, YAW::4] = present[YAW::4]
-        ends[1, YAW] = yaw_rad
-        durations, moments = np.meshgrid(_TURN_DURATIONS_S, _TURN_MOMENTS, indexing="ij")
-        rows = quintic(ends[:1], ends[1:], durations.reshape(-1, 1), moments.reshape(-1, 1))
-        used = limits.used(rows).reshape(durations.shape).max(axis=1)
-        within = used <= 1.0
-        # A turn that is too fast already cannot be ended within the limits: then as gently as possible.
-        best = int(np.argmax(within)) if within.any() else int(np.argmin(used))
-        times = np.array([[0.0], [_TURN_DURATIONS_S[best]]])
-        return cls(PathReference(FlightPath(np.hstack((times, ends))), time_s))
+        begin, end = np.zeros((2, COLUMNS))
+        begin[POSITION] = end[POSITION] = position_m
+        begin[YAW::4] = present[YAW::4]
+        end[YAW] = yaw_rad
+        duration_s, used = _gentle_turn(limits, begin, end[None])
+        if used <= 1.0:
+            return cls(_turn_by(time_s, (0.0, begin), (duration_s, end)))
+        # The heading moves too fast, or the other way, to come there in one turn: it comes to rest first.
+        stops = np.tile(begin, (len(_TURN_DURATIONS_S), 1))
+        stops[:, YAW_RATE] = stops[:, YAW_ACCELERATION] = 0.0
+        # Where a quintic that ends at rest loses its highest power, which is the gentlest place to stop.
+        stops[:, YAW] += begin[YAW_RATE] * _TURN_DURATIONS_S / 2
+        stops[:, YAW] += begin[YAW_ACCELERATION] * _TURN_DURATIONS_S**2 / 12
+        stop_s, _ = _gentle_turn(limits, begin, stops)
+        stop = stops[np.searchsorted(_TURN_DURATIONS_S, stop_s)]
+        duration_s, _ = _gentle_turn(limits, stop, end[None])
+        return cls(_turn_by(time_s, (0.0, begin), (stop_s, stop), (stop_s + duration_s, end)))
 
     def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
         """See `ReferenceSource.sample`."""
@@ -198,3 +203,21 @@ class SmoothTurn:
     def finished(self, time_s: float) -> bool:
         """See `ReferenceSource.finished`."""
         return self.way.finished(time_s)
+
+
+def _gentle_turn(limits: TurnLimits, begin: Array, ends: Array) -> tuple[float, float]:
+    """Shortest duration [s] of a quintic within limits, else the gentlest; and how much of them it uses.
+
+    Rows `ends` belong to `_TURN_DURATIONS_S`, or one row to all of them.
+    """
+    durations, moments = np.meshgrid(_TURN_DURATIONS_S, _TURN_MOMENTS, indexing="ij")
+    after = np.repeat(np.broadcast_to(ends, (len(durations), COLUMNS)), len(_TURN_MOMENTS), axis=0)
+    rows = quintic(begin[None], after, durations.reshape(-1, 1), moments.reshape(-1, 1))
+    used = limits.used(rows).reshape(durations.shape).max(axis=1)
+    within = used <= 1.0
+    best = int(np.argmax(within)) if within.any() else int(np.argmin(used))
+    return float(_TURN_DURATIONS_S[best]), float(used[best])
+
+
+def _turn_by(start_s: float, *knots: tuple[float, Array]) -> PathReference:
+    return PathReference(FlightPath(np.array([[time_s, *row] for time_s, row in knots])), start_s)
