@@ -27,6 +27,8 @@ from bus.messages import (
 )
 
 MAX_PATH_S: Final = 600.0
+REST_TOLERANCE: Final = 1e-6
+"""Rates and accelerations below it are rounding: whoever computes a trajectory seldom gets exact zeros."""
 
 MAX_FAULTS: Final = 200
 """In one request."""
@@ -98,7 +100,7 @@ class Fly(Request, frozen=True, kw_only=True):
         times = self.knots.to_numpy()[:, 0]
         if times[0] != 0.0 or not (np.diff(times) > 0).all() or times[-1] > MAX_PATH_S:
             raise InvalidMessageError(f"knots: times must increase from 0 on, to at most {MAX_PATH_S:g} s")
-        if self.knots.to_numpy()[[0, -1], 5:].any():
+        if np.abs(self.knots.to_numpy()[[0, -1], 5:]).max() > REST_TOLERANCE:
             raise InvalidMessageError("knots: the first and the last must be at rest")
 
 

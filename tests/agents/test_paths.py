@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from agents.path_shapes import circle, figure_eight, spiral, through
 from agents.paths import MAX_KNOTS, FlightPath, PathError, begun_from, path_problem, run_in_time_s
 from agents.references import PathReference
+from bus.messages import FloatArray, InvalidMessageError
+from bus.requests import Fly
 from vehicles.types import COAXIAL
 
 LOW, HIGH = (-1.2, -1.2, 0.0), (1.2, 1.2, 2.0)
@@ -35,6 +37,16 @@ def paths() -> st.SearchStrategy[FlightPath]:
             )
         ),
     )
+
+
+@settings(max_examples=60)
+@given(paths())
+def test_every_path_is_a_valid_request_and_one_that_does_not_end_at_rest_is_none(path: FlightPath) -> None:
+    Fly(knots=FloatArray.of(path.knots)).check()
+    moving = path.knots.copy()
+    moving[-1, 5] += 0.001
+    with pytest.raises(InvalidMessageError, match="must be at rest"):
+        Fly(knots=FloatArray.of(moving)).check()
 
 
 @settings(max_examples=60)
