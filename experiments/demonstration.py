@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from rich.table import Table
+from rich.text import Text
 
 from experiments.manoeuvres import fly_paper_sequence
 from ground_station.fleet import Fleet
@@ -92,7 +93,7 @@ class Demonstration:
             "vehicle", "formation error rms / max [mm]", "tracking error rms / max [mm]", "control periods",
             "missed", "solve p50 / p99 [ms]", "fallbacks",
         ):  # fmt: skip
-            table.add_column(heading)
+            table.add_column(Text(heading))
         for name in names:
             row = figures.vehicle(name)
             solve = row["solve_ms"] or {"p50": 0.0, "p99": 0.0}

@@ -22,7 +22,7 @@ def fleet_table(fleet: Fleet) -> Table:
     # Texts from the bus are shown as they are, whatever brackets they contain.
     table = Table(title=Text(_tracker_line(fleet)), title_justify="left", expand=False)
     for heading in COLUMNS:
-        table.add_column(heading, no_wrap=heading not in ("link", "fallbacks, rejections"))
+        table.add_column(Text(heading), no_wrap=heading not in ("link", "fallbacks, rejections"))
     for vehicle in fleet:
         table.add_row(*_row(vehicle.state))
     return table

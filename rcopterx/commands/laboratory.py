@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
+from rich.text import Text
 
 from bus.faults import TimedFault, fault_words
 from bus.realtime import request_realtime
@@ -173,5 +174,5 @@ def _show_faults() -> None:
     for heading in ("fault", "fields", "what happens"):
         table.add_column(heading)
     for row in fault_list():
-        table.add_row(*row)
+        table.add_row(*map(Text, row))
     Console().print(table, highlight=False)

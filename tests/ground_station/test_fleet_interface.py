@@ -18,7 +18,7 @@ from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Ses
 from deploy.fleet import parse_fleet
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
-from ground_station.table import fleet_table
+from ground_station.table import COLUMNS, fleet_table
 from ground_station.vehicle import RefusedError, lines_of
 from ground_station.waiting import NotReachedError
 
@@ -317,6 +317,7 @@ def test_the_table_shows_every_vehicle_its_task_and_what_went_wrong(fleet: Fleet
     put(vehicles, fleet, "flying", ["h1"])
     wait_for(lambda: "early_stop 3" in rendered(fleet), "the fallback is not shown")
     text = rendered(fleet)
+    assert all(heading in text for heading in COLUMNS)
     line = next(line for line in text.splitlines() if "h1" in line)
     for part in ("flying", "armed", "0.10   0.20   0.30", "[bold]odd 1"):
         assert part in line
