@@ -39,10 +39,15 @@ def test_every_problem_that_a_check_can_name_is_explained() -> None:
         assert start in explained, problem
 
 
-def test_every_command_and_column_of_the_page_exists() -> None:
+def test_every_command_is_on_the_page_and_every_command_of_the_page_exists() -> None:
     known = {command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands}
+    listed = re.findall(r"`([\w-]+)`", " ".join(row[0] for row in rows_after("## All commands")))
+    assert sorted(listed) == sorted(known | {"bench"})
     for used in re.findall(r"rcopterx (\w+)", TEXT):
         assert used in known, used
+
+
+def test_every_column_of_the_page_exists() -> None:
     columns = " ".join(COLUMNS)
     for row in rows_after("as a live table until q"):
         for column in re.split(r", (?!rejections)", row[0]):
