@@ -16,6 +16,7 @@ from ground_station.vehicle import FLIGHT_ERRORS, lines_of
 DEFAULT_FLEET = "trio"
 EXIT_FAILED = 1
 EXIT_USAGE = 2
+ROUTER_S = 3.0
 
 FleetArgument = Annotated[
     str, typer.Argument(metavar="FLEET", help="Fleet file (TOML), or the name of a shipped one.")
@@ -62,12 +63,12 @@ def _say(error: Exception) -> None:
 
 
 @contextmanager
-def running_fleet(name: str, host: str | None = None) -> Iterator[Fleet]:
-    """Join the running fleet of a file."""
+def running_fleet(name: str, host: str | None = None, router_within_s: float = ROUTER_S) -> Iterator[Fleet]:
+    """Join the running fleet of a file, whose router answers within a time."""
     with user_errors():
         file = load_fleet(fleet_path(name))
         try:
-            fleet = Fleet(file, host)
+            fleet = Fleet(file, host, router_within_s)
         except BusUnreachableError as error:
             raise BusUnreachableError(f"{error}; is the fleet up? (rcopterx up {name})") from None
         try:

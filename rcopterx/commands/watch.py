@@ -21,7 +21,7 @@ from ground_station.status import fleet_check, fleet_status, readable
 from ground_station.table import fleet_view
 from ground_station.waiting import NotReachedError
 from rcopterx.commands.steer import Vehicles, known_vehicles
-from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, running_fleet
+from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, ROUTER_S, FleetOption, running_fleet
 
 QUIT_KEYS = b"qQ\x04"
 """q and Ctrl-D; Ctrl-C comes as a signal."""
@@ -48,7 +48,7 @@ def check(
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Tell what speaks against taking off. Exit code 0 if nothing does, 1 if something does."""
-    with running_fleet(fleet) as running:
+    with running_fleet(fleet, router_within_s=max(ROUTER_S, wait)) as running:
         known_vehicles(running.file.vehicles, vehicles)
         with suppress(NotReachedError):
             running.wait_ready(vehicles or None, timeout_s=wait)

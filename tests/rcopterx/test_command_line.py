@@ -137,7 +137,7 @@ def test_a_fleet_that_is_not_up_is_said_so(
 
 def quick_fleet() -> Callable[..., object]:
     """The fleet, with less patience."""
-    return lambda file, host: Fleet(file, host, timeout_s=0.05)
+    return lambda file, host, _: Fleet(file, host, timeout_s=0.05)
 
 
 @pytest.mark.parametrize("command", ["up", "demo", "land", "router", "agent"])

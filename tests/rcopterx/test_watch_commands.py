@@ -17,6 +17,7 @@ from support.bus import free_port, own_address
 from support.scripted import ScriptedVehicle, fleet_file_text
 from typer.testing import CliRunner
 
+from deploy.fleet import Fleet as FleetFile
 from ground_station.fleet import Fleet
 from rcopterx.cli import app
 
@@ -33,7 +34,9 @@ def run(*arguments: str) -> Result:
 def test_without_a_fleet_the_error_says_how_to_start_one(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rcopterx.fleet_option.Fleet", lambda file, host: Fleet(file, host, timeout_s=0.05))
+    monkeypatch.setattr(
+        "rcopterx.fleet_option.Fleet", lambda file, host, _: Fleet(file, host, timeout_s=0.05)
+    )
     path = tmp_path / "down.toml"
     path.write_text(fleet_file_text(own_address()))
     result = run(command, "-f", str(path))
@@ -62,6 +65,21 @@ def test_check_is_for_scripts_0_when_ready_and_1_with_what_is_missing(up: str, v
     assert result.exit_code == 1
     assert json.loads(result.output)["ready"] is False
     assert run("check", "h9", "-f", up).exit_code == 2
+
+
+def test_check_that_waits_also_waits_for_the_router(
+    up: str, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    patience: list[float] = []
+
+    def joined(file: FleetFile, host: str | None, router_within_s: float) -> Fleet:
+        patience.append(router_within_s)
+        return Fleet(file, host, router_within_s)
+
+    monkeypatch.setattr("rcopterx.fleet_option.Fleet", joined)
+    for wait in ("1.5", "20"):
+        assert run("check", "--wait", wait, "-f", up).exit_code == 0
+    assert patience == [3.0, 20.0]
 
 
 def test_without_a_terminal_top_shows_the_fleet_once(up: str, vehicles: Vehicles) -> None:
