@@ -83,7 +83,7 @@ class Transmitter(Table, frozen=True, kw_only=True):
 class Control(Table, frozen=True, kw_only=True):
     """Controller and estimator of a vehicle."""
 
-    controller: str = "paper"
+    controller: str = "cascade"
     estimator: str = "extended_kalman"
     horizon: Annotated[int, Meta(ge=2, le=200)] = 50
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.02
