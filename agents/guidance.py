@@ -22,6 +22,7 @@ from agents.references import (
     SmoothTurn,
     TurnLimits,
 )
+from agents.touchdown import Touchdown
 from agents.trajectory import Trajectory
 from vehicles.state import YAW, Array
 
@@ -31,13 +32,6 @@ LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
 SHORTEST_TRANSITION_S = 0.5
 """Of an offset, unless a request says otherwise: also a small error is not taken back at once."""
-FLOOR_TOLERANCE_M = 0.03
-BELOW_FLOOR_M = 0.1
-"""A vehicle at the height of the floor whose reference is so far below it stands there."""
-STUCK_DEPTH_M = 0.2
-"""A landing vehicle that stays so far above its reference stands on something."""
-FLOOR_SPEED_M_S = 0.1
-FLOOR_TIME_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +100,7 @@ class Guidance:
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
         self.plan_limit_s = plan_limit_s
-        self._floor_m = 0.0
-        self._on_floor_since_s: float | None = None
+        self._touchdown = Touchdown()
         self._landing_interrupted = False
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
@@ -166,7 +159,7 @@ class Guidance:
         if problem is not None:
             return problem
         start = estimate.motion[:3].copy()
-        self._floor_m = float(start[2])
+        self._touchdown.floor_m = float(start[2])
         end = start + np.array([0.0, 0.0, height_m])
         self.source = SmoothMove.at_speed(start, end, float(estimate.motion[YAW]), time_s, TAKE_OFF_SPEED_M_S)
         self.on_event(Event.TAKE_OFF, estimate)
@@ -179,9 +172,9 @@ class Guidance:
         if self.phase is Phase.LANDING:
             return None
         start = estimate.motion[:3].copy()
-        end = np.array([start[0], start[1], self._floor_m - LANDING_DEPTH_M])
+        end = np.array([start[0], start[1], self._touchdown.floor_m - LANDING_DEPTH_M])
         self.source = SmoothMove.at_speed(start, end, float(estimate.motion[YAW]), time_s, LANDING_SPEED_M_S)
-        self._on_floor_since_s = None
+        self._touchdown.begin()
         self.on_event(Event.LAND, estimate)
         return None
 
@@ -363,21 +356,8 @@ class Guidance:
         """Whether a landing vehicle stands on the floor now; then the phase is left."""
         if self.phase is not Phase.LANDING:
             return False
-        # An agent that restarted in flight does not know how high the floor is where the vehicle stood.
-        reference_m = self.source.sample(time_s, 1.0, 1).position_m[0, 2]
-        low = estimate.motion[2] < self._floor_m + FLOOR_TOLERANCE_M
-        at_floor = abs(estimate.motion[2] - self._floor_m) < FLOOR_TOLERANCE_M
-        if at_floor and reference_m < self._floor_m - BELOW_FLOOR_M:
-            # Pushed against a floor that its model does not know, a vehicle may bounce and never be slow.
-            return self.on_event(Event.TOUCHED_DOWN, estimate)
-        low = low or estimate.motion[2] > reference_m + STUCK_DEPTH_M
-        slow = abs(estimate.motion[6]) < FLOOR_SPEED_M_S
-        if not (low and slow):
-            self._on_floor_since_s = None
-            return False
-        if self._on_floor_since_s is None:
-            self._on_floor_since_s = time_s
-        if time_s - self._on_floor_since_s < FLOOR_TIME_S:
+        reference_m = float(self.source.sample(time_s, 1.0, 1).position_m[0, 2])
+        if not self._touchdown.happened(estimate.motion, reference_m, time_s):
             return False
         return self.on_event(Event.TOUCHED_DOWN, estimate)
 

@@ -10,7 +10,6 @@ from support.flight import still
 
 from agents.formation import FormationOffset
 from agents.guidance import (
-    FLOOR_TIME_S,
     LANDING_SPEED_M_S,
     OFFSET_SPEED_M_S,
     TAKE_OFF_SPEED_M_S,
@@ -21,6 +20,7 @@ from agents.guidance import (
 from agents.interfaces import Estimate
 from agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
 from agents.references import SetPointReference
+from agents.touchdown import FLOOR_TIME_S
 from agents.trajectory import COLUMNS, Trajectory, hold
 
 PERIOD_S = 0.02
