@@ -5,7 +5,6 @@ plain floats because arrays of eight numbers cost more than the arithmetic on th
 """
 
 import math
-from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -53,32 +52,6 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
         motion = _runge_kutta(model, motion, (push, push_middle, push_end), step_s)
         actuator = _after_lag(model, actuator, target, step_s)
     return Estimate(np.array(motion), np.array(actuator), estimate.disturbance)
-
-
-def compensate_delay(
-    model: Model, estimate: Estimate, inputs_under_way: Iterable[Array], period_s: float
-) -> Estimate:
-    """Predict a vehicle through the inputs that were sent but have not acted yet.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    estimate
-        At the instant of the pose.
-    inputs_under_way
-        Inputs sent and not yet acted, oldest first, each acting for one period, each of shape (4,).
-    period_s
-        Control period.
-
-    Returns
-    -------
-    Estimate
-        At the instant at which an input computed now begins to act.
-    """
-    for applied_input in inputs_under_way:
-        estimate = predict(model, estimate, applied_input, period_s)
-    return estimate
 
 
 def actuator_response(model: Model, actuator: Array, applied_input: Array, period_s: float) -> Array:

@@ -14,8 +14,6 @@ from vehicles.state import YAW, Array, heading_matrix
 Links = Mapping[str, tuple[Following, ...]]
 """Leaders of each vehicle; empty for one that follows nobody."""
 
-SAME_M = 1e-9
-
 
 class TopologyError(ValueError):
     """A change of leaders that makes no sense; says why."""
@@ -40,17 +38,6 @@ def ancestors(links: Links, name: str) -> tuple[str, ...]:
 def followers(links: Links, name: str) -> tuple[str, ...]:
     """Vehicles that move when a vehicle moves: its followers and theirs."""
     return tuple(other for other in links if name in ancestors(links, other))
-
-
-def levels_below(links: Links, name: str) -> int:
-    """Longest line of followers below a vehicle; at most the number of vehicles, should there be a cycle."""
-    level, levels = {name}, 0
-    while levels < len(links):
-        level = {other for other in links if level & set(leaders_of(links, other))}
-        if not level:
-            break
-        levels += 1
-    return levels
 
 
 def roots(links: Links, name: str) -> tuple[str, ...]:

@@ -19,11 +19,6 @@ YAW_RATE: Final = 7
 ACCELERATION: Final = slice(8, 11)
 YAW_ACCELERATION: Final = 11
 COLUMNS: Final = 12
-COLUMN_NAMES: Final = (
-    "x_m", "y_m", "z_m", "yaw_rad",
-    "vx_m_s", "vy_m_s", "vz_m_s", "yaw_rate_rad_s",
-    "ax_m_s2", "ay_m_s2", "az_m_s2", "yaw_acceleration_rad_s2",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,10 +95,6 @@ class FlightFigures:
         """What the agent of a vehicle said of itself, in order."""
         return self._status[name]
 
-    def transmitter_statuses(self, name: str) -> list[TransmitterStatus]:
-        """What was said of the transmitter of a vehicle, in order."""
-        return self._transmitters[name]
-
     def applied(self, name: str) -> list[Applied]:
         """What was written to the radio module of a vehicle, in order."""
         return self._applied[name]

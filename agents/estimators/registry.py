@@ -17,7 +17,6 @@ from agents.plain_settings import parse_settings
 from vehicles.model import Model
 
 ENTRY_POINT_GROUP: Final = "rcopterx.estimators"
-DEFAULT_ESTIMATOR: Final = "extended_kalman"
 BUILT_IN: Final[Mapping[str, str]] = {
     "extended_kalman": "agents.estimators.extended_kalman:ExtendedKalmanEstimator",
     "finite_difference": "agents.estimators.finite_difference:FiniteDifferenceEstimator",

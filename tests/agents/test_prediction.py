@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
 from agents.interfaces import Estimate
-from agents.prediction import compensate_delay, predict
+from agents.prediction import predict
 from vehicles.model import Model, motion_derivative
 from vehicles.state import Array
 from vehicles.types import COAXIAL, TYPES
@@ -101,15 +101,6 @@ def test_vehicle_without_lag_takes_its_input_at_once() -> None:
     predicted = predict(model, start, applied_input, 0.02)
     assert np.array_equal(predicted.actuator, applied_input)
     assert predicted.motion[4] == pytest.approx(0.5 * 2.0 * (1 - np.exp(-0.5 * 0.02)) / 0.5)
-
-
-def test_delay_is_bridged_through_the_inputs_under_way() -> None:
-    start = Estimate(np.zeros(8), COAXIAL.hover_input, np.zeros(4))
-    first, second = np.array([1.0, 0.0, 0.6, 0.0]), np.array([-1.0, 0.0, 0.5, 0.1])
-    expected = predict(COAXIAL, predict(COAXIAL, start, first, 0.02), second, 0.02)
-    bridged = compensate_delay(COAXIAL, start, [first, second], 0.02)
-    assert np.array_equal(bridged.motion, expected.motion)
-    assert compensate_delay(COAXIAL, start, [], 0.02) is start
 
 
 def test_prediction_leaves_its_arguments_alone() -> None:

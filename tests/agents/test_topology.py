@@ -12,7 +12,6 @@ from agents.topology import (
     exchanged,
     followers,
     in_words,
-    levels_below,
     line_between,
     places,
     roots,
@@ -74,13 +73,6 @@ def test_heads_and_followers_of_a_formation() -> None:
     assert roots(DIAMOND, "h1") == ("h1",)
     assert set(followers(DIAMOND, "h1")) == {"h2", "h3", "h4"}
     assert followers(DIAMOND, "h4") == ()
-
-
-def test_levels_below_count_the_longest_line() -> None:
-    assert [levels_below(CHAIN, name) for name in CHAIN] == [3, 2, 1, 0]
-    shortcut = DIAMOND | {"h4": (link("h1"), link("h3"))}
-    assert levels_below(shortcut, "h1") == 2
-    assert levels_below({"h1": (link("h2"),), "h2": (link("h1"),)}, "h1") == 2
 
 
 def test_a_cycle_is_found_with_the_line_that_closes_it() -> None:

@@ -8,13 +8,13 @@ import pytest
 
 import agents.estimators.registry as registry
 from agents.estimators.extended_kalman import ExtendedKalmanEstimator
-from agents.estimators.registry import DEFAULT_ESTIMATOR, available_estimators, build_estimator
+from agents.estimators.registry import available_estimators, build_estimator
 from vehicles.types import COAXIAL
 
 
 def test_built_in_estimators_are_listed_and_the_default_is_among_them() -> None:
     assert {"extended_kalman", "finite_difference", "kalman"} <= set(available_estimators())
-    assert isinstance(build_estimator(DEFAULT_ESTIMATOR, COAXIAL, 0.02, {}), ExtendedKalmanEstimator)
+    assert isinstance(build_estimator("extended_kalman", COAXIAL, 0.02, {}), ExtendedKalmanEstimator)
 
 
 def test_unknown_estimator_is_refused_with_the_allowed_ones() -> None:
