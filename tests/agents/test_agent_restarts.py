@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import msgspec
 from agent_bench import FOLLOWING, Bench, Join
+from support.bus import answering
 from support.statuses import flying_status
 from support.waiting import wait_for
 
@@ -44,20 +45,8 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
 def remembering(session: Session, status: AgentStatus) -> Iterator[None]:
     """A launcher that remembers a status."""
     session.serve("h9", ["recall"])
-    stop = threading.Event()
-
-    def work() -> None:
-        while not stop.wait(0.002):
-            for incoming in session.pending():
-                incoming.answer(RecallReply(accepted=True, status=status))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
+    with answering(session, lambda _: RecallReply(accepted=True, status=status)):
         yield
-    finally:
-        stop.set()
-        thread.join()
 
 
 STATUS = flying_status(frame=90, horizon=8, set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=0.5))

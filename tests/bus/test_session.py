@@ -3,14 +3,13 @@
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict
 
 import msgpack
 import pytest
 import zenoh
-from support.bus import Child, RouterProcess, own_address, raw_put, raw_session
+from support.bus import Child, RouterProcess, answering, own_address, raw_put, raw_session
 from support.waiting import FakeClock, wait_for
 
 from bus import channels
@@ -46,25 +45,6 @@ def arrives(sender: Session, inbox: Inbox[Pose], frame: int) -> None:
         return received is not None and received.message.frame == frame
 
     wait_for(through, f"frame {frame} does not arrive")
-
-
-@contextmanager
-def answering(server: Session, reply: Callable[[object], Reply]) -> Iterator[None]:
-    """A thread that answers what arrives at a session, as a process's loop does."""
-    stop = threading.Event()
-
-    def work() -> None:
-        while not stop.wait(0.002):
-            for incoming in server.pending():
-                incoming.answer(reply(incoming.request))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
 
 
 def answer_of(asker: Session, unit: str, request: Lead | Land | GoTo | Recall | Arm) -> Reply:

@@ -5,13 +5,15 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import zenoh
 
 from bus.endpoints import client_config, router_config
+from bus.requests import Reply, Request
 from bus.session import BusAddress, BusUnreachableError, Session
 
 FLEET = "lab"
@@ -86,6 +88,25 @@ class RouterProcess(Child):
                 continue
             return
         raise AssertionError("the router process does not answer")
+
+
+@contextmanager
+def answering(server: Session, reply: Callable[[Request], Reply]) -> Iterator[None]:
+    """A thread that answers what arrives at a session, as a process's loop does."""
+    stop = threading.Event()
+
+    def work() -> None:
+        while not stop.wait(0.002):
+            for incoming in server.pending():
+                incoming.answer(reply(incoming.request))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
 
 
 def raw_put(address: BusAddress, key: str, payload: bytes) -> None:
