@@ -146,3 +146,14 @@ class Truth:
 def transmitter_state(flying: Flying, name: str) -> str:
     status = flying.fleet.state_of(name).transmitter
     return "unknown" if status is None else status.state
+
+
+def land_gently(flying: Flying, truth: Truth) -> None:
+    """Land the trio by request; everybody touches down softly and its transmitter knows."""
+    flying.fleet.land()
+    for name in NAMES:
+        vehicle = truth(name)
+        assert vehicle is not None
+        assert vehicle.on_floor
+        assert vehicle.touchdown_speed_m_s < 1.0
+        assert transmitter_state(flying, name) in ("disarmed", "armed")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from integration_support import NAMES, Flying, Truth, fleet_text, free_port, transmitter_state
+from integration_support import NAMES, Flying, Truth, fleet_text, free_port, land_gently, transmitter_state
 
 from bus import channels
 from ground_station.fleet import Fleet
@@ -83,13 +83,7 @@ def test_trio_takes_off_flies_in_formation_and_lands(launch: Launch) -> None:
         assert table["tracking_error_mm"]["rms"] < 500
     assert len(figures.pose_to_command_ms()) > 50
     assert len(figures.frame_to_radio_ms()) > 50
-    flying.fleet.land()
-    for name in NAMES:
-        vehicle = truth(name)
-        assert vehicle is not None
-        assert vehicle.on_floor
-        assert vehicle.touchdown_speed_m_s < 1.0
-        assert transmitter_state(flying, name) in ("disarmed", "armed")
+    land_gently(flying, truth)
 
 
 def test_trio_flies_spread_over_two_hosts_with_a_router_each(launch: Launch) -> None:

@@ -10,31 +10,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from integration_support import NAMES, Flying, Truth, transmitter_state
 
-from bus.faults import (
-    AddSubject,
-    Burst,
-    Close,
-    Delay,
-    Dribble,
-    EmptyPackets,
-    Fault,
-    Freeze,
-    FreezePose,
-    IgnorePings,
-    Occlude,
-    Recover,
-    RemoveSubject,
-    RenameRootSegment,
-    Reset,
-    ResetFrameId,
-    SetQuality,
-    Silence,
-    SwapSubjects,
-    UnknownObject,
-    WrongMagic,
-    YUp,
-    fault_words,
-)
+from bus import faults
+from bus.faults import Fault, fault_words
 from bus.messages import TrackerStatus
 from ground_station.scenario import inject_faults
 
@@ -137,28 +114,28 @@ def flown(launch_once: Callable[..., Flying]) -> Laboratory:
 def laboratory(flown: Laboratory) -> Iterator[Laboratory]:
     flown.bring_up()
     yield flown
-    flown.inject(Recover())
+    flown.inject(faults.Recover())
 
 
 HARMLESS: tuple[Fault, ...] = (
-    Close(),
-    Reset(),
-    WrongMagic(),
-    Burst(frames=3),
-    Freeze(duration_s=SHORT_S),
-    Silence(duration_s=SHORT_S),
-    EmptyPackets(duration_s=SHORT_S),
-    Occlude("heli2", duration_s=SHORT_S),
-    RemoveSubject("heli3", duration_s=SHORT_S),
-    SwapSubjects("heli1", "heli2", duration_s=SHORT_S),
-    IgnorePings(duration_s=1.2),
-    Dribble(duration_s=0.3),
-    Delay(delay_s=0.01, duration_s=0.3),
-    UnknownObject(duration_s=0.3),
-    YUp(duration_s=0.3),
-    AddSubject("stranger", duration_s=0.3),
-    SetQuality("heli1", 0.1, duration_s=0.3),
-    RenameRootSegment("heli1", "body", duration_s=0.3),
+    faults.Close(),
+    faults.Reset(),
+    faults.WrongMagic(),
+    faults.Burst(frames=3),
+    faults.Freeze(duration_s=SHORT_S),
+    faults.Silence(duration_s=SHORT_S),
+    faults.EmptyPackets(duration_s=SHORT_S),
+    faults.Occlude("heli2", duration_s=SHORT_S),
+    faults.RemoveSubject("heli3", duration_s=SHORT_S),
+    faults.SwapSubjects("heli1", "heli2", duration_s=SHORT_S),
+    faults.IgnorePings(duration_s=1.2),
+    faults.Dribble(duration_s=0.3),
+    faults.Delay(delay_s=0.01, duration_s=0.3),
+    faults.UnknownObject(duration_s=0.3),
+    faults.YUp(duration_s=0.3),
+    faults.AddSubject("stranger", duration_s=0.3),
+    faults.SetQuality("heli1", 0.1, duration_s=0.3),
+    faults.RenameRootSegment("heli1", "body", duration_s=0.3),
 )
 
 
@@ -184,7 +161,7 @@ def test_faults_that_are_short_or_harmless_bring_nobody_down(laboratory: Laborat
 def test_formation_flies_on_when_frame_numbers_begin_anew(laboratory: Laboratory) -> None:
     before = laboratory.tracker
     descents = {name: laboratory.counter(name, "entered DESCEND") for name in NAMES}
-    laboratory.inject(ResetFrameId(5))
+    laboratory.inject(faults.ResetFrameId(5))
     laboratory.fleet.wait_until(lambda: laboratory.tracker.epoch > before.epoch, 5, "no new epoch")
     assert laboratory.tracker.frame < before.frame
     laboratory.fleet["h1"].go_to((0.3, 0.1, 0.9))
@@ -194,7 +171,9 @@ def test_formation_flies_on_when_frame_numbers_begin_anew(laboratory: Laboratory
     assert {name: laboratory.counter(name, "entered DESCEND") for name in NAMES} == descents
 
 
-@pytest.mark.parametrize("fault", [Freeze(duration_s=LONG_S), Silence(duration_s=LONG_S)], ids=fault_words)
+@pytest.mark.parametrize(
+    "fault", [faults.Freeze(duration_s=LONG_S), faults.Silence(duration_s=LONG_S)], ids=fault_words
+)
 def test_everybody_lands_gently_when_the_tracker_freezes(laboratory: Laboratory, fault: Fault) -> None:
     laboratory.inject(fault)
     laboratory.wait_until_landed_gently(*NAMES)
@@ -207,8 +186,8 @@ def test_vehicles_that_stay_unseen_are_held_then_land_gently_and_the_others_fly_
     laboratory: Laboratory,
 ) -> None:
     before = {name: laboratory.counter(name, "entered HOLD") for name in ("h2", "h3")}
-    laboratory.inject(Occlude("heli2", duration_s=LONG_S))
-    laboratory.inject(RemoveSubject("heli3", duration_s=LONG_S))
+    laboratory.inject(faults.Occlude("heli2", duration_s=LONG_S))
+    laboratory.inject(faults.RemoveSubject("heli3", duration_s=LONG_S))
     laboratory.wait_until_landed_gently("h2", "h3")
     assert all(laboratory.counter(name, "entered HOLD") > held for name, held in before.items())
     laboratory.assert_flies_on("h1")
@@ -219,7 +198,7 @@ def test_swapped_vehicles_end_up_landed_gently_where_they_were_and_the_others_fl
     laboratory: Laboratory,
 ) -> None:
     places = {name: laboratory.place(name) for name in ("h2", "h3")}
-    laboratory.inject(SwapSubjects("heli2", "heli3", duration_s=LONG_S))
+    laboratory.inject(faults.SwapSubjects("heli2", "heli3", duration_s=LONG_S))
     laboratory.wait_until_landed_gently("h2", "h3")
     for name, place in places.items():
         assert laboratory.distance_m(name, place) < 0.6
@@ -228,7 +207,7 @@ def test_swapped_vehicles_end_up_landed_gently_where_they_were_and_the_others_fl
 
 def test_vehicle_whose_pose_stands_still_lands_gently_and_the_others_fly_on(laboratory: Laboratory) -> None:
     place = laboratory.place("h2")
-    laboratory.inject(FreezePose("heli2", duration_s=LONG_S))
+    laboratory.inject(faults.FreezePose("heli2", duration_s=LONG_S))
     laboratory.wait_until_landed_gently("h2")
     assert laboratory.distance_m("h2", place) < 0.6
     laboratory.assert_flies_on("h1", "h3")

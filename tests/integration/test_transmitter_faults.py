@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from integration_support import NAMES, Flying, Truth, fleet_text, free_port, transmitter_state
+from integration_support import NAMES, Flying, Truth, fleet_text, free_port, land_gently, transmitter_state
 
 import deploy.supervisor
 from bus import channels
@@ -73,13 +73,7 @@ def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
         lambda: all(at(truth, name, place) for name, place in places.items()), 15, "not all have arrived"
     )
     truth.assert_nobody_touched_down()
-    flying.fleet.land()
-    for name in NAMES:
-        vehicle = truth(name)
-        assert vehicle is not None
-        assert vehicle.on_floor
-        assert vehicle.touchdown_speed_m_s < 1.0
-        assert transmitter_state(flying, name) in ("disarmed", "armed")
+    land_gently(flying, truth)
 
 
 class RadioLog:

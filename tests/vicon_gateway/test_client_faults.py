@@ -3,66 +3,44 @@
 import pytest
 from tracker_bench import BODIES, PATIENT, QUICK, Bench
 
-from bus.faults import (
-    AddSubject,
-    Burst,
-    Close,
-    Delay,
-    Dribble,
-    EmptyPackets,
-    IgnorePings,
-    Occlude,
-    Recover,
-    RemoveSubject,
-    RenameRootSegment,
-    Reset,
-    ResetFrameId,
-    SetQuality,
-    Silence,
-    SwapSubjects,
-    UnknownObject,
-    WrongMagic,
-    YUp,
-)
+from bus import faults
 from simulator.tracker import TrackerServer
 from vicon_gateway.client import MAX_DRAIN_BYTES
 from vicon_gateway.datastream import NETWORK_LATENCY
 
 
-def test_closed_connection_is_reported_and_made_again() -> None:
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (faults.Close(), "the server closed the connection"),
+        (faults.Reset(), "Connection reset by peer"),
+    ],
+)
+def test_a_connection_that_ends_is_reported_and_made_again(fault: faults.TrackerFault, reason: str) -> None:
     with Bench() as bench:
         bench.run_until_up()
-        bench.server.apply(Close())
+        bench.server.apply(fault)
         bench.run_until(lambda: bench.client.state.name != "up")
-        assert bench.client.state.last_error == "the server closed the connection"
+        assert bench.client.state.last_error == reason
         bench.run_until_up(connects=2)
         assert bench.run_frames(3)[-1].connection == 2
-
-
-def test_reset_connection_is_reported_and_made_again() -> None:
-    with Bench() as bench:
-        bench.run_until_up()
-        bench.server.apply(Reset())
-        bench.run_until(lambda: bench.client.state.name != "up")
-        assert bench.client.state.last_error == "Connection reset by peer"
-        bench.run_until_up(connects=2)
 
 
 def test_silent_connection_is_given_up_and_found_again_when_frames_flow() -> None:
     with Bench(QUICK._replace(connect_s=0.1)) as bench:
         bench.run_until_up()
-        bench.server.apply(Silence())
+        bench.server.apply(faults.Silence())
         bench.run_until(lambda: bench.client.state.name != "up")
         assert bench.client.state.last_error == "no frame for 0.15 s"
         bench.run_until(lambda: "no offer" in str(bench.client.state.last_error))
-        bench.server.apply(Recover())
+        bench.server.apply(faults.Recover())
         bench.run_until_up(connects=2)
 
 
 def test_silence_limit_follows_the_frame_period() -> None:
     with Bench(QUICK._replace(silence_periods=60.0)) as bench:
         bench.run_until_up()
-        bench.server.apply(Silence())
+        bench.server.apply(faults.Silence())
         bench.run_until(lambda: bench.client.state.name != "up")
         assert bench.client.state.last_error == "no frame for 0.3 s"
 
@@ -70,7 +48,7 @@ def test_silence_limit_follows_the_frame_period() -> None:
 def test_short_silence_is_only_counted_as_lost_frames() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(Silence(duration_s=0.1))
+        bench.server.apply(faults.Silence(duration_s=0.1))
         bench.run_until(lambda: bench.client.state.lost > 0)
         assert bench.client.state.connects == 1
 
@@ -90,7 +68,7 @@ def test_restarted_tracker_is_found_again() -> None:
 def test_frames_arriving_a_few_bytes_at_a_time_are_complete() -> None:
     with Bench(PATIENT, period_s=0.02) as bench:
         bench.run_until_up()
-        bench.server.apply(Dribble(chunk_bytes=7, interval_s=0.00005))
+        bench.server.apply(faults.Dribble(chunk_bytes=7, interval_s=0.00005))
         for frame in bench.run_frames(10):
             assert [subject.position_m for subject in frame.subjects] == [body.position_m for body in BODIES]
         assert (bench.client.state.connects, bench.client.state.rejected) == (1, 0)
@@ -99,7 +77,7 @@ def test_frames_arriving_a_few_bytes_at_a_time_are_complete() -> None:
 def test_delayed_frames_arrive_in_order_and_complete() -> None:
     with Bench(PATIENT) as bench:
         bench.run_frames(3)
-        bench.server.apply(Delay(delay_s=0.1))
+        bench.server.apply(faults.Delay(delay_s=0.1))
         bench.publish()
         published = bench.number
         bench.server.poll()
@@ -114,7 +92,7 @@ def test_burst_of_ten_frames_delivers_only_the_newest() -> None:
         bench.publishing = False
         bench.client.next_frame(0.05)
         before = bench.client.state.skipped
-        bench.server.apply(Burst(frames=10))
+        bench.server.apply(faults.Burst(frames=10))
         for _ in range(9):
             bench.publish()
             bench.server.poll()
@@ -128,19 +106,19 @@ def test_burst_of_ten_frames_delivers_only_the_newest() -> None:
 def test_occluded_subject_is_delivered_without_pose() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(Occlude("h1"))
+        bench.server.apply(faults.Occlude("h1"))
         bench.run_until(lambda: bench.last.subjects[0].occluded)
         h1, h2 = bench.last.subjects
         assert (h1.name, h1.position_m, h1.quaternion_xyzw) == ("h1", None, None)
         assert not h2.occluded
-        bench.server.apply(Recover())
+        bench.server.apply(faults.Recover())
         bench.run_until(lambda: not bench.last.subjects[0].occluded)
 
 
 def test_frame_id_that_starts_again_is_passed_on() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until(lambda: bool(bench.frames) and bench.last.frame > 20)
-        bench.server.apply(ResetFrameId(5))
+        bench.server.apply(faults.ResetFrameId(5))
         bench.run_until(lambda: bench.last.frame < 20)
         assert (bench.client.state.restarts, bench.client.state.connects) == (1, 1)
 
@@ -148,13 +126,13 @@ def test_frame_id_that_starts_again_is_passed_on() -> None:
 def test_subjects_come_and_go_in_flight() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(AddSubject("ghost", (0.0, 0.0, 3.0)))
+        bench.server.apply(faults.AddSubject("ghost", (0.0, 0.0, 3.0)))
         bench.run_until(lambda: [s.name for s in bench.last.subjects] == ["h1", "h2", "ghost"])
         assert bench.last.subjects[2].position_m == (0.0, 0.0, 3.0)
-        bench.server.apply(Recover())
-        bench.server.apply(RemoveSubject("h1"))
+        bench.server.apply(faults.Recover())
+        bench.server.apply(faults.RemoveSubject("h1"))
         bench.run_until(lambda: [s.name for s in bench.last.subjects] == ["h2"])
-        bench.server.apply(RemoveSubject("h2"))
+        bench.server.apply(faults.RemoveSubject("h2"))
         bench.run_until(lambda: bench.last.subjects == ())
 
 
@@ -162,7 +140,7 @@ def test_quality_changes_without_wiping_the_subjects() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
         for quality in (0.5, 0.25, 0.125):
-            bench.server.apply(SetQuality("h1", quality))
+            bench.server.apply(faults.SetQuality("h1", quality))
             bench.run_until(lambda wanted=quality: bench.last.subjects[0].quality == wanted)
             assert len(bench.last.subjects) == 2
             assert not bench.last.subjects[0].occluded
@@ -171,7 +149,7 @@ def test_quality_changes_without_wiping_the_subjects() -> None:
 def test_quality_out_of_range_is_refused_and_counted() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(SetQuality("h1", float("nan")))
+        bench.server.apply(faults.SetQuality("h1", float("nan")))
         bench.run_until(lambda: bench.last.subjects[0].quality is None)
         assert bench.client.state.rejected > 0
         assert bench.last.subjects[0].position_m == BODIES[0].position_m
@@ -180,7 +158,7 @@ def test_quality_out_of_range_is_refused_and_counted() -> None:
 def test_unknown_objects_are_passed_over() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(UnknownObject())
+        bench.server.apply(faults.UnknownObject())
         before = bench.client.state.received_bytes
         bench.run_frames(5)
         assert bench.client.state.received_bytes - before > 5 * 40
@@ -190,7 +168,7 @@ def test_unknown_objects_are_passed_over() -> None:
 def test_wrong_magic_ends_the_connection_and_a_new_one_is_made() -> None:
     with Bench() as bench:
         bench.run_until_up()
-        bench.server.apply(WrongMagic())
+        bench.server.apply(faults.WrongMagic())
         bench.run_until(lambda: bench.client.state.name != "up")
         assert str(bench.client.state.last_error).startswith("packet starts with 0d f0 ad 0b")
         assert bench.client.state.rejected == 1
@@ -199,10 +177,10 @@ def test_wrong_magic_ends_the_connection_and_a_new_one_is_made() -> None:
 
 def test_unanswered_pings_leave_the_network_latency_out_and_harm_nothing() -> None:
     with Bench(PATIENT) as bench:
-        bench.server.apply(IgnorePings())
+        bench.server.apply(faults.IgnorePings())
         bench.run_frames(5)
         assert NETWORK_LATENCY not in dict(bench.last.latency_samples)
-        bench.server.apply(Recover())
+        bench.server.apply(faults.Recover())
         # The next ping is due a second after the first.
         bench.run_until(lambda: NETWORK_LATENCY in dict(bench.last.latency_samples))
         assert bench.last.latency_s == pytest.approx(sum(s for _, s in bench.last.latency_samples))
@@ -211,7 +189,7 @@ def test_unanswered_pings_leave_the_network_latency_out_and_harm_nothing() -> No
 def test_swapped_subjects_exchange_their_poses() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(SwapSubjects("h1", "h2"))
+        bench.server.apply(faults.SwapSubjects("h1", "h2"))
         bench.run_until(lambda: bench.last.subjects[0].position_m == BODIES[1].position_m)
         assert bench.last.subjects[1].position_m == BODIES[0].position_m
 
@@ -219,7 +197,7 @@ def test_swapped_subjects_exchange_their_poses() -> None:
 def test_root_segment_with_another_name_changes_nothing() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(RenameRootSegment("h1", "airframe"))
+        bench.server.apply(faults.RenameRootSegment("h1", "airframe"))
         for frame in bench.run_frames(10):
             assert frame.subjects[0].position_m == BODIES[0].position_m
 
@@ -227,7 +205,7 @@ def test_root_segment_with_another_name_changes_nothing() -> None:
 def test_y_up_tracker_gives_the_same_poses() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
-        bench.server.apply(YUp())
+        bench.server.apply(faults.YUp())
         for frame in bench.run_frames(10):
             for subject, body in zip(frame.subjects, BODIES, strict=True):
                 assert subject.position_m == body.position_m
@@ -237,18 +215,18 @@ def test_y_up_tracker_gives_the_same_poses() -> None:
 def test_empty_packets_are_no_frames() -> None:
     with Bench() as bench:
         bench.run_until_up()
-        bench.server.apply(EmptyPackets())
+        bench.server.apply(faults.EmptyPackets())
         bench.run_until(lambda: bench.client.state.name != "up")
         assert bench.client.state.last_error == "no frame for 0.15 s"
         assert bench.client.state.rejected == 0
-        bench.server.apply(Recover())
+        bench.server.apply(faults.Recover())
         bench.run_until_up(connects=2)
 
 
 def test_client_that_did_not_read_for_long_goes_on_with_the_same_connection() -> None:
     with Bench(PATIENT) as bench:
         bench.run_frames(2)
-        bench.server.apply(UnknownObject(size_bytes=65_536))
+        bench.server.apply(faults.UnknownObject(size_bytes=65_536))
         bench.publishing = False
         for _ in range(2 * MAX_DRAIN_BYTES // 65_536):
             bench.publish()
@@ -257,7 +235,7 @@ def test_client_that_did_not_read_for_long_goes_on_with_the_same_connection() ->
         assert dropped > 0
         newest = bench.number - dropped - 1
         bench.run_until(lambda: bench.last.frame >= newest)
-        bench.server.apply(Recover())
+        bench.server.apply(faults.Recover())
         bench.publishing = True
         bench.run_frames(2)
         assert bench.client.state.connects == 1
