@@ -152,7 +152,9 @@ class Admission:
         """Judge epoch and sequence number against the source's last accepted command.
 
         A change of epoch is believed only when the raw poses, which do not come from the agent, carry that
-        epoch too: then the Tracker's stream has restarted. A changed epoch starts a new count.
+        epoch too: then the Tracker's stream has restarted. A changed epoch starts a new count. A source may be
+        behind the raw poses for a moment, but not ahead of them: what was believed before there were any is
+        not believed when they contradict it.
         """
         flying = holder is not None
         self._forget_silent(now_s, holder)
@@ -163,6 +165,8 @@ class Admission:
             return Rejection.UNKNOWN_EPOCH if pose_epoch not in (None, cause.epoch) else None
         last = stream.command.cause
         if cause.epoch == last.epoch:
+            if pose_epoch is not None and cause.epoch > pose_epoch:
+                return Rejection.UNKNOWN_EPOCH
             return None if cause.sequence > last.sequence else Rejection.OLD_SEQUENCE
         if cause.epoch < last.epoch and (flying or cause.epoch != pose_epoch):
             return Rejection.OLDER_EPOCH

@@ -169,6 +169,7 @@ EPOCH_CASES = [
     # flying, pose epoch, command epoch, sequence, expected
     (True, 5, 5, 11, None),
     (True, 6, 5, 11, None),
+    (True, 4, 5, 11, Rejection.UNKNOWN_EPOCH),
     (True, 6, 6, 1, None),
     (True, 5, 6, 11, Rejection.UNKNOWN_EPOCH),
     (True, 7, 6, 11, Rejection.UNKNOWN_EPOCH),
@@ -176,6 +177,8 @@ EPOCH_CASES = [
     (True, 5, 4, 11, Rejection.OLDER_EPOCH),
     (True, 4, 4, 11, Rejection.OLDER_EPOCH),
     (False, 6, 6, 1, None),
+    (False, 6, 5, 11, None),
+    (False, 4, 5, 11, Rejection.UNKNOWN_EPOCH),
     (False, 5, 6, 11, Rejection.UNKNOWN_EPOCH),
     (False, None, 6, 1, None),
     (False, None, 4, 11, Rejection.OLDER_EPOCH),
