@@ -152,9 +152,9 @@ class Admission:
         """Judge epoch and sequence number against the source's last accepted command.
 
         A change of epoch is believed only when the raw poses, which do not come from the agent, carry that
-        epoch too: then the Tracker's stream has restarted. A changed epoch starts a new count. A source may be
-        behind the raw poses for a moment, but not ahead of them: what was believed before there were any is
-        not believed when they contradict it.
+        epoch too: then the Tracker's stream has restarted. A changed epoch starts a new count. A source may
+        be behind the raw poses for a moment, but not ahead of them: what was believed before there were any
+        is not believed when they contradict it.
         """
         flying = holder is not None
         self._forget_silent(now_s, holder)

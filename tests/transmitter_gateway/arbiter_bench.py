@@ -23,6 +23,9 @@ SLEW: Input = (20.0, 20.0, 4.0, 8.0)
 PERIOD_S = 0.02
 IDLE: Input = (0.0, 0.0, 0.0, 0.0)
 HOVER: Input = (0.1, -0.1, 0.55, 0.05)
+PLAN = tuple((0.0, 0.0, 0.5 + 0.01 * n, 0.0) for n in range(1, 7))
+EDGE_S = 0.0005
+"""A moment before and after a limit, so that rounding decides no test."""
 
 
 class Bench:
@@ -90,3 +93,18 @@ class Bench:
         self.run(0.6, u)
         assert self.state is State.ARMED
         return self
+
+
+def flying(limits: ArbiterLimits | None = None) -> Bench:
+    return Bench(limits).fly()
+
+
+def silent(bench: Bench, seconds: float) -> None:
+    """Poses go on, commands stop."""
+    start_s = bench.now_s
+    for n in range(int(seconds / 0.001)):
+        if n % 20 == 0:
+            bench.frame += 1
+            bench.pose()
+        bench.wait(0.001)
+    bench.wait(start_s + seconds - bench.now_s)

@@ -1,51 +1,13 @@
+"""Which poses count, and what is judged from them."""
+
 import math
-from collections import Counter
 
-import numpy as np
 import pytest
+from surveillance_bench import QUIET, Watch
 
-from transmitter_gateway.inputs import PoseInput, Position
-from transmitter_gateway.limits import Fence, SurveillanceLimits
-from transmitter_gateway.surveillance import Judgement, Surveillance, judge_fence
-
-BOX = Fence((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0))
-CENTRE: Position = (0.0, 0.0, 1.0)
-QUIET = Judgement(None, None)
-
-
-class Watch:
-    """Surveillance of h1 with a virtual clock and poses at 100 Hz."""
-
-    def __init__(self, limits: SurveillanceLimits | None = None) -> None:
-        self.counters: Counter[str] = Counter()
-        self.surveillance = Surveillance("h1", limits or SurveillanceLimits(), self.counters)
-        self.now_s = 50.0
-        self.frame = 0
-        self.epoch = 1
-
-    def pose(
-        self,
-        position: Position | None = CENTRE,
-        vehicle: str = "h1",
-        airborne: bool = True,
-        period_s: float | None = 0.01,
-    ) -> bool:
-        pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s)
-        return self.surveillance.pose(pose, self.now_s, airborne=airborne)
-
-    def step(self, position: Position | None = CENTRE, seconds: float = 0.01, **options: bool) -> bool:
-        self.now_s += seconds
-        self.frame += 1
-        return self.pose(position, **options)
-
-    def judge(self, thrust_time_s: float = 0.0) -> Judgement:
-        return self.surveillance.judge(self.now_s, thrust_time_s)
-
-    def velocity(self) -> Position:
-        track = self.surveillance.own_track
-        assert track is not None
-        return track.velocity_m_s
-
+from transmitter_gateway.inputs import Position
+from transmitter_gateway.limits import SurveillanceLimits
+from transmitter_gateway.surveillance import Judgement
 
 # Stuck poses ----------------------------------------------------------------------------------------
 
@@ -202,199 +164,6 @@ def test_number_of_vehicles_is_limited() -> None:
     assert watch.step()
 
 
-# Jumps ----------------------------------------------------------------------------------------------
-
-
-def test_a_swapped_body_is_not_believed_and_brings_the_vehicle_down_for_good() -> None:
-    watch = Watch()
-    watch.step()
-    swapped_s = watch.now_s
-    elsewhere = (0.6, 0.0, 1.0)
-    while watch.now_s < swapped_s + 0.29:
-        assert not watch.step(elsewhere)
-    assert watch.judge() == Judgement("own pose lost for 0.1 s", None)
-    while watch.now_s < swapped_s + 0.32:
-        watch.step(elsewhere)
-    assert watch.judge().descend == "own pose jumped and did not come back"
-    watch.step()
-    assert watch.judge().descend == "own pose jumped and did not come back"
-    watch.surveillance.release()
-    assert watch.judge() == QUIET
-
-
-def test_a_short_swap_is_forgiven() -> None:
-    watch = Watch()
-    watch.step()
-    for _ in range(15):
-        watch.step((0.6, 0.0, 1.0))
-    assert watch.step()
-    watch.now_s += 0.09
-    assert watch.judge() == QUIET
-    assert watch.counters["pose jump"] == 15
-
-
-def test_a_fast_vehicle_is_believed_after_a_short_occlusion() -> None:
-    watch = Watch()
-    for n in range(50):
-        assert watch.step((0.012 * n, 0.0, 1.0))
-    assert watch.step((0.012 * 49 + 0.012 * 25, 0.0, 1.0), 0.25)
-
-
-@pytest.mark.parametrize(("jump_m", "believed"), [(0.12, True), (0.13, False)])
-def test_believed_distance_is_jump_limit_plus_speed_limit_times_time(jump_m: float, believed: bool) -> None:
-    watch = Watch()
-    watch.step()
-    assert watch.step((jump_m, 0.0, 1.0)) == believed
-
-
-def test_believed_distance_stops_growing_after_100_ms() -> None:
-    watch = Watch()
-    watch.step()
-    assert not watch.step((0.36, 0.0, 1.0), 5.0)
-    assert watch.step((0.34, 0.0, 1.0))
-
-
-def test_on_the_floor_and_without_a_jump_limit_any_position_is_believed() -> None:
-    watch = Watch()
-    watch.step()
-    assert watch.step((3.0, 0.0, 0.0), airborne=False)
-    assert watch.velocity() == (0, 0, 0)
-    unlimited = Watch(SurveillanceLimits(maximum_jump_m=None))
-    unlimited.step()
-    assert unlimited.step((3.0, 0.0, 0.0))
-
-
-# Velocity -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("jitter_s", [0.0, 0.008])
-def test_velocity_follows_the_motion_whatever_the_arrival_times(jitter_s: float) -> None:
-    watch = Watch()
-    for n in range(60):
-        watch.step((0.008 * n, -0.004 * n, 1.0), 0.01 + (jitter_s if n % 2 else -jitter_s))
-    assert watch.velocity() == pytest.approx((0.8, -0.4, 0.0), abs=0.01)
-
-
-def test_velocity_uses_arrival_times_without_a_period_and_across_epochs() -> None:
-    watch = Watch()
-    for n in range(60):
-        watch.now_s += 0.01
-        watch.frame += 7
-        watch.pose((0.008 * n, 0.0, 1.0), period_s=None)
-    assert watch.velocity() == pytest.approx((0.8, 0.0, 0.0), abs=0.01)
-    watch.epoch, watch.frame = 2, 1
-    watch.step((0.008 * 60, 0.0, 1.0))
-    assert watch.velocity() == pytest.approx((0.8, 0.0, 0.0), abs=0.01)
-
-
-def test_missing_frames_do_not_distort_the_velocity() -> None:
-    watch = Watch()
-    for n in range(0, 90, 3):
-        watch.now_s += 0.03
-        watch.frame += 3
-        watch.pose((0.008 * n, 0.0, 1.0))
-    assert watch.velocity() == pytest.approx((0.8, 0.0, 0.0), abs=0.01)
-
-
-def test_velocity_filter_has_its_time_constant() -> None:
-    watch = Watch()
-    watch.step((0.0, 0.0, 1.0))
-    for n in range(1, 6):
-        watch.step((0.005 * n, 0.0, 1.0))
-    assert watch.velocity()[0] == pytest.approx(0.5 * (1 - math.exp(-1)), rel=1e-6)
-
-
-def test_marker_noise_of_0_3_mm_never_alarms_a_vehicle_hovering_near_the_fence() -> None:
-    watch = Watch(SurveillanceLimits(fence=BOX))
-    noise = np.random.default_rng(1).normal(0, 0.3e-3, (3000, 3))
-    for x, y, z in noise:
-        watch.step((1.49 + x, y, 1.99 + z))
-        assert watch.judge() == QUIET
-
-
-# Fence ----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("position", "velocity", "hold", "descend"),
-    [
-        ((1.3, 0, 1), (0.89, 0, 0), None, None),
-        ((1.3, 0, 1), (0.90, 0, 0), "cannot stop inside the fence in x", None),
-        ((1.3, 0, 1), (-0.90, 0, 0), None, None),
-        ((-1.3, 0, 1), (-0.90, 0, 0), "cannot stop inside the fence in x", None),
-        ((-1.3, 0, 1), (-0.89, 0, 0), None, None),
-        ((0, 1.3, 1), (0, 0.90, 0), "cannot stop inside the fence in y", None),
-        ((0, -1.3, 1), (0, -0.90, 0), "cannot stop inside the fence in y", None),
-        ((1.3, 1.3, 1), (0.9, 0.9, 0), "cannot stop inside the fence in x", None),
-        ((0, 0, 1.8), (0, 0, 0.89), None, None),
-        ((0, 0, 1.8), (0, 0, 0.90), None, "cannot stop below the fence's ceiling"),
-        ((0, 0, 0.1), (0, 0, -2.0), None, None),
-        ((1.55, 0, 1), (0, 0, 0), None, None),
-        ((1.55, 0, 1), (-0.1, 0, 0), None, None),
-        ((1.55, 0, 1), (0.01, 0, 0), "cannot stop inside the fence in x", None),
-        ((1.59, 0, 1), (0, 0, 0), None, None),
-        ((1.61, 0, 1), (0, 0, 0), None, "outside the fence in x"),
-        ((0, -1.61, 1), (0, 0.5, 0), None, "outside the fence in y"),
-        ((0, 0, 2.11), (0, 0, -1), None, "outside the fence in z"),
-        ((0, 0, -0.09), (0, 0, 0), None, None),
-        ((0, 0, -0.11), (0, 0, 0), None, "outside the fence in z"),
-        ((1.55, 0, 2.2), (0.5, 0, 0), None, "outside the fence in z"),
-    ],
-)
-def test_fence(position: Position, velocity: Position, hold: str | None, descend: str | None) -> None:
-    assert judge_fence(BOX, position, velocity) == (hold, descend)
-
-
-def test_fence_is_judged_from_the_poses() -> None:
-    watch = Watch(SurveillanceLimits(fence=BOX))
-    for n in range(100):
-        watch.step((0.012 * n, 0.0, 1.0))
-    assert watch.judge() == Judgement("cannot stop inside the fence in x", None)
-    for n in range(100, 135):
-        watch.step((0.012 * n, 0.0, 1.0))
-    assert watch.judge() == Judgement(None, "outside the fence in x")
-
-
-def test_fence_limits_met_exactly_are_still_inside() -> None:
-    box = Fence((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0), margin_m=0.25)
-    for position in ((1.25, 0, 1), (-1.25, 0, 1), (0, 0, 2.25), (0, 0, -0.25)):
-        assert judge_fence(box, position, (0, 0, 0)) == (None, None)
-    assert judge_fence(box, (0.75, 0, 1), (1.0, 0, 0)) == (None, None)
-    assert judge_fence(box, (-0.75, 0, 1), (-1.0, 0, 0)) == (None, None)
-    assert judge_fence(box, (0, 0, 1.75), (0, 0, 1.0)) == (None, None)
-    assert judge_fence(box, (-1.125, 0, 1), (0.5, 0, 0)) == (None, None)
-
-
-def test_limits_in_time_and_distance_met_exactly() -> None:
-    limits = SurveillanceLimits(
-        tracking_hold_s=0.125,
-        tracking_descend_s=0.25,
-        minimum_distance_m=0.25,
-        other_pose_s=0.5,
-        jump_descend_s=0.5,
-        maximum_jump_m=0.125,
-        maximum_speed_m_s=2.0,
-    )
-    watch = Watch(limits)
-    watch.step()
-    watch.pose((0.25, 0.0, 1.0), vehicle="h2")
-    assert watch.judge() == QUIET
-    watch.now_s += 0.25
-    assert watch.judge() == Judgement(None, "own pose lost for 0.25 s")
-    near = Watch(limits)
-    near.pose((0.125, 0.0, 1.0), vehicle="h2")
-    near.step(seconds=0.5)
-    assert near.judge() == QUIET
-    edge = Watch(limits)
-    edge.step()
-    assert edge.step((0.25, 0.0, 1.0), 0.0625)
-    jumping = Watch(limits)
-    jumping.step()
-    jumping.step((3.0, 0.0, 1.0), 0.0625)
-    jumping.now_s += 0.5
-    assert jumping.judge().descend == "own pose jumped and did not come back"
-
-
 # Distance and thrust time -----------------------------------------------------------------------------
 
 
@@ -446,3 +215,33 @@ def test_thrust_time_has_a_limit_if_asked_for() -> None:
     unlimited = Watch()
     unlimited.step()
     assert unlimited.judge(1e6) == QUIET
+
+
+def test_limits_in_time_and_distance_met_exactly() -> None:
+    limits = SurveillanceLimits(
+        tracking_hold_s=0.125,
+        tracking_descend_s=0.25,
+        minimum_distance_m=0.25,
+        other_pose_s=0.5,
+        jump_descend_s=0.5,
+        maximum_jump_m=0.125,
+        maximum_speed_m_s=2.0,
+    )
+    watch = Watch(limits)
+    watch.step()
+    watch.pose((0.25, 0.0, 1.0), vehicle="h2")
+    assert watch.judge() == QUIET
+    watch.now_s += 0.25
+    assert watch.judge() == Judgement(None, "own pose lost for 0.25 s")
+    near = Watch(limits)
+    near.pose((0.125, 0.0, 1.0), vehicle="h2")
+    near.step(seconds=0.5)
+    assert near.judge() == QUIET
+    edge = Watch(limits)
+    edge.step()
+    assert edge.step((0.25, 0.0, 1.0), 0.0625)
+    jumping = Watch(limits)
+    jumping.step()
+    jumping.step((3.0, 0.0, 1.0), 0.0625)
+    jumping.now_s += 0.5
+    assert jumping.judge().descend == "own pose jumped and did not come back"

@@ -1,0 +1,126 @@
+"""When a vehicle may be armed, and what is missing if not."""
+
+import pytest
+from arbiter_bench import HOVER, IDLE, Bench, flying
+
+from transmitter_gateway.inputs import NEUTRAL, Action, Cause, LinkState, State
+
+
+def test_arbiter_starts_disarmed_with_neutral_output() -> None:
+    bench = Bench()
+    output = bench.run(1.0)
+    assert (output.state, output.u, output.throttle_low, output.kill) == (
+        State.DISARMED,
+        NEUTRAL,
+        False,
+        False,
+    )
+    assert output.cause is None
+
+
+def test_arming_gives_the_source_control() -> None:
+    bench = Bench()
+    answer = bench.arm()
+    assert answer.accepted
+    assert answer.reason == "ARMED: armed: by agent"
+    assert bench.arbiter.holder == "agent"
+    output = bench.run(0.2, (0.1, -0.1, 0.04, 0.05))
+    assert output.u == (0.1, -0.1, 0.04, 0.05)
+    assert output.cause == Cause("agent", bench.epoch, bench.sequence, bench.frame)
+
+
+def test_arming_needs_low_thrust_for_half_a_second() -> None:
+    bench = Bench()
+    bench.run(0.5, HOVER)
+    bench.run(0.5, (0, 0, 0.05, 0))
+    answer = bench.request(Action.ARM, source="agent")
+    assert answer.reason == "missing: commanded thrust low long enough"
+    bench.run(0.04, (0, 0, 0.05, 0))
+    assert bench.request(Action.ARM, source="agent").accepted
+
+
+def test_thrust_above_the_low_limit_restarts_the_half_second() -> None:
+    bench = Bench()
+    bench.run(0.6, IDLE)
+    bench.run(0.02, (0, 0, 0.051, 0))
+    bench.run(0.4, IDLE)
+    assert not bench.request(Action.ARM, source="agent").accepted
+
+
+def test_a_gap_in_the_stream_restarts_the_half_second() -> None:
+    bench = Bench()
+    bench.run(0.5, IDLE)
+    bench.run(0.08, None)
+    bench.run(0.4, IDLE)
+    assert not bench.request(Action.ARM, source="agent").accepted
+    bench.run(0.14, IDLE)
+    assert bench.request(Action.ARM, source="agent").accepted
+
+
+def test_arming_needs_fresh_commands() -> None:
+    bench = Bench()
+    bench.run(0.6, IDLE)
+    bench.run(0.08, None)
+    assert bench.request(Action.ARM, source="agent").reason == "missing: commands fresh"
+
+
+def test_arming_a_source_that_never_spoke_says_all_that_is_missing() -> None:
+    bench = Bench()
+    bench.run(0.6, IDLE)
+    answer = bench.request(Action.ARM, source="other")
+    assert answer.reason == "missing: commanded thrust low long enough; missing: commands fresh"
+    assert bench.state is State.DISARMED
+
+
+@pytest.mark.parametrize(
+    ("link", "words"),
+    [
+        (LinkState.UP, "missing: transmitter ready"),
+        (LinkState.LOST, "missing: transmitter ready; serial link lost"),
+    ],
+)
+def test_arming_needs_a_ready_transmitter(link: LinkState, words: str) -> None:
+    bench = Bench()
+    bench.arbiter.link(link)
+    assert bench.arm().reason == words
+
+
+def test_arming_needs_a_tracked_vehicle() -> None:
+    bench = Bench()
+    bench.position = None
+    assert bench.arm().reason == "surveillance: descend: own pose lost for 0.3 s"
+
+
+def test_arming_beside_another_vehicle_is_refused() -> None:
+    bench = Bench()
+    bench.run(0.6, IDLE)
+    bench.pose("h2", (0.2, 0.0, 1.0))
+    assert bench.request(Action.ARM, source="agent").reason == "surveillance: hold: h2 closer than 0.3 m"
+
+
+def test_only_an_operator_or_the_source_itself_may_arm() -> None:
+    bench = Bench()
+    bench.run(0.6, IDLE)
+    refused = bench.request(Action.ARM, by="stranger", source="agent")
+    assert refused.reason == "only an operator or the source itself may arm"
+    assert bench.request(Action.ARM, by="agent", source="agent").accepted
+    assert bench.arbiter.counters["refused: arm"] == 1
+
+
+def test_arming_again_changes_nothing() -> None:
+    bench = flying()
+    entered = bench.arbiter.counters["entered ARMED"]
+    assert bench.request(Action.ARM, source="agent").accepted
+    assert bench.arbiter.counters["entered ARMED"] == entered
+
+
+def test_arming_another_source_in_flight_is_refused() -> None:
+    bench = flying()
+    answer = bench.request(Action.ARM, source="other")
+    assert answer.reason == "agent has the control lease: hand over instead"
+
+
+def test_arming_while_shutting_down_is_refused() -> None:
+    bench = Bench()
+    bench.request(Action.SHUTDOWN)
+    assert bench.arm().reason == "shutting down"

@@ -1,0 +1,123 @@
+"""Who may kill, reset, disarm and hand over a vehicle."""
+
+import pytest
+from arbiter_bench import HOVER, Bench, flying, silent
+
+from transmitter_gateway.inputs import NEUTRAL, Action, LinkState, State
+
+
+@pytest.mark.parametrize("by", ["operator", "agent", "anybody"])
+def test_kill_is_honoured_from_anyone_and_latches(by: str) -> None:
+    bench = flying()
+    assert bench.request(Action.KILL, by=by).accepted
+    assert bench.reason == f"killed: by {by}"
+    output = bench.run(3.0, HOVER)
+    assert (output.state, output.kill, output.throttle_low, output.u) == (State.KILLED, True, True, NEUTRAL)
+    assert bench.arm().reason == "killed: an operator must reset first"
+
+
+@pytest.mark.parametrize("silence_s", [0.08, 1.0, 3.0])
+def test_kill_is_honoured_in_every_state(silence_s: float) -> None:
+    bench = flying()
+    silent(bench, silence_s)
+    bench.request(Action.KILL, by="anybody")
+    assert bench.state is State.KILLED
+    disarmed = Bench()
+    disarmed.request(Action.KILL, by="anybody")
+    assert disarmed.state is State.KILLED
+
+
+def test_kill_survives_link_loss_disarming_and_shutdown() -> None:
+    bench = flying()
+    bench.request(Action.KILL)
+    bench.arbiter.link(LinkState.LOST)
+    bench.request(Action.DISARM)
+    bench.request(Action.SHUTDOWN)
+    bench.run(3.0)
+    assert bench.state is State.KILLED
+
+
+def test_reset_is_for_an_operator_with_throttle_low() -> None:
+    bench = flying()
+    bench.request(Action.KILL)
+    bench.run(0.1, HOVER)
+    assert bench.request(Action.RESET, by="agent").reason == "only an operator may reset a kill"
+    assert bench.request(Action.RESET).reason == "a source asks for thrust: lower it first"
+    assert bench.state is State.KILLED
+    bench.run(0.02, (0, 0, 0.05, 0))
+    assert bench.request(Action.RESET).accepted
+    assert bench.state is State.DISARMED
+    assert bench.request(Action.RESET).reason == "not killed"
+
+
+def test_reset_is_possible_when_nobody_commands() -> None:
+    bench = flying()
+    bench.request(Action.KILL)
+    bench.run(0.06, None)
+    assert bench.request(Action.RESET).accepted
+
+
+def test_disarming_is_for_holder_and_operator() -> None:
+    for by, accepted in (("operator", True), ("agent", True), ("other", False)):
+        bench = flying()
+        answer = bench.request(Action.DISARM, by=by)
+        assert answer.accepted == accepted
+        assert bench.state is (State.DISARMED if accepted else State.ARMED)
+    assert answer.reason == "only the holder of the control lease or an operator may disarm"
+
+
+@pytest.mark.parametrize(("silence_s", "state"), [(0.08, State.HOLD), (1.0, State.DESCEND), (3.0, State.CUT)])
+def test_disarming_works_in_every_live_state(silence_s: float, state: State) -> None:
+    bench = flying()
+    silent(bench, silence_s)
+    assert bench.state is state
+    bench.request(Action.DISARM)
+    assert (bench.state, bench.reason) == (State.DISARMED, "disarmed: by operator")
+
+
+def test_disarmed_vehicle_has_no_thrust_whatever_is_commanded() -> None:
+    bench = flying()
+    bench.request(Action.DISARM)
+    assert bench.run(1.0, HOVER).u == NEUTRAL
+    assert bench.arbiter.holder is None
+
+
+def test_control_is_handed_over_by_holder_or_operator_to_a_source_that_streams() -> None:
+    bench = flying()
+    silence = bench.request(Action.HAND_OVER, source="other")
+    assert silence.reason == "other sends no fresh commands"
+    refused = bench.command((0, 0, 0.5, 0), source="other")
+    assert refused.reason == "source without control lease"
+    assert bench.request(Action.HAND_OVER, by="other", source="other").reason == (
+        "only the holder of the control lease or an operator may hand over"
+    )
+    assert bench.request(Action.HAND_OVER, by="agent", source="other").accepted
+    assert bench.arbiter.holder == "other"
+    assert bench.reason == "control handed over to other"
+    assert bench.command(HOVER).reason == "source without control lease"
+    assert bench.run(0.2, (0, 0, 0.5, 0), source="other").u == (0, 0, 0.5, 0)
+
+
+def test_control_cannot_be_handed_over_to_a_source_that_fell_silent() -> None:
+    bench = flying()
+    bench.command((0, 0, 0.5, 0), source="other")
+    bench.run(0.08, HOVER)
+    assert not bench.request(Action.HAND_OVER, source="other").accepted
+
+
+def test_nobody_flying_has_nothing_to_hand_over() -> None:
+    bench = Bench()
+    assert (
+        bench.request(Action.HAND_OVER, source="agent").reason == "nobody has the control lease: arm instead"
+    )
+
+
+def test_commands_without_the_lease_never_feed_the_watchdog() -> None:
+    bench = flying()
+    for _ in range(201):
+        bench.wait(0.01)
+        bench.frame += 1
+        bench.pose()
+        bench.command(HOVER, source="other")
+    assert bench.state is State.CUT
+    assert bench.arbiter.counters["source without control lease"] == 200

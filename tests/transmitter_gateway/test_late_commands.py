@@ -1,0 +1,85 @@
+"""The ladder of a vehicle whose commands stay away: HOLD, DESCEND, CUT."""
+
+import pytest
+from arbiter_bench import EDGE_S, HOVER, U_HOVER, Bench, flying, silent
+
+from transmitter_gateway.inputs import NEUTRAL, State
+
+
+def test_hold_begins_at_60_ms_without_planned_inputs() -> None:
+    bench = flying()
+    silent(bench, 0.06 - EDGE_S)
+    assert bench.state is State.ARMED
+    silent(bench, 2 * EDGE_S)
+    assert bench.state is State.HOLD
+    assert bench.reason == "commands late"
+
+
+def test_hold_levels_the_vehicle_and_never_adds_thrust() -> None:
+    for thrust, held in ((0.8, U_HOVER), (0.4, 0.4)):
+        bench = Bench().fly((0.5, 0.5, thrust, 0.2))
+        silent(bench, 0.07)
+        assert bench.outputs[-1].state is State.HOLD
+        assert bench.outputs[-1].u == pytest.approx((0, 0, held, 0), abs=0.005)
+        assert bench.outputs[-1].cause is None
+
+
+def test_descend_begins_at_200_ms_and_ramps_down_to_just_below_hover() -> None:
+    bench = flying()
+    silent(bench, 0.2 - EDGE_S)
+    assert bench.state is State.HOLD
+    silent(bench, 2 * EDGE_S)
+    assert bench.state is State.DESCEND
+    assert bench.reason == "commands silent"
+    silent(bench, 0.05)
+    assert bench.outputs[-1].u == pytest.approx((0, 0, U_HOVER - 0.5 * 0.05, 0), abs=0.005)
+    silent(bench, 0.2)
+    assert bench.outputs[-1].u == pytest.approx((0, 0, U_HOVER - 0.06, 0), abs=0.005)
+
+
+def test_descend_does_not_raise_a_lower_thrust() -> None:
+    bench = Bench().fly((0, 0, 0.3, 0))
+    silent(bench, 1.0)
+    assert bench.state is State.DESCEND
+    assert bench.outputs[-1].u == pytest.approx((0, 0, 0.3, 0))
+
+
+def test_cut_begins_at_2_s_and_needs_a_new_arming() -> None:
+    bench = flying()
+    silent(bench, 2.0 - EDGE_S)
+    assert bench.state is State.DESCEND
+    silent(bench, 2 * EDGE_S)
+    assert bench.state is State.CUT
+    assert bench.reason == "commands gone"
+    output = bench.run(1.0, HOVER)
+    assert (output.state, output.u, output.throttle_low) == (State.CUT, NEUTRAL, True)
+    assert bench.arbiter.holder is None
+    assert bench.arm().accepted
+
+
+@pytest.mark.parametrize("silence_s", [0.08, 1.0])
+def test_a_fresh_command_returns_to_armed(silence_s: float) -> None:
+    bench = flying()
+    silent(bench, silence_s)
+    assert bench.state in (State.HOLD, State.DESCEND)
+    bench.command(HOVER)
+    assert bench.state is State.ARMED
+    assert bench.reason == "commands fresh again"
+
+
+def test_a_command_after_a_long_freeze_cannot_hide_the_freeze() -> None:
+    bench = flying()
+    bench.now_s += 2.5
+    bench.frame += 1
+    bench.pose()
+    bench.command(HOVER)
+    assert bench.state is State.CUT
+
+
+@pytest.mark.parametrize(("silence_s", "state"), [(0.08, State.HOLD), (1.0, State.DESCEND)])
+def test_a_freeze_beyond_the_limit_cuts_from_every_flying_state(silence_s: float, state: State) -> None:
+    bench = flying()
+    silent(bench, silence_s)
+    assert bench.state is state
+    assert bench.wait(2.0).state is State.CUT
+    assert bench.reason == "commands gone"
