@@ -28,6 +28,7 @@ from transmitter_gateway.inputs import (
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.permissions import refusal
 from transmitter_gateway.surveillance import Surveillance
 from transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 
@@ -70,7 +71,6 @@ class Arbiter:
         self._hover = HoverThrust(u_hover, limits.hover_correction, limits.floor_m + limits.airborne_m)
         self._slew_per_s = slew_per_s
         self._link = LinkState.LOST
-        self._requested: set[Condition] = set()
         self._candidate: str | None = None
         self._shutdown = False
         self._u: Input = NEUTRAL
@@ -103,35 +103,15 @@ class Arbiter:
         self._link = link
 
     def request(self, request: Request, now_s: float) -> Answer:
-        """Carry out or refuse a request.
-
-        Arming is for an operator or the source itself, disarming for the lease holder or an operator, reset
-        for an operator, hand-over for the holder or an operator; kill and shutdown are for anyone.
-        """
+        """Carry out or refuse a request; `permissions` says whose requests count."""
         self.step(now_s)
-        refusal = self._refusal(request)
-        if refusal is None:
-            refusal = self._carry_out(request, now_s)
-        if refusal is not None:
+        problem = refusal(request, self.holder, self.limits.operators)
+        if problem is None:
+            problem = self._carry_out(request, now_s)
+        if problem is not None:
             self.counters[f"refused: {request.action}"] += 1
-            return Answer(False, refusal)
+            return Answer(False, problem)
         return Answer(True, f"{self.state}: {self.reason}")
-
-    def _refusal(self, request: Request) -> str | None:
-        operator = request.by in self.limits.operators
-        match request.action:
-            case Action.ARM:
-                if not (operator or request.by == request.source):
-                    return "only an operator or the source itself may arm"
-                if self.holder not in (None, request.source):
-                    return f"{self.holder} has the control lease: hand over instead"
-            case Action.DISARM if not (operator or request.by == self.holder):
-                return "only the holder of the control lease or an operator may disarm"
-            case Action.HAND_OVER if not (operator or request.by == self.holder):
-                return "only the holder of the control lease or an operator may hand over"
-            case Action.RESET if not operator:
-                return "only an operator may reset a kill"
-        return None
 
     def _carry_out(self, request: Request, now_s: float) -> str | None:
         """Apply an allowed request; return why it had no effect, if so."""
@@ -160,13 +140,13 @@ class Arbiter:
             return None
         self._candidate = source
         state = self._take(Condition.ARM, source, now_s)
-        conditions = self._conditions(now_s, {Condition.ARM}, self._stream(), 0)
+        conditions = self._conditions(now_s, self._stream(), 0)
         self._candidate = None
         if state is State.ARMED:
             return None
         if state is State.KILLED:
             return "killed: an operator must reset first"
-        missing = sorted(f"missing: {c}" for c in ARMING.needs - conditions)
+        missing = sorted(f"missing: {c}" for c in ARMING.needs - conditions - {Condition.ARM})
         present = sorted(
             f"{c}: {self._details[c]}" if c in self._details else str(c) for c in ARMING.unless & conditions
         )
@@ -219,11 +199,8 @@ class Arbiter:
 
     def _take(self, condition: Condition, by: str, now_s: float) -> State:
         """Step once with a requested condition; return the state after it."""
-        self._requested = {condition}
         self._details[condition] = f"by {by}"
-        output = self.step(now_s)
-        self._requested = set()
-        return output.state
+        return self._step(now_s, condition).state
 
     # Conditions ---------------------------------------------------------------------------------------
 
@@ -237,10 +214,8 @@ class Arbiter:
     def _grounded(self, now_s: float) -> bool:
         return self._low_since_s is not None and now_s >= self._low_since_s + self.limits.arm_low_s
 
-    def _conditions(
-        self, now_s: float, requested: set[Condition], stream: Stream | None, bridging: int
-    ) -> frozenset[Condition]:
-        found = set(requested)
+    def _conditions(self, now_s: float, stream: Stream | None, bridging: int) -> set[Condition]:
+        found: set[Condition] = set()
         if self._shutdown:
             found.add(Condition.SHUTDOWN)
         if self._link is LinkState.LOST:
@@ -256,7 +231,7 @@ class Arbiter:
             found.add(Condition.HOLD_OVER)
         if self.state is State.DESCEND and now_s >= self._entered_s + self._descent_s:
             found.add(Condition.DESCENT_OVER)
-        return frozenset(found)
+        return found
 
     @property
     def _descent_s(self) -> float:
@@ -302,7 +277,10 @@ class Arbiter:
 
     def step(self, now_s: float) -> ArbiterOutput:
         """Let the time pass to `now_s`, change the state if the table says so, and give the output."""
-        acting = self._pass(now_s)
+        return self._step(now_s)
+
+    def _step(self, now_s: float, requested: Condition | None = None) -> ArbiterOutput:
+        acting = self._pass(now_s, requested)
         elapsed_s = 0.0 if math.isinf(self._shaped_s) else self._now_s - self._shaped_s
         self._shaped_s = self._now_s
         self._u = self._shape(self._now_s, elapsed_s, acting)
@@ -316,7 +294,7 @@ class Arbiter:
             cause=None if acting is None else acting.command.cause,
         )
 
-    def _pass(self, now_s: float) -> Stream | None:
+    def _pass(self, now_s: float, requested: Condition | None = None) -> Stream | None:
         """Let the time pass and change the state; whose commands act then."""
         now_s = max(now_s, self._now_s)
         elapsed_s = 0.0 if math.isinf(self._now_s) else now_s - self._now_s
@@ -324,7 +302,10 @@ class Arbiter:
         stream = self._stream()
         bridging = 0 if stream is None else bridging_step(stream, now_s, self.limits)
         self._watch_thrust(now_s, elapsed_s, stream, bridging)
-        row = find_transition(self.state, self._conditions(now_s, self._requested, stream, bridging))
+        conditions = self._conditions(now_s, stream, bridging)
+        if requested is not None:
+            conditions.add(requested)
+        row = find_transition(self.state, frozenset(conditions))
         if row is not None:
             self._enter(row, now_s)
         acting = stream if self.state is State.ARMED else None
