@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from failing_gateway import FAULT
 from integration_support import NAMES, Flying, Truth, fleet_text, free_port, land_gently, transmitter_state
 
 import deploy.supervisor
@@ -183,6 +184,31 @@ def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(launch: Launch) 
         assert [round(throttle) for throttle in last] == [THROTTLE_LOW_US] * 25
 
 
+def test_exception_in_the_gateway_brings_everybody_down_and_ends_on_throttle_low(
+    launch: Launch, tmp_path: Path
+) -> None:
+    flying = launch()
+    truth, log = Truth(flying), RadioLog(flying)
+    program = Path(__file__).with_name("failing_gateway.py")
+    stop_supervised_gateway(flying)
+    with (
+        (tmp_path / "gateway.log").open("w+") as said,
+        subprocess.Popen([sys.executable, program, flying.path], stderr=said) as gateway,
+    ):
+        try:
+            flying.fleet.take_off(height_m=0.8)
+            gateway.send_signal(signal.SIGUSR2)
+            assert gateway.wait(10) == 1
+        finally:
+            gateway.kill()
+        said.seek(0)
+        assert FAULT in said.read()
+    flying.fleet.wait_until(lambda: all(landed_gently(truth, name) for name in NAMES), 5, "not landed")
+    for name in NAMES:
+        last = [round(throttle) for _, throttle in log.frames(name)[-25:]]
+        assert last == [THROTTLE_LOW_US] * 25
+
+
 def test_sigusr1_kills_all_vehicles_of_the_gateway_and_latches(launch: Launch) -> None:
     flying = launch()
     flying.fleet.take_off(["h1", "h2"], height_m=0.3)
@@ -196,15 +222,16 @@ def test_sigusr1_kills_all_vehicles_of_the_gateway_and_latches(launch: Launch) -
     )
 
 
+def stop_supervised_gateway(flying: Flying) -> None:
+    supervisor = flying.launcher_of("transmitters").supervisor
+    supervisor.children["transmitters"].wanted = False
+    flying.fleet.wait_until(lambda: "transmitters" not in supervisor.running(), 10, "still runs")
+
+
 @contextmanager
 def gateway_on_a_terminal(flying: Flying) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
     """The gateway as a user starts it by hand, in place of the supervised one."""
-    flying.launcher_of("transmitters").supervisor.children["transmitters"].wanted = False
-    flying.fleet.wait_until(
-        lambda: "transmitters" not in flying.launcher_of("transmitters").supervisor.running(),
-        10,
-        "still runs",
-    )
+    stop_supervised_gateway(flying)
     master, slave = pty.openpty()
     command = [sys.executable, "-m", "rcopterx", "transmitters", "--fleet", str(flying.path)]
     # `setsid -c` makes the terminal the controlling one, as a shell in a window does.

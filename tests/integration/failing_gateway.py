@@ -1,0 +1,33 @@
+"""The transmitter gateway of a fleet with a fault in it: `python failing_gateway.py FLEET_FILE`.
+
+After SIGUSR2 the next command for the vehicle h2 ends in an exception.
+"""
+
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from deploy.roles import run_role
+from transmitter_gateway.station import Station
+
+FAULT = "a fault on request"
+
+
+def break_on_request() -> None:
+    """Replace the method of the running module that takes commands."""
+    requests: list[int] = []
+    take_commands = Station.take_commands
+
+    def take_commands_or_fail(station: Station, clock: Callable[[], float]) -> None:
+        if requests and station.vehicle == "h2":
+            raise RuntimeError(FAULT)
+        take_commands(station, clock)
+
+    Station.take_commands = take_commands_or_fail  # type: ignore[assignment, method-assign]  # that is the fault
+    signal.signal(signal.SIGUSR2, lambda number, _: requests.append(number))
+
+
+if __name__ == "__main__":
+    break_on_request()
+    run_role("transmitters", "transmitters", Path(sys.argv[1]))
