@@ -22,6 +22,7 @@ from transmitter_gateway.wakeup import Wakeup
 STATUS_PERIOD_S = 0.2
 LONGEST_WAIT_S = 0.1
 SHUTDOWN_LIMIT_S = 5.0
+BRING_DOWN_PERIOD_S = 0.005
 POSE_PATIENCE_S = 0.005
 """How long poses wait to be judged. Agents need the processor as soon as a frame has arrived, and limits of
 surveillance are counted in tenths of a second."""
@@ -108,15 +109,27 @@ class Gateway:
         for transmitter in transmitters:
             transmitter.close()
 
-    def bring_down(self) -> None:
-        """After an error: as `shut_down`, without the bus; a broken transmitter does not stop the others."""
+    def bring_down(self, kill_asked: Callable[[], bool]) -> None:
+        """After an error: as `shut_down`, without the bus; a broken transmitter does not stop the others.
+
+        Parameters
+        ----------
+        kill_asked
+            Whether a signal has asked for a kill since the last call.
+        """
         working = {name: station.transmitter for name, station in self._stations.items()}
-        request = Request(Action.SHUTDOWN, by="an error in the gateway")
-        _each(working, lambda transmitter: transmitter.request(request, self._clock()))
+
+        def ask(action: Action) -> None:
+            request = Request(action, by="an error in the gateway")
+            _each(working, lambda transmitter: transmitter.request(request, self._clock()))
+
+        ask(Action.SHUTDOWN)
         limit_s = self._clock() + SHUTDOWN_LIMIT_S
         while not all(transmitter.finished for transmitter in working.values()) and self._clock() < limit_s:
-            due_s = min(transmitter.next_deadline_s() for transmitter in working.values())
-            self._wakeup.wait((), min(LONGEST_WAIT_S, due_s - self._clock()))
+            # What is due is not asked for: that could be what is broken.
+            pressed = self._wakeup.wait(self._keys.descriptors, BRING_DOWN_PERIOD_S)
+            if kill_asked() or (pressed and self._keys.pressed()):
+                ask(Action.KILL)
             _each(working, lambda transmitter: transmitter.on_readable(self._clock()))
         for station in self._stations.values():
             station.transmitter.close()
@@ -187,7 +200,7 @@ def run_gateway(settings: GatewaySettings) -> None:
         try:
             run_until_stopped(gateway, caught)
         except BaseException:
-            gateway.bring_down()
+            gateway.bring_down(lambda: _kill_asked(caught))
             raise
     wakeup.close()
 
@@ -209,7 +222,12 @@ def run_until_stopped(gateway: Gateway, caught: set[int]) -> None:
     gateway.shut_down(lambda: _obey_kill(gateway, caught))
 
 
+def _kill_asked(caught: set[int]) -> bool:
+    asked = signal.SIGUSR1 in caught
+    caught.discard(signal.SIGUSR1)
+    return asked
+
+
 def _obey_kill(gateway: Gateway, caught: set[int]) -> None:
-    if signal.SIGUSR1 in caught:
-        caught.discard(signal.SIGUSR1)
+    if _kill_asked(caught):
         gateway.kill("SIGUSR1")

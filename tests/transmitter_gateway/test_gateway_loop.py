@@ -1,0 +1,249 @@
+"""The loop of a transmitter gateway in virtual time: several emulated radios, no bus."""
+
+import select
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bus.codec import encode
+from bus.messages import Command, FloatArray, Message, Pose
+from bus.session import BusAddress, Incoming, RequestFailedError
+from bus.subscription import Inbox
+from simulator.radio import RadioLink, RadioPty
+from simulator.radio_multi import MultiModule
+from simulator.radio_receiver import Receiver
+from transmitter_gateway.calibration import Calibration
+from transmitter_gateway.inputs import Action, Request, State
+from transmitter_gateway.kill_keys import KillKeys
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.process import POSE_PATIENCE_S, Gateway
+from transmitter_gateway.protocols.base import SerialLine
+from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
+from transmitter_gateway.transmitter import Transmitter, Write
+from transmitter_gateway.wakeup import Wakeup
+
+NAMES = ("h1", "h2", "h3")
+LINE = SerialLine(100_000, "N", 2)
+PERIOD_S = 0.02
+NO_PLAN = FloatArray.of(np.zeros((0, 4)))
+
+
+class OwnBus:
+    """Inboxes that the test fills, and what was published."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.inboxes: dict[tuple[str, str], tuple[Inbox[Any], Callable[[], None]]] = {}
+        self.published: list[tuple[str, Message]] = []
+
+    def clock(self) -> float:
+        return self.now_s
+
+    def subscribe(
+        self, channel: Any, unit: str, depth: int = 1, wake: Callable[[], None] = lambda: None
+    ) -> Inbox[Any]:
+        inbox: Inbox[Any] = Inbox(channel, depth)
+        self.inboxes[channel.topic, unit] = (inbox, wake)
+        return inbox
+
+    def arrive(self, topic: str, unit: str, message: Message) -> None:
+        inbox, wake = self.inboxes[topic, unit]
+        inbox.store(encode(message), self.now_s)
+        wake()
+
+    def publish(self, channel: Any, unit: str, message: Message) -> None:
+        self.published.append((unit, message))
+
+    def pending(self) -> list[Incoming]:
+        return []
+
+    def request(self, *_: object, **__: object) -> None:
+        raise RequestFailedError("nobody remembers")
+
+    def serve(self, *_: object) -> None:
+        pass
+
+    announce = serve
+
+
+class Laboratory(Wakeup):
+    """Radios, poses and commands; what waits lets the time pass until the next frame of the Tracker."""
+
+    def __init__(self, directory: Path) -> None:
+        super().__init__()
+        self.bus = OwnBus()
+        self.thrust: float | None = 0.0
+        self.throttle_us: dict[str, list[int]] = {name: [] for name in NAMES}
+        self._frame = 0
+        self._served: dict[str, Write | None] = dict.fromkeys(NAMES)
+        self.radios = {
+            name: RadioPty(directory / name, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
+            for name in NAMES
+        }
+        transmitters = (
+            TransmitterSettings(
+                name,
+                str(directory / name),
+                MultiProtocol(MultiSettings(rx_num=3), LINE),
+                Calibration(),
+                ArbiterLimits(),
+            )
+            for name in NAMES
+        )
+        settings = GatewaySettings(BusAddress((), "lab"), "transmitters", tuple(transmitters), NAMES)
+        keys = KillKeys(-1)
+        self.gateway = Gateway(settings, self.bus, self, keys, realtime=False)  # type: ignore[arg-type]  # no bus
+
+    def close(self) -> None:
+        for name, radio in self.radios.items():
+            self.transmitter(name).close()
+            radio.close()
+        super().close()
+
+    def transmitter(self, name: str) -> Transmitter:
+        return self.gateway._stations[name].transmitter
+
+    def states(self) -> set[State]:
+        return {self.transmitter(name).arbiter.state for name in NAMES}
+
+    def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
+        next_frame_s = (self._frame + 1) * PERIOD_S
+        self.bus.now_s = min(self.bus.now_s + max(timeout_s, 1e-4), next_frame_s)
+        for name, radio in self.radios.items():
+            self._serve(name, radio)
+        if self.bus.now_s == next_frame_s:
+            self._frame += 1
+            for number, name in enumerate(NAMES):
+                self.bus.arrive("pose", name, self.pose(float(number)))
+                if self.thrust is not None:
+                    self.bus.arrive("command", name, self.command(name, self.thrust))
+        return super().wait(descriptors, 0.0)
+
+    def _serve(self, name: str, radio: RadioPty) -> None:
+        write = self.transmitter(name).last_write
+        if write is not None and write is not self._served[name]:
+            self._served[name] = write
+            assert select.select([radio.fileno()], [], [], 5.0)[0]
+        radio.service(self.bus.now_s)
+        self.throttle_us[name] += [round(frame.pulses_us[0]) for frame in radio.link.take_frames()]
+
+    def pose(self, x_m: float) -> Pose:
+        return Pose(
+            epoch=1, frame=self._frame, period_s=PERIOD_S, latency_s=0.0, received_s=0.0, occluded=False,
+            position_m=(x_m, 0.0, 1.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0),
+        )  # fmt: skip
+
+    def command(self, source: str, thrust: float) -> Command:
+        return Command(
+            epoch=1, frame=self._frame, source=source, sequence=self._frame, input=(0.0, 0.0, thrust, 0.0),
+            next_inputs=NO_PLAN, period_s=PERIOD_S,
+        )  # fmt: skip
+
+    def turn(self) -> None:
+        self.gateway.wait()
+        self.gateway.step()
+
+    def run(self, seconds: float) -> None:
+        end_s = self.bus.now_s + seconds
+        while self.bus.now_s < end_s:
+            self.turn()
+
+    def fly(self) -> None:
+        self.run(1.5)
+        for name in NAMES:
+            arm = Request(Action.ARM, by=name, source=name)
+            assert self.transmitter(name).request(arm, self.bus.now_s).accepted
+        self.thrust = 0.55
+        self.run(1.0)
+        assert self.states() == {State.ARMED}
+
+
+@pytest.fixture
+def laboratory(tmp_path: Path) -> Iterator[Laboratory]:
+    laboratory = Laboratory(tmp_path)
+    yield laboratory
+    laboratory.close()
+
+
+def fail(*_: object, **__: object) -> None:
+    raise RuntimeError("broken")
+
+
+@pytest.mark.parametrize("broken", ["request", "on_readable", "next_deadline_s"])
+def test_broken_transmitter_does_not_keep_the_others_from_landing(
+    laboratory: Laboratory, broken: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laboratory.fly()
+    monkeypatch.setattr(laboratory.transmitter("h2"), broken, fail)
+    flown_s = laboratory.bus.now_s
+    laboratory.gateway.bring_down(lambda: False)
+    assert 1.8 < laboratory.bus.now_s - flown_s < 3.0
+    for name in ("h1", "h3"):
+        assert laboratory.transmitter(name).arbiter.state is State.CUT
+        assert laboratory.throttle_us[name][-25:] == [1100] * 25
+    assert ("h2: cannot be brought down" in capsys.readouterr().err) == (broken != "next_deadline_s")
+    assert not any(laboratory.transmitter(name).port.is_open for name in NAMES)
+
+
+def test_kill_counts_while_an_error_brings_vehicles_down(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    flown_s = laboratory.bus.now_s
+    laboratory.gateway.bring_down(lambda: laboratory.bus.now_s > flown_s + 0.2)
+    assert laboratory.states() == {State.KILLED}
+    assert laboratory.bus.now_s - flown_s < 1.5
+
+
+def test_shut_down_lands_everybody_and_closes_the_ports(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    laboratory.gateway.shut_down()
+    assert laboratory.states() == {State.CUT}
+    for name in NAMES:
+        assert laboratory.throttle_us[name][-25:] == [1100] * 25
+        assert not laboratory.transmitter(name).port.is_open
+
+
+def test_poses_wait_a_moment_and_commands_do_not(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    frame = laboratory._frame
+    while laboratory._frame == frame:
+        laboratory.turn()
+    arrived_s = laboratory.bus.now_s
+    h1 = laboratory.transmitter("h1")
+    assert h1.last_write is not None
+    assert h1.last_write.time_s == arrived_s
+    track = h1.arbiter.surveillance.own_track
+    assert track is not None
+    while track.frame == frame:
+        laboratory.turn()
+    assert track.seen_s == pytest.approx(arrived_s + POSE_PATIENCE_S)
+
+
+def test_flood_of_commands_for_one_vehicle_is_read_in_portions_between_those_of_others(
+    laboratory: Laboratory,
+) -> None:
+    laboratory.fly()
+    laboratory.thrust = None
+    laboratory.bus.now_s += 0.01
+    laboratory._frame += 1
+    flood = 200
+    for _ in range(flood):
+        laboratory.bus.arrive("command", "h2", laboratory.command("stranger", 0.5))
+    laboratory.bus.arrive("command", "h3", laboratory.command("h3", 0.6))
+    laboratory.gateway.step()
+    write = laboratory.transmitter("h3").last_write
+    assert write is not None
+    assert write.output.cause is not None
+    assert write.output.cause.sequence == laboratory._frame
+    counters = laboratory.transmitter("h2").arbiter.counters
+    assert 0 < refused(counters) < flood / 10
+    laboratory.run(0.02)
+    assert refused(counters) == flood
+
+
+def refused(counters: Counter[str]) -> int:
+    return counters["source without control lease"] + counters["old sequence number"]
