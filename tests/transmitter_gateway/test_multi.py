@@ -189,30 +189,6 @@ def test_autobind_and_mapping_are_never_asked_for(bind: bool, check: bool, kill:
 
 
 @pytest.mark.parametrize(
-    "changed",
-    [
-        MultiSettings(rx_num=4),
-        MultiSettings(sub_protocol=2),
-        MultiSettings(inverted_line=False),
-        MultiSettings(answers_wired=False),
-    ],
-)
-def test_changes_that_restart_the_radio_need_a_disarmed_vehicle(changed: MultiSettings) -> None:
-    protocol = MultiProtocol(MultiSettings())
-    with pytest.raises(ForbiddenInFlightError):
-        protocol.reconfigure(changed, disarmed=False)
-    assert protocol.settings == MultiSettings()
-    protocol.reconfigure(changed, disarmed=True)
-    assert protocol.settings == changed
-
-
-def test_option_may_change_in_flight() -> None:
-    protocol = MultiProtocol(MultiSettings())
-    protocol.reconfigure(MultiSettings(channels=7, eleven_ms=True), disarmed=False)
-    assert protocol.encode([1100])[3] == 0x47
-
-
-@pytest.mark.parametrize(
     ("field", "value"),
     [("rx_num", 64), ("rx_num", -1), ("sub_protocol", 4), ("channels", 2), ("channels", 13)],
 )

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 from transmitter_gateway.protocols.base import (
     CENTER_US,
     NO_FLAGS,
     DecodedFrame,
-    ForbiddenInFlightError,
     FrameDecodeError,
     FrameFlags,
     ModuleStatus,
@@ -198,21 +197,6 @@ class MultiProtocol(RadioProtocol):
         self._opened_s: float | None = None
         self._answered_s = -math.inf
         self._answered: ModuleStatus | None = None
-
-    def reconfigure(self, settings: MultiSettings, *, disarmed: bool) -> None:
-        """Change the transmission settings.
-
-        Raises
-        ------
-        ForbiddenInFlightError
-            The change restarts the radio part (section 3.2) and `disarmed` is False.
-        """
-        kept_in_flight = replace(settings, channels=self.settings.channels, eleven_ms=self.settings.eleven_ms)
-        if kept_in_flight != self.settings and not disarmed:
-            raise ForbiddenInFlightError(
-                "multi: model match, sub-protocol, polarity and answer line change only while disarmed"
-            )
-        self.settings = settings
 
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
