@@ -80,7 +80,7 @@ class FloatArray(Struct, frozen=True):
                 f"{field}: {len(self.data)} bytes for shape {self.shape}, needs {8 * rows * columns}"
             )
         # The comparison is false for numbers that are not finite, too.
-        if not (np.abs(self.to_numpy()) <= MAX_MAGNITUDE).all():
+        if not np.abs(self.to_numpy()).max(initial=0.0) <= MAX_MAGNITUDE:
             raise InvalidMessageError(f"{field}: not all values are finite and at most {MAX_MAGNITUDE:g}")
 
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from numbers import Real
 
+from msgspec import Struct
+
 from transmitter_gateway.inputs import Cause, CommandInput, Input
 from transmitter_gateway.limits import ArbiterLimits
 
@@ -30,8 +32,7 @@ class Rejection(StrEnum):
     TOO_MANY_SOURCES = "too many sources"
 
 
-@dataclass(frozen=True, slots=True)
-class AcceptedCommand:
+class AcceptedCommand(Struct, frozen=True):
     """A command that passed every check, inputs clamped to the limits."""
 
     cause: Cause

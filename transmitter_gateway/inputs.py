@@ -1,10 +1,14 @@
-"""What the arbiter is told and what it answers: small typed values without behaviour."""
+"""What the arbiter is told and what it answers: small typed values without behaviour.
+
+They are made for every message, and `Struct` makes them in a tenth of the time of a frozen dataclass.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum, StrEnum
+
+from msgspec import Struct
 
 Input = tuple[float, float, float, float]
 Position = tuple[float, float, float]
@@ -47,8 +51,7 @@ class Action(StrEnum):
     SHUTDOWN = "shutdown"
 
 
-@dataclass(frozen=True, slots=True)
-class CommandInput:
+class CommandInput(Struct, frozen=True):
     """A command as received; nothing in it is trusted before admission.
 
     Parameters
@@ -76,8 +79,7 @@ class CommandInput:
     period_s: float = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class PoseInput:
+class PoseInput(Struct, frozen=True):
     """A raw pose from motion capture.
 
     Parameters
@@ -99,8 +101,7 @@ class PoseInput:
     period_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Struct, frozen=True):
     """A request: `by` whom, and for arming and hand-over the `source` that shall command."""
 
     action: Action
@@ -108,8 +109,7 @@ class Request:
     source: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class LastWords:
+class LastWords(Struct, frozen=True):
     """What an earlier process of this gateway wrote last.
 
     Parameters
@@ -130,16 +130,14 @@ class LastWords:
     holder: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(Struct, frozen=True):
     """Whether a request or a command was accepted, and why in words."""
 
     accepted: bool
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Cause:
+class Cause(Struct, frozen=True):
     """Identity of the command that an output comes from."""
 
     source: str
@@ -148,8 +146,7 @@ class Cause:
     frame: int
 
 
-@dataclass(frozen=True, slots=True)
-class ArbiterOutput:
+class ArbiterOutput(Struct, frozen=True):
     """What the vehicle is to do now.
 
     Parameters

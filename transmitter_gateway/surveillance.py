@@ -6,6 +6,8 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
+from msgspec import Struct
+
 from transmitter_gateway.inputs import PoseInput, Position
 from transmitter_gateway.limits import Fence, SurveillanceLimits
 
@@ -18,8 +20,7 @@ LIFTED_M = 0.03
 """Above where it stood, a vehicle flies."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(Struct, frozen=True):
     """Reasons to HOLD and to DESCEND, None where there is none."""
 
     hold: str | None = None

@@ -11,6 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from msgspec import Struct
+
 from transmitter_gateway.arbiter import Arbiter
 from transmitter_gateway.calibration import Calibration
 from transmitter_gateway.inputs import (
@@ -39,8 +41,7 @@ FIRST_POSE_S = 0.1
 """How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
 
 
-@dataclass(frozen=True, slots=True)
-class Write:
+class Write(Struct, frozen=True):
     """The newest frame: when it was written, what became of it, what it carried and why.
 
     Parameters

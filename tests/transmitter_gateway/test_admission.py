@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from transmitter_gateway.admission import Admission, Rejection
 from transmitter_gateway.inputs import CommandInput
@@ -32,7 +33,7 @@ class Desk:
         **changes: Any,
     ) -> Rejection | None:
         return self.admission.consider(
-            replace(command, **changes), now_s, pose_epoch=pose_epoch, holder=holder
+            structs.replace(command, **changes), now_s, pose_epoch=pose_epoch, holder=holder
         )
 
 
@@ -132,7 +133,7 @@ def test_values_exactly_at_the_tolerance_are_accepted() -> None:
     limits = ArbiterLimits(tolerance=0.25)
     for u in ((1.25, 0, 0.5, 0), (-1.25, 0, 0.5, 0), (0, 0, 1.25, 0), (0, 0, -0.25, 0)):
         admission = Admission(limits, Counter())
-        assert admission.consider(replace(GOOD, u=u), 1.0, pose_epoch=5, holder=None) is None
+        assert admission.consider(structs.replace(GOOD, u=u), 1.0, pose_epoch=5, holder=None) is None
 
 
 def test_gap_exactly_at_the_limit_is_a_gap() -> None:

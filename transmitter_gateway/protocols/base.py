@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from msgspec import Struct
+
 THROTTLE, AILERON, ELEVATOR, RUDDER, GEAR, AUX1 = range(6)
 CHANNEL_NAMES = ("throttle", "aileron", "elevator", "rudder", "gear", "aux1")
 CENTER_US = 1500.0
@@ -61,8 +63,7 @@ class SerialLine:
         return byte_count * bits / self.baud
 
 
-@dataclass(frozen=True, slots=True)
-class FrameFlags:
+class FrameFlags(Struct, frozen=True):
     """What a frame asks of the radio besides the channel values."""
 
     bind: bool = False

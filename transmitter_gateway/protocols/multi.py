@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from msgspec import Struct
+
 from transmitter_gateway.protocols.base import (
     CENTER_US,
     NO_FLAGS,
@@ -68,8 +70,7 @@ def unpack_channels(packed: bytes) -> tuple[int, ...]:
     return tuple((stream >> (11 * index)) & 0x7FF for index in range(CHANNEL_COUNT))
 
 
-@dataclass(frozen=True, slots=True)
-class MultiFrame:
+class MultiFrame(Struct, frozen=True):
     """Every field of a frame on the wire (table of section 3), `counts` being the 16 channel values."""
 
     counts: tuple[int, ...]
