@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.hover import HoverThrust
+from transmitter_gateway.hover import SEEN_WITHIN_S, STEADY_M_S, HoverThrust
 from transmitter_gateway.inputs import Position
 from transmitter_gateway.surveillance import Track
 
@@ -65,3 +65,10 @@ def test_hover_thrust_stays_near_the_calibrated_one_whatever_is_flown(
     for thrust, elapsed_s in flight:
         hover.note(thrust, elapsed_s, track(), 0.0)
         assert abs(hover.value - 0.55) <= 0.08 + 1e-12
+
+
+def test_limits_of_a_steady_hover_met_exactly_still_count() -> None:
+    seen = track(height_m=0.125, climb_m_s=STEADY_M_S)
+    hover = HoverThrust(0.5, 0.25, 0.125)
+    hover.note(0.875, PERIOD_S, seen, SEEN_WITHIN_S)
+    assert hover.value > 0.5

@@ -83,3 +83,12 @@ def test_a_freeze_beyond_the_limit_cuts_from_every_flying_state(silence_s: float
     assert bench.state is state
     assert bench.wait(2.0).state is State.CUT
     assert bench.reason == "commands gone"
+
+
+def test_thrust_near_the_floor_is_not_taken_for_that_of_a_hover() -> None:
+    bench = Bench()
+    bench.position = (0.0, 0.0, 0.09)
+    bench.fly()
+    bench.run(6.0, (0, 0, 0.6, 0))
+    silent(bench, 0.1)
+    assert bench.outputs[-1].u[2] == pytest.approx(U_HOVER)
