@@ -38,7 +38,8 @@ MODULE_SILENT_S = 2.0
 
 def count_of(pulse_us: float) -> int:
     """11-bit value of a pulse width [us] (section 2)."""
-    return min(max(round(CENTER_COUNT + (pulse_us - CENTER_US) * COUNTS_PER_US), 0), 2047)
+    count = round(CENTER_COUNT + (pulse_us - CENTER_US) * COUNTS_PER_US)
+    return 0 if count < 0 else 2047 if count > 2047 else count
 
 
 def pulse_of(count: int) -> float:
@@ -56,11 +57,12 @@ def pack_channels(counts: Sequence[int]) -> bytes:
     """
     if len(counts) != CHANNEL_COUNT:
         raise PulseRangeError(f"multi: {len(counts)} channel values given, exactly 16 are needed")
+    if min(counts) < 0 or max(counts) > 2047:
+        index, count = next((n, count) for n, count in enumerate(counts) if not 0 <= count <= 2047)
+        raise PulseRangeError(f"multi: channel {index + 1} value {count} is outside 0..2047")
     stream = 0
-    for index, count in enumerate(counts):
-        if not 0 <= count <= 2047:
-            raise PulseRangeError(f"multi: channel {index + 1} value {count} is outside 0..2047")
-        stream |= count << (11 * index)
+    for count in reversed(counts):
+        stream = stream << 11 | count
     return stream.to_bytes(22, "little")
 
 
