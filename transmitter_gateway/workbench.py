@@ -13,7 +13,7 @@ from transmitter_gateway.serial_port import SerialPort
 from transmitter_gateway.settings import TransmitterSettings
 from transmitter_gateway.transmitter import AFTER_BIND_S, LONGEST_BIND_S, POWER_UP_LIMIT_S, Transmitter
 
-FAREWELL_S = 0.6
+FAREWELL_S = 0.8
 """At least 25 frames of any radio."""
 
 LONGEST_BINDING_S = POWER_UP_LIMIT_S + LONGEST_BIND_S + AFTER_BIND_S

@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -90,9 +89,6 @@ class RadioLog:
             for unit, vehicle in received.message.vehicles.items():
                 self._frames[unit] += [(frame[0], frame[1]) for frame in vehicle.radio]
         return self._frames[name]
-
-    def longest_gap_s(self, name: str) -> float:
-        return max(b[0] - a[0] for a, b in pairwise(self.frames(name)))
 
     def throttles(self, name: str, from_s: float, until_s: float = math.inf) -> list[float]:
         """Pulse widths [us] in a time [monotonic s]."""
