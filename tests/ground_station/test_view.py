@@ -14,7 +14,7 @@ from support.waiting import wait_for
 from bus.messages import Following, SetPoint
 from bus.requests import GoTo
 from ground_station.fleet import Fleet
-from ground_station.view import FleetView, heading_quaternion, plan_segments
+from ground_station.view import FleetView, box_edges, heading_quaternion, plan_segments
 
 Vehicles = dict[str, ScriptedVehicle]
 
@@ -41,6 +41,12 @@ def test_a_plan_is_a_line_through_its_stages() -> None:
     assert plan_segments(None).shape == (1, 2, 3)
 
 
+def test_a_box_has_an_edge_along_each_axis_at_every_corner() -> None:
+    low, high = np.array([-1.0, -2.0, 0.0]), np.array([1.0, 2.0, 3.0])
+    lengths = np.abs(np.diff(box_edges(low, high), axis=1))[:, 0]
+    assert sorted(map(tuple, lengths)) == 4 * [(0, 0, 3)] + 4 * [(0, 4, 0)] + 4 * [(2, 0, 0)]
+
+
 def test_a_heading_is_a_turn_about_the_vertical() -> None:
     assert heading_quaternion(np.pi) == pytest.approx((0.0, 0.0, 0.0, 1.0))
 
@@ -61,6 +67,8 @@ def test_vehicles_are_where_their_agents_say_and_only_flying_leaders_can_be_drag
     assert view["h1"].handle.visible
     assert not view["h2"].handle.visible
     assert view["h1"].plan.points.shape == (19, 2, 3)
+    assert tuple(view["h1"].plan_end.position) == pytest.approx((0.0, 0.0, 1.0))
+    assert view.links.points == pytest.approx(np.array([[[0.1, 0.2, 0.3], [0.1, 0.2, 0.3]]]))
 
 
 def test_a_handle_that_is_let_go_is_a_set_point_and_follows_the_fleet_otherwise(
