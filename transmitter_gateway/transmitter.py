@@ -215,7 +215,11 @@ class Transmitter:
             return True
         self._words = None
         if self.port.service(now_s):
-            self.protocol.link_opened(now_s)
+            # Only with a ready module a vehicle was armed or held.
+            recent = now_s < words.written_s + self.arbiter.limits.take_over_s
+            was_ready = recent and words.state in (State.ARMED, State.HOLD)
+            open_link = self.protocol.link_resumed if was_ready else self.protocol.link_opened
+            open_link(now_s)
         self.arbiter.link(self._link(self.protocol.status(now_s), now_s))
         self.arbiter.take_over(words, now_s)
         return False

@@ -150,3 +150,7 @@ def test_radio_without_answers_is_ready_after_settling() -> None:
     assert not protocol.status(0.9).ready
     assert protocol.status(1.0).ready
     assert protocol.minimum_interval_s == protocol.keepalive_s == 0.022
+    protocol.link_opened(2.0)
+    assert not protocol.status(2.0).ready
+    protocol.link_resumed(3.0)
+    assert protocol.status(3.0).ready

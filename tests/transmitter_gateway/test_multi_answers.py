@@ -112,6 +112,21 @@ def test_reopened_port_needs_a_new_status() -> None:
     assert protocol.status(0.9).ready
 
 
+def test_module_that_was_ready_for_an_earlier_process_is_ready_until_it_says_otherwise_or_falls_silent() -> (
+    None
+):
+    protocol = MultiProtocol()
+    protocol.link_resumed(0.0)
+    assert protocol.status(0.0).ready
+    assert protocol.status(2.0).ready
+    assert "module gone" in protocol.status(2.1).text
+    protocol.receive(UNKNOWN_PROTOCOL, 2.2)
+    assert "refuses the protocol" in protocol.status(2.2).text
+    silent = MultiProtocol(MultiSettings(answers_wired=False))
+    silent.link_resumed(0.0)
+    assert silent.status(0.0).ready
+
+
 def test_port_never_opened_is_said() -> None:
     assert MultiProtocol().status(0.0).text == "port not open"
 

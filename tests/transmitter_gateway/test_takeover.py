@@ -213,6 +213,15 @@ def test_a_killed_and_restarted_gateway_never_switches_a_flying_vehicle_off(rest
     assert set(states) <= {ReceiverState.HOLD, ReceiverState.LINKED}
 
 
+def test_the_agent_flies_again_with_its_first_command_after_a_restart(restart: Restart) -> None:
+    restart.fly()
+    words = restart.die(0.1)
+    restart.transmitter.recall(words, restart.now_s)
+    restart.run(0.04)
+    assert restart.state is State.ARMED
+    assert restart.transmitter.arbiter.counters["entered DESCEND"] == 1
+
+
 def test_a_gateway_that_is_back_too_late_starts_disarmed(restart: Restart) -> None:
     restart.fly()
     words = restart.die(0.8)

@@ -167,6 +167,13 @@ class RadioProtocol(ABC):
         """Forget everything about the module; the port was (re)opened at `now_s`."""
 
     @abstractmethod
+    def link_resumed(self, now_s: float) -> None:
+        """Open the link to a module that an earlier process found ready a moment ago.
+
+        It counts as ready until it says otherwise, or until it has been silent for too long.
+        """
+
+    @abstractmethod
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes the module sent; incomplete answers are kept until the rest arrives."""
 
@@ -216,6 +223,11 @@ class OneWayRadio(RadioProtocol):
     def link_opened(self, now_s: float) -> None:
         """Start the settling time."""
         self._opened_s = now_s
+
+    def link_resumed(self, now_s: float) -> None:
+        """Take the settling time for over."""
+        self.link_opened(now_s)
+        self._opened_s = now_s - self.settling_s
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Ignore the bytes: this radio has no answers to understand."""

@@ -243,6 +243,15 @@ class MultiProtocol(RadioProtocol):
         self._opened_s = now_s
         self._answered = None
 
+    def link_resumed(self, now_s: float) -> None:
+        """Take the module for ready as if it had just said so."""
+        self.link_opened(now_s)
+        if self.settings.answers_wired:
+            self._answered = ModuleStatus(True, False, "ready, as an earlier process heard")
+            self._answered_s = now_s
+        else:
+            self._opened_s = now_s - MODULE_SILENT_S
+
     def receive(self, data: bytes, now_s: float) -> None:
         """Parse answers and keep the newest status."""
         for answer in self._parser.feed(data):
