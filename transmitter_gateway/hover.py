@@ -4,11 +4,11 @@ A descent is open loop. Eight per cent of error in the thrust gain let a vehicle
 on until its motors are cut; and every battery brings such an error with it.
 """
 
-import math
-
 from transmitter_gateway.surveillance import Track
 
 FILTER_S = 1.0
+CALIBRATION_S = 0.2
+"""Steady flight of this time counts as much as the calibration; there may be no more before it is needed."""
 STEADY_M_S = 0.1
 """Vertical speed up to which a vehicle counts as hovering."""
 PLAUSIBLE = 1.5
@@ -18,7 +18,7 @@ LONGEST_STEP_S = 0.04
 
 
 class HoverThrust:
-    """Low-pass of the thrust in steady flight.
+    """Mean of the thrust in steady flight, at first of all of it, then a low-pass.
 
     Parameters
     ----------
@@ -34,6 +34,7 @@ class HoverThrust:
         self._calibrated, self._largest_correction = calibrated, largest_correction
         self._lower, self._upper = calibrated - largest_correction, calibrated + largest_correction
         self._lowest_m = lowest_m
+        self._steady_s = 0.0
         self.value = calibrated
 
     def note(self, thrust: float, elapsed_s: float, track: Track | None, now_s: float) -> None:
@@ -44,5 +45,7 @@ class HoverThrust:
             return
         if track.position_m[2] < self._lowest_m or abs(track.velocity_m_s[2]) > STEADY_M_S:
             return
-        weight = -math.expm1(-min(elapsed_s, LONGEST_STEP_S) / FILTER_S)
+        step_s = min(elapsed_s, LONGEST_STEP_S)
+        self._steady_s += step_s
+        weight = step_s / min(FILTER_S, CALIBRATION_S + self._steady_s)
         self.value = min(max(self.value + weight * (thrust - self.value), self._lower), self._upper)

@@ -32,6 +32,7 @@ pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 Launch = Callable[..., Flying]
 
 GENTLE_M_S = 1.7
+SLOW_M_S = 0.1
 THROTTLE_LOW_US = 1100
 RADIOS = {"h1": "dsm2_serial", "h2": "dsmp", "h3": "ppm"}
 
@@ -260,6 +261,7 @@ def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
 ) -> None:
     flying = launch()
     flying.fleet.take_off(height_m=0.8)
+    flying.fleet.wait_until(steady_for(Truth(flying), 1.0), 15, "not hovering")
     supervisor = flying.launcher_of("router").supervisor
     pid = flying.pid("router")
     gateway, simulator = flying.pid("transmitters"), flying.pid("simulator")
@@ -281,6 +283,20 @@ def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
         lambda: all(flying.fleet.state_of(name).phase == "ground" for name in NAMES), 10, "agents unaware"
     )
     flying.fleet.take_off(height_m=0.6)
+
+
+def steady_for(truth: Truth, seconds: float) -> Callable[[], bool]:
+    """Whether nobody has climbed or sunk for some time: the arbiters then know the hover thrust."""
+    since_s = time.monotonic()
+
+    def steady() -> bool:
+        nonlocal since_s
+        vehicles = [truth(name) for name in NAMES]
+        if any(vehicle is None or abs(vehicle.velocity_m_s[2]) > SLOW_M_S for vehicle in vehicles):
+            since_s = time.monotonic()
+        return time.monotonic() > since_s + seconds
+
+    return steady
 
 
 def heard_lately(flying: Flying, limit_s: float) -> bool:

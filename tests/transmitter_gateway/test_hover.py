@@ -26,7 +26,16 @@ def flown(thrust: float, seen: Track | None, seconds: float = 5.0, now_s: float 
 @pytest.mark.parametrize("thrust", [0.5, 0.55, 0.6])
 def test_thrust_of_a_steady_hover_is_learnt_within_seconds(thrust: float) -> None:
     assert flown(thrust, track()) == pytest.approx(thrust, abs=0.001)
-    assert flown(thrust, track(), 1.0) == pytest.approx(0.55 + (thrust - 0.55) * 0.632, abs=0.001)
+    assert flown(thrust, track(), 0.2) == pytest.approx(0.55 + (thrust - 0.55) / 2, abs=0.001)
+    assert flown(thrust, track(), 0.8) == pytest.approx(0.55 + (thrust - 0.55) * 4 / 5, abs=0.001)
+
+
+def test_later_thrust_is_filtered_with_one_second() -> None:
+    hover = HoverThrust(0.55, 0.08, 0.1)
+    for thrust, seconds in ((0.55, 10.0), (0.6, 1.0)):
+        for _ in range(round(seconds / PERIOD_S)):
+            hover.note(thrust, PERIOD_S, track(), 0.0)
+    assert hover.value == pytest.approx(0.55 + 0.05 * 0.632, abs=0.001)
 
 
 @pytest.mark.parametrize(
