@@ -1,11 +1,15 @@
 """What integration tests share: fleet files on free ports, process ids, and the truth of the laboratory."""
 
+import math
 import os
 import signal
 import socket
+import time
 import uuid
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from bus import channels
 from bus.messages import LaboratoryVehicle
@@ -13,6 +17,9 @@ from deploy.launcher import Launcher
 from ground_station.fleet import Fleet
 
 NAMES = ("h1", "h2", "h3")
+GENTLE_M_S = 1.7
+SLOW_M_S = 0.15
+THROTTLE_LOW_US = 1100
 
 
 def free_port(address: str = "127.0.0.1") -> int:
@@ -119,6 +126,7 @@ class Truth:
     def __init__(self, flying: Flying) -> None:
         self._inbox = flying.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT)
         self._touchdowns: dict[str, int] = {}
+        self._slow_since_s = time.monotonic()
 
     def __call__(self, name: str) -> LaboratoryVehicle | None:
         received = self._inbox.latest()
@@ -137,6 +145,13 @@ class Truth:
             assert vehicle is not None
             assert not vehicle.on_floor, name
             assert vehicle.touchdowns == self._touchdowns[name], name
+
+    def rested(self) -> bool:
+        """Whether all have been slow for a second: the arbiters have learnt what a hover needs."""
+        vehicles = [self(name) for name in NAMES]
+        if any(v is None or math.hypot(*v.velocity_m_s) > SLOW_M_S for v in vehicles):
+            self._slow_since_s = time.monotonic()
+        return time.monotonic() > self._slow_since_s + 1.0
 
     def height_m(self, name: str) -> float:
         vehicle = self(name)
@@ -157,3 +172,46 @@ def land_gently(flying: Flying, truth: Truth) -> None:
         assert vehicle.on_floor
         assert vehicle.touchdown_speed_m_s < 1.0
         assert transmitter_state(flying, name) in ("disarmed", "armed")
+
+
+class RadioLog:
+    """Frames that reached the radio modules, with the time of their arrival."""
+
+    def __init__(self, flying: Flying) -> None:
+        self._inbox = flying.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=4096)
+        self._frames: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
+
+    def frames(self, name: str) -> list[tuple[float, float]]:
+        """Arrival time [s] and throttle [us] of all frames so far."""
+        for received in self._inbox.drain():
+            for unit, vehicle in received.message.vehicles.items():
+                self._frames[unit] += [(frame[0], frame[1]) for frame in vehicle.radio]
+        return self._frames[name]
+
+    def throttles(self, name: str, from_s: float, until_s: float = math.inf) -> list[float]:
+        """Pulse widths [us] in a time [monotonic s]."""
+        return [throttle for at_s, throttle in self.frames(name) if from_s <= at_s < until_s]
+
+
+def counter(flying: Flying, name: str, what: str) -> int:
+    status = flying.fleet.state_of(name).transmitter
+    return 0 if status is None else status.counters.get(what, 0)
+
+
+def all_states(flying: Flying, *states: str) -> bool:
+    return all(transmitter_state(flying, name) in states for name in NAMES)
+
+
+def on_floor(truth: Truth, name: str) -> bool:
+    vehicle = truth(name)
+    return vehicle is not None and vehicle.on_floor
+
+
+def landed_gently(truth: Truth, name: str) -> bool:
+    vehicle = truth(name)
+    return vehicle is not None and vehicle.on_floor and vehicle.touchdown_speed_m_s < GENTLE_M_S
+
+
+def at(truth: Truth, name: str, position_m: tuple[float, float, float], tolerance_m: float = 0.12) -> bool:
+    vehicle = truth(name)
+    return vehicle is not None and np.linalg.norm(np.subtract(vehicle.position_m, position_m)) < tolerance_m

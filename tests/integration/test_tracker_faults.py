@@ -4,11 +4,10 @@ All tests fly with the same fleet; each begins and ends with everybody in format
 """
 
 import math
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from integration_support import NAMES, Flying, Truth, transmitter_state
+from integration_support import GENTLE_M_S, NAMES, Flying, Truth, counter, transmitter_state
 
 from bus import faults
 from bus.faults import Fault, fault_words
@@ -17,9 +16,7 @@ from ground_station.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
-GENTLE_M_S = 1.7
 HEIGHT_M = 0.7
-SLOW_M_S = 0.15
 CASCADE = 'controller = "cascade"\nhorizon = 30'
 SHORT_S = 0.06
 """Shorter than the limit at which a vehicle without a pose is held."""
@@ -34,7 +31,6 @@ class Laboratory:
         self.fleet = flying.fleet
         self.truth = Truth(flying)
         self._flying = flying
-        self._slow_since_s = time.monotonic()
 
     def inject(self, fault: Fault) -> None:
         inject_faults(self.fleet.session, fault)
@@ -48,15 +44,8 @@ class Laboratory:
         if grounded:
             fleet.take_off(grounded, height_m=HEIGHT_M)
         fleet.wait_for_formation()
-        fleet.wait_until(self.rested, 10, "no rest", NAMES)
+        fleet.wait_until(self.truth.rested, 10, "no rest", NAMES)
         self.truth.start_watch()
-
-    def rested(self) -> bool:
-        """Whether all have been slow for a second: the arbiters have learnt what a hover needs."""
-        vehicles = [self.truth(name) for name in NAMES]
-        if any(v is None or math.hypot(*v.velocity_m_s) > SLOW_M_S for v in vehicles):
-            self._slow_since_s = time.monotonic()
-        return time.monotonic() > self._slow_since_s + 1.0
 
     def settled(self, name: str) -> bool:
         state = self.fleet.state_of(name)
@@ -66,8 +55,7 @@ class Laboratory:
         return transmitter_state(self._flying, name)
 
     def counter(self, name: str, what: str) -> int:
-        status = self.fleet.state_of(name).transmitter
-        return 0 if status is None else status.counters.get(what, 0)
+        return counter(self._flying, name, what)
 
     @property
     def tracker(self) -> TrackerStatus:

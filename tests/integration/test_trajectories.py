@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
 
-from agents.path_shapes import circle, figure_eight
+from agents.references.path_shapes import circle, figure_eight
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
 from ground_station.vehicle import RefusedError
