@@ -5,20 +5,20 @@ from typing import Any
 
 import numpy as np
 
-from agents.authority import turn_limits_of
 from agents.configuration import Configuration
 from agents.external import External
+from agents.flight.phases import Phase
+from agents.following.leaders import Leaders
+from agents.following.links import following_at_rest, link_of
+from agents.following.neighbours import Neighbours, formation_of
+from agents.following.requests import LeaderRequests, reply_of
+from agents.formation.authority import turn_limits_of
+from agents.formation.placement import Room, move_problem, take_off_problem
+from agents.formation.topology import Links, followers, places
 from agents.interfaces import KeepsClear
-from agents.leader_requests import LeaderRequests, reply_of
-from agents.leaders import Leaders
-from agents.links import following_at_rest, link_of
-from agents.neighbours import Neighbours, formation_of
-from agents.paths import FlightPath, begun_from, path_problem, run_in_time_s
-from agents.phases import Phase
 from agents.pilot import Pilot
-from agents.placement import Room, move_problem, take_off_problem
+from agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from agents.settings import AgentSettings
-from agents.topology import Links, followers, places
 from agents.tuning import Tuning
 from bus.messages import AgentStatus
 from bus.requests import (

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from agents.controllers.external import ExternalController
-from agents.phases import Phase
+from agents.flight.phases import Phase
 from agents.pilot import Pilot
 from bus.messages import ControlTask, ExternalInput, FloatArray
 from bus.requests import TakeControl

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from agents.trajectory import Trajectory
+from agents.references.trajectory import Trajectory
 from vehicles.state import Array
 
 

@@ -13,13 +13,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from agents.avoidance import Clearance, Neighbour, near
-from agents.fleet_clock import FleetClock, InputHistory
-from agents.guidance import Guidance, LeaderPlan, resting
+from agents.flight.fleet_clock import FleetClock, InputHistory
+from agents.flight.guidance import Guidance, LeaderPlan, resting
+from agents.flight.phases import Event, Phase
+from agents.flight.prediction import predict
 from agents.interfaces import Controller, Estimate, Estimator, KeepsClear, Measurement
-from agents.phases import Event, Phase
-from agents.prediction import predict
-from agents.trajectory import Trajectory
+from agents.references.trajectory import Trajectory
+from agents.separation.avoidance import Clearance, Neighbour, near
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, U_THRUST, Array
 

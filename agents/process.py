@@ -7,21 +7,21 @@ import time
 
 import numpy as np
 
-from agents.authority import Authority
 from agents.desk import Desk
 from agents.external import External
-from agents.guidance import Guidance
+from agents.flight.guidance import Guidance
+from agents.flight.phases import AIRBORNE
+from agents.following.leaders import Leaders
+from agents.following.links import link_of
+from agents.following.lost_leaders import LostLeaders
+from agents.following.neighbours import Neighbours
+from agents.formation.authority import Authority
 from agents.interfaces import Measurement
-from agents.leaders import Leaders
-from agents.links import link_of
-from agents.lost_leaders import LostLeaders
-from agents.neighbours import Neighbours
 from agents.pacing import Pacing, SolveTimer
-from agents.phases import AIRBORNE
 from agents.pilot import Flight, Frame, Pilot
+from agents.separation.traffic import Traffic
 from agents.settings import AgentSettings
 from agents.telemetry import command_message, plan_message, status_message
-from agents.traffic import Traffic
 from agents.tuning import Tuning
 from bus import channels
 from bus.messages import AgentStatus, Pose

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agents.avoidance import Clearance
 from agents.configuration import Configuration
 from agents.interfaces import WHOLE, Share
+from agents.separation.avoidance import Clearance
 from bus.messages import Following
 from bus.session import BusAddress
 from vehicles.model import Model

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import msgspec
 
 from agents.configuration import Configuration
-from agents.leaders import Leaders
-from agents.links import following_at_rest, following_of
+from agents.following.leaders import Leaders
+from agents.following.links import following_at_rest, following_of
 from agents.pacing import Pacing, SolveTimer
 from agents.pilot import Flight, Pilot
 from agents.settings import AgentSettings

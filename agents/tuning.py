@@ -13,7 +13,7 @@ import numpy as np
 from agents.configuration import Configuration
 from agents.interfaces import Controller, Estimate, Estimator, Share
 from agents.pilot import Pilot
-from agents.trajectory import hold
+from agents.references.trajectory import hold
 from vehicles.model import Model
 from vehicles.state import YAW, Array
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from agents.controllers.registry import build_controller
 from agents.interfaces import Estimate
-from agents.trajectory import Trajectory, hold
+from agents.references.trajectory import Trajectory, hold
 from vehicles.model import Model, motion_derivative
 from vehicles.state import Array
 

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 
-from agents.topology import Links, places, roots
+from agents.formation.topology import Links, places, roots
 from bus.messages import Following
 from deploy.fleet import Fleet, FleetError
 

@@ -5,8 +5,8 @@ from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from agents.authority import share_of
-from agents.avoidance import Clearance
+from agents.formation.authority import share_of
+from agents.separation.avoidance import Clearance
 from agents.settings import AgentSettings, Succession
 from bus.session import BusAddress
 from deploy.fleet import Fleet, FleetError, Vehicle, formation_place

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.topology import ancestors, places
+from agents.formation.topology import ancestors, places
 from bus.messages import Following
 from experiments.events import Event, GoTo
 from experiments.record import rms

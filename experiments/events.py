@@ -7,11 +7,11 @@ from typing import Protocol
 import numpy as np
 
 from agents.controllers.registry import build_controller
-from agents.guidance import LeaderPlan
-from agents.links import link_of
-from agents.paths import FlightPath
+from agents.flight.guidance import LeaderPlan
+from agents.following.links import link_of
 from agents.pilot import Pilot
-from agents.references import TurnLimits
+from agents.references.paths import FlightPath
+from agents.references.set_points import TurnLimits
 from bus.messages import Following
 
 Three = tuple[float, float, float]

@@ -7,7 +7,7 @@ import math
 from types import MappingProxyType
 from typing import Final
 
-from agents.path_shapes import figure_eight
+from agents.references.path_shapes import figure_eight
 from bus.messages import Following
 from experiments import steps
 from experiments.checks import (

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.path_shapes import figure_eight
+from agents.references.path_shapes import figure_eight
 from experiments.events import Event, Fly, GoTo
 from experiments.record import rms
 from experiments.rig import Progress, Rig, RigVehicle

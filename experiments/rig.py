@@ -13,16 +13,16 @@ from typing import Final
 
 import numpy as np
 
-from agents.authority import share_of, turn_limits_of
-from agents.avoidance import Clearance, Neighbour
-from agents.clearance_shares import share_kept_clear
-from agents.guidance import LeaderPlan
+from agents.flight.guidance import LeaderPlan
+from agents.following.links import following_at_rest
+from agents.formation.authority import share_of, turn_limits_of
+from agents.formation.topology import leaders_of, places
 from agents.interfaces import Measurement, Share
-from agents.links import following_at_rest
 from agents.pilot import Flight, Frame, Pilot
 from agents.process import build_pilot
+from agents.separation.avoidance import Clearance, Neighbour
+from agents.separation.clearance_shares import share_kept_clear
 from agents.settings import AgentSettings
-from agents.topology import leaders_of, places
 from bus.messages import Following
 from bus.session import BusAddress
 from experiments.events import Event, Scene
@@ -290,7 +290,7 @@ class Rig:
     def _leader_plans(
         self, name: str, known: Mapping[str, tuple[int, Flight]], leaders: Sequence[str]
     ) -> dict[str, LeaderPlan]:
-        """Plans on a follower's clock, as `agents.leaders` aligns those of the bus."""
+        """Plans on a follower's clock, as `agents.following.leaders` aligns those of the bus."""
         clock = self.pilots[name].clock
         plans = {}
         for leader in leaders:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
-from agents.paths import FlightPath
+from agents.references.paths import FlightPath
 from bus.faults import Fault, fault_words
 from bus.messages import Following
 from ground_station.fleet import Fleet

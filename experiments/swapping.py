@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.avoidance import Clearance
+from agents.separation.avoidance import Clearance
 from experiments.events import GoTo
 from experiments.record import FlightRecord
 from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks

@@ -8,7 +8,7 @@ from types import TracebackType
 
 import numpy as np
 
-from agents.placement import Room, take_off_problem
+from agents.formation.placement import Room, take_off_problem
 from bus import channels
 from bus.messages import Kill
 from bus.session import RequestFailedError

@@ -6,8 +6,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from agents.neighbours import Neighbours
-from agents.phases import Phase
+from agents.flight.phases import Phase
+from agents.following.neighbours import Neighbours
 from bus import channels
 from bus.messages import AgentStatus, Message, Plan
 from bus.session import Session

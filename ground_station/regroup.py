@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from agents.neighbours import formation_of
-from agents.topology import TopologyError, exchanged, in_words, line_between, places, roots
+from agents.following.neighbours import formation_of
+from agents.formation.topology import TopologyError, exchanged, in_words, line_between, places, roots
 from bus.messages import AgentStatus, Following, Plan, SetPoint
 from bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from bus.session import RequestFailedError

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from agents.paths import FlightPath
+from agents.references.paths import FlightPath
 from bus.messages import FloatArray, Following, Plan, SetPoint, Setting
 from bus.requests import (
     Arm,

@@ -1,7 +1,7 @@
 """rcopterx: formation flight of miniature helicopters. `Fleet` is the scripting interface."""
 
-from agents.path_shapes import circle, figure_eight, spiral, through
-from agents.paths import FlightPath, PathError
+from agents.references.path_shapes import circle, figure_eight, spiral, through
+from agents.references.paths import FlightPath, PathError
 from ground_station.asynchronous import AsyncFleet, AsyncVehicle
 from ground_station.fleet import Fleet
 from ground_station.launched import launched

@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.prediction import predict
+from agents.controllers.roll_out import predict
 from agents.controllers.settings import Limits
 from agents.interfaces import ControlStep, Estimate
-from agents.trajectory import POSITION, YAW, Trajectory, hold
+from agents.references.trajectory import POSITION, YAW, Trajectory, hold
 from vehicles.model import Model
 from vehicles.state import U_THRUST, XD_BODY, Array, heading_matrix
 

@@ -26,10 +26,10 @@ from agents.controllers.chain import ChainParameters, ChainTarget
 from agents.controllers.chain_qp import ChainQP, ChainSolution
 from agents.controllers.clearance import SLOTS, Clearances, clearances
 from agents.controllers.disturbance_observer import DisturbanceObserver
-from agents.controllers.prediction import lag_poles
+from agents.controllers.roll_out import lag_poles
 from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from agents.interfaces import Estimate, Obstacle, Share
-from agents.trajectory import COLUMNS, Trajectory
+from agents.references.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import U_THRUST, Array
 

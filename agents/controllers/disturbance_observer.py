@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.trajectory import Trajectory
+from agents.references.trajectory import Trajectory
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, XD_BODY, YAW, Array, heading_matrix
 

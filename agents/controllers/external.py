@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.controllers.prediction import predict as roll_out
+from agents.controllers.roll_out import predict as roll_out
+from agents.flight.prediction import predict
 from agents.interfaces import Controller, ControlStep, Estimate
-from agents.prediction import predict
-from agents.trajectory import Trajectory
+from agents.references.trajectory import Trajectory
 from vehicles.model import Model
 from vehicles.state import Array
 

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from agents.controllers.base import GuardedController, Solution
-from agents.controllers.prediction import lag_poles, predict
+from agents.controllers.roll_out import lag_poles, predict
 from agents.controllers.settings import Limits
 from agents.interfaces import Estimate
-from agents.trajectory import Trajectory
+from agents.references.trajectory import Trajectory
 from vehicles.model import Model, motion_derivative
 from vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array, heading_matrix
 

@@ -22,7 +22,7 @@ from agents.controllers.paper_model import (
 from agents.controllers.settings import ControllerSettings, ElevenWeights, FourWeights, TimeLimit
 from agents.controllers.stage_qp import StageQP, StageStructure
 from agents.interfaces import Estimate
-from agents.trajectory import COLUMNS, Trajectory
+from agents.references.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array
 

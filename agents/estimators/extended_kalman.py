@@ -11,8 +11,8 @@ import numpy as np
 from agents.estimators.base import PoseEstimator, body_motion
 from agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
 from agents.estimators.settings import EstimatorSettings, FourPositive, Positive
+from agents.flight.prediction import actuator_response, predict
 from agents.interfaces import Estimate
-from agents.prediction import actuator_response, predict
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from agents.estimators.base import PoseEstimator, body_motion
 from agents.estimators.settings import EstimatorSettings, FourPositive, Positive
+from agents.flight.prediction import actuator_response
 from agents.interfaces import Estimate
-from agents.prediction import actuator_response
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, Array
 

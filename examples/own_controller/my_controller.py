@@ -3,7 +3,7 @@
 import numpy as np
 
 from agents.controllers.base import GuardedController, Solution
-from agents.controllers.prediction import predict
+from agents.controllers.roll_out import predict
 from agents.controllers.settings import ControllerSettings, PositiveFloat
 from vehicles.state import U_THRUST, heading_matrix
 

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from agents.path_shapes import HEADINGS, circle, figure_eight, spiral, through
-from agents.paths import FlightPath, PathError
+from agents.references.path_shapes import HEADINGS, circle, figure_eight, spiral, through
+from agents.references.paths import FlightPath, PathError
 from rcopterx.commands.steer import Vehicle, known_vehicles, three
 from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, running_fleet
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from support.flight import ExactEstimator, NotedController
 from support.waiting import FakeClock, wait_for
 
-from agents.guidance import Guidance
-from agents.links import link_of
+from agents.flight.guidance import Guidance
+from agents.following.links import link_of
 from agents.pilot import Pilot
 from agents.process import Agent
 from agents.settings import AgentSettings

@@ -5,9 +5,9 @@ from support.flight import ExactEstimator, NotedController
 
 from agents.controllers.registry import build_controller
 from agents.estimators.registry import build_estimator
-from agents.guidance import Guidance, Link
+from agents.flight.guidance import Guidance, Link
+from agents.flight.phases import Phase
 from agents.interfaces import Measurement
-from agents.phases import Phase
 from agents.pilot import Frame, Pilot
 from vehicles.model import Model
 from vehicles.types import COAXIAL

@@ -12,7 +12,7 @@ from support.plans import plan_of
 from agents.interfaces import Share
 from agents.pilot import BLIND_LIMIT_S
 from agents.process import Agent, build_pilot
-from agents.trajectory import hold
+from agents.references.trajectory import hold
 from bus import channels
 from bus.codec import encode
 from bus.messages import Plan

@@ -6,9 +6,9 @@ from support.desk import UP, Office, follow, follow_at, go_to, say
 from support.plans import plan_of
 from support.statuses import flying_status, hovering
 
-from agents.links import following_of, link_of
-from agents.path_shapes import through
-from agents.phases import Phase
+from agents.flight.phases import Phase
+from agents.following.links import following_of, link_of
+from agents.references.path_shapes import through
 from bus.messages import FloatArray, Following, SetPoint
 from bus.requests import (
     Disarm,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
 
-from agents.formation import FormationOffset
-from agents.guidance import Link
-from agents.phases import Event, Phase
+from agents.flight.guidance import Link
+from agents.flight.phases import Event, Phase
+from agents.formation.law import FormationOffset
 from agents.pilot import BRIDGE_STAGES, SPOOL_UP_S
 from vehicles.state import U_THRUST
 from vehicles.types import COAXIAL

@@ -9,12 +9,12 @@ from support.flight import Lab, Plant, assert_sound, measured, still
 
 from agents.controllers.registry import available_controllers
 from agents.estimators.registry import available_estimators
-from agents.formation import FormationOffset
-from agents.guidance import LeaderPlan, Link
+from agents.flight.guidance import LeaderPlan, Link
+from agents.flight.phases import Phase
+from agents.formation.law import FormationOffset
 from agents.interfaces import Measurement
-from agents.phases import Phase
 from agents.pilot import Frame
-from agents.trajectory import hold
+from agents.references.trajectory import hold
 
 PAIRS = [
     *((controller, "extended_kalman") for controller in available_controllers()),

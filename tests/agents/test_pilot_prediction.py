@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen, unseen
 from support.flight import ExactEstimator, NotedController, Plant, measured, still
 
-from agents.guidance import Guidance
+from agents.flight.guidance import Guidance
+from agents.flight.phases import Phase
 from agents.interfaces import Measurement
-from agents.phases import Phase
 from agents.pilot import BLIND_LIMIT_S, Frame, Pilot
 from vehicles.model import Model
 from vehicles.types import COAXIAL, QUADROTOR

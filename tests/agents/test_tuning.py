@@ -7,8 +7,8 @@ import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
 from agents.configuration import Configuration
+from agents.flight.phases import Event
 from agents.interfaces import WHOLE
-from agents.phases import Event
 from agents.tuning import Tuning
 
 BUMP = 0.3

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from agents.authority import LEADER_SHARE
-from agents.avoidance import Clearance
+from agents.formation.authority import LEADER_SHARE
 from agents.interfaces import WHOLE
+from agents.separation.avoidance import Clearance
 from deploy.fleet import FleetError, parse_fleet
 from deploy.motion_capture import tracker_address
 from deploy.role_settings import (

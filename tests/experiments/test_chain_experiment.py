@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.topology import ancestors, cycle
+from agents.formation.topology import ancestors, cycle
 from experiments.chain import draw_chain, figures, fly_shape, generation, shapes
 from experiments.record import rms
 

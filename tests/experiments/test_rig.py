@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.authority import LEADER_SHARE
-from agents.topology import places
+from agents.formation.authority import LEADER_SHARE
+from agents.formation.topology import places
 from bus.messages import Following
 from experiments.events import Event, Follow, GoTo, Lead, Switch
 from experiments.record import FlightRecord, rms

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from support.plans import plan_of
 from support.statuses import hovering
 
-from agents.topology import cycle
+from agents.formation.topology import cycle
 from bus.messages import AgentStatus, Following, Plan
 from bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
 from bus.session import RequestFailedError

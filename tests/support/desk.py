@@ -6,11 +6,11 @@ import numpy as np
 
 from agents.desk import Desk
 from agents.external import External
-from agents.guidance import Guidance
+from agents.flight.guidance import Guidance
+from agents.flight.phases import Event
+from agents.following.leaders import Leaders
+from agents.following.neighbours import Neighbours
 from agents.interfaces import WHOLE, Measurement
-from agents.leaders import Leaders
-from agents.neighbours import Neighbours
-from agents.phases import Event
 from agents.pilot import Frame, Pilot
 from agents.settings import AgentSettings
 from agents.tuning import Tuning

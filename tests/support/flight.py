@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from agents.flight.prediction import predict
 from agents.interfaces import ControlStep, Estimate, Measurement
 from agents.pilot import Flight, Frame, Pilot
-from agents.prediction import predict
-from agents.trajectory import Trajectory, hold
+from agents.references.trajectory import Trajectory, hold
 from vehicles.model import Model
 from vehicles.state import YAW, Array
 from vehicles.types import COAXIAL

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from agents.configuration import Configuration
-from agents.guidance import Guidance
+from agents.flight.guidance import Guidance
 from agents.interfaces import WHOLE, Measurement
 from agents.pilot import Flight, Frame, Pilot
 from agents.tuning import Tuning

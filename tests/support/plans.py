@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agents.trajectory import COLUMNS
+from agents.references.trajectory import COLUMNS
 from bus import channels
 from bus.codec import encode
 from bus.messages import FloatArray, Following, Plan

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from agents.controllers.cascade import CascadeController, CascadeSettings
-from agents.controllers.prediction import predict
+from agents.controllers.roll_out import predict
 from agents.interfaces import ControlStep, Estimate, Share
-from agents.trajectory import Trajectory, hold
+from agents.references.trajectory import Trajectory, hold
 from vehicles.state import Array, heading_matrix
 from vehicles.types import COAXIAL
 

@@ -9,7 +9,7 @@ from agents.controllers.cascade import CascadeController, CascadeSettings
 from agents.controllers.chain import ChainTarget
 from agents.controllers.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
 from agents.interfaces import Estimate, Obstacle
-from agents.trajectory import hold
+from agents.references.trajectory import hold
 from vehicles.state import Array
 from vehicles.types import COAXIAL
 

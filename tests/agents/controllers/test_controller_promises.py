@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from agents.controllers.registry import build_controller
 from agents.interfaces import Controller, ControlStep, Estimate
-from agents.trajectory import COLUMNS, Trajectory, hold
+from agents.references.trajectory import COLUMNS, Trajectory, hold
 from vehicles.model import Model
 from vehicles.state import Array
 from vehicles.types import COAXIAL, TYPES

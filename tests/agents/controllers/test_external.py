@@ -6,7 +6,7 @@ import pytest
 from agents.configuration import Configuration
 from agents.controllers.external import ExternalController
 from agents.interfaces import WHOLE, Estimate
-from agents.trajectory import hold
+from agents.references.trajectory import hold
 from vehicles.types import COAXIAL
 
 PERIOD_S = 0.02

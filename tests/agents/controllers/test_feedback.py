@@ -5,7 +5,7 @@ import pytest
 
 from agents.controllers.registry import build_controller
 from agents.interfaces import Controller, Estimate
-from agents.trajectory import hold
+from agents.references.trajectory import hold
 from vehicles.model import motion_derivative
 from vehicles.state import Array, heading_matrix
 from vehicles.types import COAXIAL

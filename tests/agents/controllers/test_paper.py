@@ -7,7 +7,7 @@ from scipy.linalg import solve_discrete_are
 from agents.controllers.paper import PaperController, PaperSettings
 from agents.controllers.paper_model import PaperModel, TerminalCost
 from agents.interfaces import Estimate
-from agents.trajectory import hold
+from agents.references.trajectory import hold
 from vehicles.model import motion_derivative
 from vehicles.state import YAW, Array, heading_matrix
 from vehicles.types import COAXIAL

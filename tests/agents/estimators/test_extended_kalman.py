@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from agents.estimators.linearization import SIZE, Linearization
+from agents.flight.prediction import predict
 from agents.interfaces import Estimate
-from agents.prediction import predict
 from simulator.conditions import IDEAL, LABORATORY
 from simulator.plant import Pose
 from vehicles.model import Model

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.flight import still
 
-from agents.formation import FormationOffset
-from agents.guidance import (
+from agents.flight.guidance import (
     LANDING_SPEED_M_S,
     OFFSET_SPEED_M_S,
     TAKE_OFF_SPEED_M_S,
@@ -17,11 +16,12 @@ from agents.guidance import (
     LeaderPlan,
     Link,
 )
+from agents.flight.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
+from agents.flight.touchdown import FLOOR_TIME_S
+from agents.formation.law import FormationOffset
 from agents.interfaces import Estimate
-from agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
-from agents.references import SetPointReference
-from agents.touchdown import FLOOR_TIME_S
-from agents.trajectory import COLUMNS, Trajectory, hold
+from agents.references.set_points import SetPointReference
+from agents.references.trajectory import COLUMNS, Trajectory, hold
 
 PERIOD_S = 0.02
 STAGES = 20

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
+from agents.flight.prediction import predict
 from agents.interfaces import Estimate
-from agents.prediction import predict
 from vehicles.model import Model, motion_derivative
 from vehicles.state import Array
 from vehicles.types import COAXIAL, TYPES

@@ -3,8 +3,8 @@
 import pytest
 from support.plans import PlanBus, plan_of
 
-from agents.fleet_clock import FleetClock
-from agents.leaders import Leaders
+from agents.flight.fleet_clock import FleetClock
+from agents.following.leaders import Leaders
 
 
 @pytest.fixture

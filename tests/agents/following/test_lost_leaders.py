@@ -9,16 +9,16 @@ from support.plans import PlanBus, plan_of
 from support.statuses import flying_status
 from support.waiting import FakeClock
 
-from agents.guidance import Guidance
+from agents.flight.guidance import Guidance
+from agents.flight.phases import Event, Phase
+from agents.following.leaders import Leaders
+from agents.following.links import link_of
+from agents.following.lost_leaders import LostLeaders
+from agents.following.neighbours import Neighbours
+from agents.formation.succession import Stance
 from agents.interfaces import Measurement
-from agents.leaders import Leaders
-from agents.links import link_of
-from agents.lost_leaders import LostLeaders
-from agents.neighbours import Neighbours
-from agents.phases import Event, Phase
 from agents.pilot import Frame, Pilot
 from agents.settings import AgentSettings, Succession
-from agents.succession import Stance
 from bus import channels
 from bus.codec import encode
 from bus.messages import AgentStatus, Following, SetPoint

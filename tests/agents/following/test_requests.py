@@ -13,9 +13,9 @@ from support.desk import (
 from support.plans import plan_of
 from support.statuses import hovering
 
-from agents.leader_requests import FIRST_PLAN_LIMIT_S
-from agents.phases import Phase
-from agents.regrouping import PREPARED_S
+from agents.flight.phases import Phase
+from agents.following.regrouping import PREPARED_S
+from agents.following.requests import FIRST_PLAN_LIMIT_S
 from bus.messages import Following, SetPoint
 from bus.requests import (
     CommitLeaders,

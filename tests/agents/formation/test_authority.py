@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.flight import NotedController
 
-from agents.authority import (
+from agents.formation.authority import (
     ARM_ACCELERATION_SHARE,
     ARM_SPEED_SHARE,
     LEADER_SHARE,
@@ -13,8 +13,8 @@ from agents.authority import (
     share_of,
     turn_limits_of,
 )
+from agents.formation.topology import exchanged, places
 from agents.interfaces import Share
-from agents.topology import exchanged, places
 from bus.messages import Following
 from vehicles.quadrotor import QUADROTOR
 from vehicles.types import COAXIAL

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.formation import FormationOffset, OffsetTransition, combined_reference, follower_reference
-from agents.trajectory import COLUMNS, Trajectory, hold
+from agents.formation.law import FormationOffset, OffsetTransition, combined_reference, follower_reference
+from agents.references.trajectory import COLUMNS, Trajectory, hold
 from vehicles.state import Array, heading_matrix
 from vehicles.types import COAXIAL
 

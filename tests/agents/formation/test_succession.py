@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.succession import (
+from agents.formation.succession import (
     STANCES,
     Finding,
     Heir,
@@ -14,7 +14,7 @@ from agents.succession import (
     link_to_successor,
     successor_of,
 )
-from agents.topology import cycle, places
+from agents.formation.topology import cycle, places
 from bus.messages import Following
 
 NAMES = ("h1", "h2", "h3", "h4", "h5")

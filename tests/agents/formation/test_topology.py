@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.topology import (
+from agents.formation.topology import (
     TopologyError,
     ancestors,
     cycle,

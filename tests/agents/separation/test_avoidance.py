@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from agents.avoidance import NEAR, Clearance, Neighbour, near
-from agents.clearance_shares import PLACE_SHARE, share_kept_clear
 from agents.controllers.registry import available_controllers, build_controller
 from agents.estimators.registry import build_estimator
-from agents.guidance import Guidance, LeaderPlan
+from agents.flight.guidance import Guidance, LeaderPlan
+from agents.flight.phases import Event
+from agents.formation.topology import places
 from agents.interfaces import KeepsClear, Measurement
-from agents.phases import Event
 from agents.pilot import Frame, Pilot
-from agents.topology import places
-from agents.trajectory import COLUMNS, Trajectory, hold
+from agents.references.trajectory import COLUMNS, Trajectory, hold
+from agents.separation.avoidance import NEAR, Clearance, Neighbour, near
+from agents.separation.clearance_shares import PLACE_SHARE, share_kept_clear
 from bus.messages import Following
 from vehicles.types import COAXIAL
 

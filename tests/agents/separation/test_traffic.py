@@ -7,9 +7,9 @@ import pytest
 from support.plans import PlanBus, plan_of
 from support.statuses import hovering
 
-from agents.avoidance import Clearance
-from agents.fleet_clock import FleetClock
-from agents.traffic import MOST, PATIENCE, TEND_EVERY_TICKS, Traffic, way
+from agents.flight.fleet_clock import FleetClock
+from agents.separation.avoidance import Clearance
+from agents.separation.traffic import MOST, PATIENCE, TEND_EVERY_TICKS, Traffic, way
 from bus.messages import AgentStatus, Following, SetPoint
 
 Three = tuple[float, float, float]

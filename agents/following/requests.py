@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agents.leaders import Leaders
-from agents.links import link_of
-from agents.neighbours import Neighbours, formation_of
-from agents.phases import Phase
+from agents.flight.phases import Phase
+from agents.following.leaders import Leaders
+from agents.following.links import link_of
+from agents.following.neighbours import Neighbours, formation_of
+from agents.following.regrouping import Regrouping
+from agents.formation.placement import Room, offset_problem, place_problem
+from agents.formation.topology import ancestors, in_words, line_between
 from agents.pilot import Pilot
-from agents.placement import Room, offset_problem, place_problem
-from agents.regrouping import Regrouping
-from agents.topology import ancestors, in_words, line_between
 from bus.messages import Following
 from bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from bus.session import Incoming

@@ -3,9 +3,9 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from agents.fleet_clock import FleetClock
-from agents.guidance import LeaderPlan
-from agents.trajectory import Trajectory
+from agents.flight.fleet_clock import FleetClock
+from agents.flight.guidance import LeaderPlan
+from agents.references.trajectory import Trajectory
 from bus.messages import Plan
 from bus.subscription import Subscription
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from agents.paths import KNOT_COLUMNS, MAX_KNOTS, FlightPath, PathError, Three
+from agents.references.paths import KNOT_COLUMNS, MAX_KNOTS, FlightPath, PathError, Three
 from vehicles.state import Array
 
 HEADINGS: Final = ("fixed", "along", "center")

@@ -3,14 +3,22 @@
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from agents.guidance import LeaderPlan, Link
-from agents.leaders import Leaders
-from agents.links import following_at_rest, link_of
-from agents.neighbours import Neighbours
-from agents.phases import Phase
+from agents.flight.guidance import LeaderPlan, Link
+from agents.flight.phases import Phase
+from agents.following.leaders import Leaders
+from agents.following.links import following_at_rest, link_of
+from agents.following.neighbours import Neighbours
+from agents.formation.succession import (
+    STANCES,
+    Finding,
+    Heir,
+    Policy,
+    Stance,
+    link_to_successor,
+    successor_of,
+)
 from agents.pilot import Pilot
 from agents.settings import AgentSettings
-from agents.succession import STANCES, Finding, Heir, Policy, Stance, link_to_successor, successor_of
 from bus.messages import Following
 
 LATE_AFTER_S = 0.1

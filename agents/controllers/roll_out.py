@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from agents.interfaces import Estimate
-from agents.trajectory import COLUMNS, Trajectory
+from agents.references.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, Array
 

@@ -11,14 +11,14 @@ from typing import Final
 
 import numpy as np
 
-from agents.avoidance import Clearance, Neighbour
-from agents.clearance_shares import share_kept_clear
-from agents.fleet_clock import FleetClock
-from agents.guidance import LeaderPlan
-from agents.leaders import leader_plan
-from agents.neighbours import formation_of
-from agents.phases import Phase
-from agents.topology import places, roots
+from agents.flight.fleet_clock import FleetClock
+from agents.flight.guidance import LeaderPlan
+from agents.flight.phases import Phase
+from agents.following.leaders import leader_plan
+from agents.following.neighbours import formation_of
+from agents.formation.topology import places, roots
+from agents.separation.avoidance import Clearance, Neighbour
+from agents.separation.clearance_shares import share_kept_clear
 from bus.messages import AgentStatus, Plan
 from bus.subscription import Subscription
 from vehicles.state import Array

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from agents.formation.topology import Links, followers, leaders_of, places
 from agents.interfaces import Controller, Share, SharesAuthority
-from agents.references import TurnLimits
-from agents.topology import Links, followers, leaders_of, places
+from agents.references.set_points import TurnLimits
 from vehicles.model import Model
 from vehicles.state import Array
 

@@ -6,8 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from agents.neighbours import AT_WORK, formation_of
-from agents.topology import Links, followers, places
+from agents.following.neighbours import AT_WORK, formation_of
+from agents.formation.topology import Links, followers, places
 from bus.messages import AgentStatus, Following
 from vehicles.state import Array
 

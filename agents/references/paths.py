@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.trajectory import COLUMNS, YAW
+from agents.references.trajectory import COLUMNS, YAW
 from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
 

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from agents.phases import Phase
-from agents.topology import Links
+from agents.flight.phases import Phase
+from agents.formation.topology import Links
 from bus.messages import AgentStatus, Following
 from bus.subscription import Inbox
 from vehicles.state import Array

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from agents.paths import FlightPath, quintic
-from agents.trajectory import (
+from agents.references.paths import FlightPath, quintic
+from agents.references.trajectory import (
     ACCELERATION,
     COLUMNS,
     POSITION,

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agents.formation import FormationOffset, OffsetTransition, combined_reference, follower_reference
+from agents.flight.phases import AIRBORNE, Event, Phase, next_phase
+from agents.flight.touchdown import Touchdown
+from agents.formation.law import FormationOffset, OffsetTransition, combined_reference, follower_reference
 from agents.interfaces import Estimate
-from agents.paths import FlightPath
-from agents.phases import AIRBORNE, Event, Phase, next_phase
-from agents.references import (
+from agents.references.paths import FlightPath
+from agents.references.set_points import (
     PEAK_TO_MEAN_SPEED,
     PathReference,
     ReferenceSource,
@@ -22,8 +23,7 @@ from agents.references import (
     SmoothTurn,
     TurnLimits,
 )
-from agents.touchdown import Touchdown
-from agents.trajectory import Trajectory
+from agents.references.trajectory import Trajectory
 from vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6

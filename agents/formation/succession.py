@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.topology import Links, link_between, places
+from agents.formation.topology import Links, link_between, places
 from bus.messages import Following
 
 

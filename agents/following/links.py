@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from agents.formation import FormationOffset
-from agents.guidance import Link
+from agents.flight.guidance import Link
+from agents.formation.law import FormationOffset
 from bus.messages import Following
 
 

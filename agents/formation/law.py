@@ -11,7 +11,15 @@ from typing import Literal
 
 import numpy as np
 
-from agents.trajectory import ACCELERATION, POSITION, VELOCITY, YAW, YAW_ACCELERATION, YAW_RATE, Trajectory
+from agents.references.trajectory import (
+    ACCELERATION,
+    POSITION,
+    VELOCITY,
+    YAW,
+    YAW_ACCELERATION,
+    YAW_RATE,
+    Trajectory,
+)
 from vehicles.state import Array
 
 OffsetFrame = Literal["inertial", "heading"]

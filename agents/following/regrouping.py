@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agents.fleet_clock import FleetClock
-from agents.guidance import Link
+from agents.flight.fleet_clock import FleetClock
+from agents.flight.guidance import Link
 from bus.messages import SetPoint
 from vehicles.state import Array
 

@@ -8,8 +8,8 @@ each other, as in traffic without right of way; who passes on which side is sett
 from collections.abc import Mapping
 from typing import Final
 
-from agents.avoidance import Clearance
-from agents.topology import Links, ancestors, roots
+from agents.formation.topology import Links, ancestors, roots
+from agents.separation.avoidance import Clearance
 from vehicles.state import Array
 
 PLACE_SHARE: Final = 0.9

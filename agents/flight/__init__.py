@@ -1,0 +1,1 @@
+"""Flying one vehicle: phases, the reference of the moment, the fleet clock, prediction through the delay."""

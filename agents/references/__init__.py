@@ -1,0 +1,1 @@
+"""Where a vehicle shall be: trajectories, set points and paths, as functions of time."""

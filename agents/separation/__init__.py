@@ -1,0 +1,1 @@
+"""Keeping clear of other vehicles by their plans."""
