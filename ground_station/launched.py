@@ -1,9 +1,10 @@
-"""Starting a fleet from a script: processes up, fly, land, processes down."""
+"""Starting a fleet from a program: processes up, fly, land, processes down."""
 
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
+from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import FleetError, load_fleet
 from deploy.launcher import Launcher
 from deploy.shipped import fleet_path
@@ -41,13 +42,32 @@ def launched(path: str | Path, host: str | None = None, without: Collection[str]
     file = load_fleet(where)
     if host is None and len(file.hosts) > 1:
         raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
-    this_host = host or next(iter(file.hosts))
-    with (
-        Launcher(file, where, this_host, without) as launcher,
-        Fleet(file, this_host, FIRST_ROUTER_S) as fleet,
-    ):
-        fleet.launcher = launcher
+    with processes_up(file, where, host or next(iter(file.hosts)), without) as fleet, fleet:
         fleet.wait_ready()
         yield fleet
         if any(vehicle.state.airborne for vehicle in fleet):
             fleet.land()
+
+
+@contextmanager
+def processes_up(file: FleetFile, path: Path, host: str, without: Collection[str] = ()) -> Iterator[Fleet]:
+    """Start the processes of a host and join their fleet; at the end the processes stop, landed or not.
+
+    Parameters
+    ----------
+    file, path
+        The fleet file, loaded, and where it is.
+    host, without
+        See `Launcher`, also for the errors.
+
+    Yields
+    ------
+    Fleet
+        With its `launcher`; its processes may still be starting.
+    """
+    with (
+        Launcher(file, path, host, without) as launcher,
+        closing(Fleet(file, host, FIRST_ROUTER_S)) as fleet,
+    ):
+        fleet.launcher = launcher
+        yield fleet

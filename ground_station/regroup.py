@@ -9,17 +9,14 @@ import math
 import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 from agents.following.neighbours import formation_of
 from agents.formation.topology import TopologyError, exchanged, in_words, line_between, places, roots
 from bus.messages import AgentStatus, Following, Plan, SetPoint
 from bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from bus.session import RequestFailedError
+from ground_station.observer import Observer
 from vehicles.state import Array
-
-if TYPE_CHECKING:
-    from ground_station.fleet import Fleet
 
 LEAD_TIME_S = 0.4
 """From the first commit to the frame of the change; for every vehicle a little longer."""
@@ -79,7 +76,9 @@ def head_of(statuses: Mapping[str, AgentStatus], name: str) -> str:
     return heads[0]
 
 
-def regroup(fleet: "Fleet", change: Change, where: Mapping[str, Array], before: Change | None = None) -> None:
+def regroup(
+    fleet: Observer, change: Change, where: Mapping[str, Array], before: Change | None = None
+) -> None:
     """Carry out a change of leaders at one frame.
 
     Parameters
@@ -136,7 +135,7 @@ def _preparation(operation: str, following: tuple[Following, ...], place: Array 
     return PrepareLeaders(operation=operation, set_point=SetPoint(position_m=(x, y, z), yaw_rad=yaw_rad))
 
 
-def _ask(fleet: "Fleet", name: str, request: Request, **limits: float) -> None:
+def _ask(fleet: Observer, name: str, request: Request, **limits: float) -> None:
     try:
         reply = fleet.session.request(name, request, **limits)
     except RequestFailedError as error:
@@ -145,7 +144,7 @@ def _ask(fleet: "Fleet", name: str, request: Request, **limits: float) -> None:
         raise RegroupError(f"{name}: {reply.reason}")
 
 
-def _withdraw(fleet: "Fleet", operation: str, names: Sequence[str]) -> list[str]:
+def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str]:
     """Take a change back; names of those who could not be told."""
     unsure = []
     for name in names:
@@ -156,14 +155,14 @@ def _withdraw(fleet: "Fleet", operation: str, names: Sequence[str]) -> list[str]
     return unsure
 
 
-def _plan(fleet: "Fleet", name: str) -> Plan:
-    plan = fleet[name].plan
+def _plan(fleet: Observer, name: str) -> Plan:
+    plan = fleet.state_of(name).plan
     if plan is None:
         raise RegroupError(f"{name}: no plan is heard")
     return plan
 
 
-def _wait_until_taken(fleet: "Fleet", change: Change) -> list[str]:
+def _wait_until_taken(fleet: Observer, change: Change) -> list[str]:
     """Names of those who have not taken their new leaders in time."""
 
     def missing() -> list[str]:

@@ -15,7 +15,7 @@ import typer
 from ground_station.fleet import Fleet
 from ground_station.vehicle import FLIGHT_ERRORS
 from ground_station.waiting import NotReachedError, StoppedError, stopped_by
-from rcopterx.commands.launch import launched
+from rcopterx.commands.launch import interruptible
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _fly_rows(rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, resul
     """Fly one after the other; fleets that are started here are started anew for every manoeuvre."""
     if start:
         for number, row in enumerate(rows, 1):
-            with launched(fleet or row.fleet, None) as (_, _, running, interrupts):
+            with interruptible(fleet or row.fleet, None) as (running, interrupts):
                 _fly_row(row, running, interrupts.event, Progress(row, number, len(rows)), results)
         return
     with running_fleet(fleet or rows[0].fleet) as running:

@@ -11,11 +11,11 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
-from deploy.fleet import Fleet as FleetFile
 from deploy.fleet import load_fleet
-from deploy.launcher import Launcher
+from deploy.run_directory import run_directory
 from deploy.shipped import fleet_path
 from ground_station.fleet import Fleet
+from ground_station.launched import processes_up
 from ground_station.table import fleet_table
 from ground_station.waiting import NotReachedError
 from rcopterx.fleet_option import (
@@ -30,7 +30,6 @@ from rcopterx.fleet_option import (
 
 REFRESH_S = 0.2
 PLAIN_REFRESH_S = 5.0
-FIRST_STATUS_S = 15.0
 
 
 class Interrupts:
@@ -51,25 +50,21 @@ class Interrupts:
 
 
 @contextmanager
-def launched(
+def interruptible(
     name: str, host: str | None, without: Sequence[str] = ()
-) -> Iterator[tuple[FleetFile, Launcher, Fleet, Interrupts]]:
-    """Start the processes of a host and join the fleet; everything is stopped at the end."""
+) -> Iterator[tuple[Fleet, Interrupts]]:
+    """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
     path = fleet_path(name)
     file = load_fleet(path)
     this_host = chosen_host(file, host)
-    launcher = Launcher(file, path, this_host, without)
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)
-    with launcher:
-        fleet = Fleet(file, this_host, timeout_s=FIRST_STATUS_S)
-        fleet.launcher = launcher
+    with processes_up(file, path, this_host, without) as fleet:
         try:
-            yield file, launcher, fleet, interrupts
+            yield fleet, interrupts
         finally:
             _bring_down(fleet, interrupts)
-            fleet.close()
 
 
 def _bring_down(fleet: Fleet, interrupts: Interrupts) -> None:
@@ -98,9 +93,8 @@ def _bring_down(fleet: Fleet, interrupts: Interrupts) -> None:
 class Watch:
     """Shows the fleet while something else happens: a live table, or lines where there is no terminal."""
 
-    def __init__(self, fleet: Fleet, launcher: Launcher, interrupts: Interrupts) -> None:
+    def __init__(self, fleet: Fleet, interrupts: Interrupts) -> None:
         self._fleet = fleet
-        self._launcher = launcher
         self._interrupts = interrupts
         self._console = Console()
 
@@ -122,8 +116,8 @@ class Watch:
                 self._console.print(phases, highlight=False)
 
     def _print_events(self, console: Console) -> None:
-        while self._launcher.events:
-            console.print(self._launcher.events.popleft(), highlight=False, markup=False)
+        while (launcher := self._fleet.launcher) is not None and launcher.events:
+            console.print(launcher.events.popleft(), highlight=False, markup=False)
 
 
 def up(
@@ -135,9 +129,9 @@ def up(
     ] = None,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
-    with user_errors(), launched(fleet, host, without or ()) as (_, launcher, running, interrupts):
-        typer.echo(f"logs: {launcher.directory / 'log'}", err=True)
-        Watch(running, launcher, interrupts).until(lambda: False)
+    with user_errors(), interruptible(fleet, host, without or ()) as (running, interrupts):
+        typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
+        Watch(running, interrupts).until(lambda: False)
 
 
 def demo(
@@ -151,10 +145,10 @@ def demo(
     # The experiments are only imported where they are flown.
     from experiments.demonstration import Demonstration
 
-    with user_errors(), launched(fleet, None) as (_, launcher, running, interrupts):
+    with user_errors(), interruptible(fleet, None) as (running, interrupts):
         demonstration = Demonstration(running, interrupts.wait)
         demonstration.start(seconds)
-        Watch(running, launcher, interrupts).until(lambda: demonstration.finished)
+        Watch(running, interrupts).until(lambda: demonstration.finished)
         demonstration.stop()
         problem = demonstration.problem
         Console().print(demonstration.summary())

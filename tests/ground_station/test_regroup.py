@@ -77,7 +77,7 @@ class Formation:
             raise RequestFailedError(f"{name} did not answer")
         return Reply(accepted=True)
 
-    def __getitem__(self, name: str) -> "View":
+    def state_of(self, name: str) -> "View":
         return View(plan_of(name, self.frame), self.members[name].following)
 
     def frame_period_s(self, name: str) -> float:

@@ -1,0 +1,34 @@
+"""Promises of the layout as a whole; the allowed directions of imports are in `pyproject.toml`."""
+
+import tomllib
+from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
+from pathlib import Path
+
+import grimp
+
+ROOT = Path(__file__).parents[1]
+
+
+def first_cycle(imports: dict[str, set[str]]) -> list[str]:
+    """Modules of a cycle, each of which imports the next one; empty if there is none."""
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as error:
+        return list(reversed(error.args[1]))
+    return []
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    graph = grimp.build_graph(*settings["tool"]["importlinter"]["root_packages"], cache_dir=None)
+    imports = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
+    assert len(imports) > 200
+    assert first_cycle(imports) == []
+
+
+def test_a_cycle_is_told_in_the_direction_of_the_imports() -> None:
+    assert first_cycle({"a": {"b"}, "b": {"c"}, "c": set()}) == []
+    cycle = first_cycle({"a": {"b"}, "b": {"c"}, "c": {"d"}, "d": {"b"}})
+    assert cycle[0] == cycle[-1]
+    assert set(pairwise(cycle)) == {("b", "c"), ("c", "d"), ("d", "b")}
