@@ -1,0 +1,283 @@
+"""Parameters of a coaxial helicopter with stabilizer bar: the nominal vehicle, and a family drawn around it.
+
+Structure and the figures of the CoaX: P. Fankhauser, S. Bouabdallah, S. Leutenegger, R. Siegwart,
+"Modeling and Decoupling Control of the CoaX Micro Helicopter", IROS 2011, and the parameter list of the
+Skybotix CoaX. Smaller vehicles follow by dynamic similarity: with the time scale s, lengths go with s^2,
+masses with s^6, rotor speeds with 1/s, and accelerations stay as they are. The gains of the sticks are the
+Blade mCX2's.
+"""
+
+import cmath
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Final, Self
+
+import numpy as np
+
+GRAVITY_M_S2: Final = 9.81
+NOMINAL_SIZE: Final = 0.75
+"""Time scale of the mCX2 against the CoaX."""
+NOMINAL_PLATEAU_M_S2: Final = (2.0, 2.1)
+"""Acceleration per unit of pitch and roll stick before the bar creeps."""
+DEGREE: Final = math.pi / 180
+
+
+@dataclass(frozen=True, kw_only=True)
+class HelicopterParameters:
+    """Everything that distinguishes one helicopter from another; SI units, sticks as fractions of full stick.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite or out of its range; the message begins with its name.
+    """
+
+    size: float
+    """Time scale against the CoaX; the other numbers are those of this size."""
+    mass_kg: float
+    inertia_kg_m2: tuple[float, float, float]
+    arm_upper_m: float
+    """Height of the upper rotor above the centre of gravity."""
+    arm_lower_m: float
+    link_upper: float
+    """Tilt of the upper rotor disc per tilt of the bar against the mast."""
+    link_lower: float
+    """Tilt of the lower rotor disc per tilt of the swash plate."""
+    spring_upper_n_m: float
+    """Stiffness of the blades against flapping [N m/rad] of each of two blades."""
+    spring_lower_n_m: float
+    bar_time_constant_s: float
+    thrust_upper: float
+    """Thrust over the square of the rotor speed [N s^2/rad^2]."""
+    thrust_lower: float
+    torque_upper: float
+    """Drag torque over the square of the rotor speed [N m s^2/rad^2]."""
+    torque_lower: float
+    rotor_lag_upper_s: float
+    rotor_lag_lower_s: float
+    phase_upper: tuple[float, float]
+    """Phase lag of the upper rotor: slope over rotor speed [s], constant [rad]."""
+    phase_lower: tuple[float, float]
+    swash_limit_rad: float
+    swash_gain_rad: tuple[float, float]
+    """Swash plate tilt per unit of pitch and roll stick."""
+    thrust_gain_m_s2: float
+    """Thrust over mass per unit of thrust stick with a full battery, away from the floor."""
+    yaw_rate_gain_rad_s: float
+    """Yaw rate that the gyro holds per unit of yaw stick."""
+    yaw_gyro_gain_per_s: float
+    """Yaw acceleration that the gyro asks for per error of the yaw rate."""
+    drag_per_s: tuple[float, float]
+    """Translational drag over mass along body x and y, positive."""
+    added_damping: float
+    """Aerodynamic damping of pitch and roll as a damping ratio of the fast mode."""
+    servo_lag_s: tuple[float, float]
+    """First-order lags of the pitch and roll servos."""
+    servo_step: float
+    """Resolution of the servos and half-width of their dead band."""
+    trim: tuple[float, float, float, float]
+    """Offset of every stick."""
+    marker_roll_rad: float
+    """Rotation of the markers against the body, about body x."""
+    marker_pitch_rad: float
+    ground_effect: float
+    """Fraction by which the thrust is larger on the floor."""
+    ground_effect_height_m: float
+    """Height over which the ground effect decays by e."""
+
+    def __post_init__(self) -> None:
+        offsets = ("trim", "marker_roll_rad", "marker_pitch_rad", "phase_upper", "phase_lower")
+        not_negative = ("servo_step", "ground_effect", "added_damping", "drag_per_s")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            for number in value if isinstance(value, tuple) else (value,):
+                if not math.isfinite(number):
+                    raise ValueError(f"{field.name}: {value} is not finite")
+                if field.name in not_negative and number < 0:
+                    raise ValueError(f"{field.name}: {value} is negative")
+                if field.name not in (*offsets, *not_negative) and number <= 0:
+                    raise ValueError(f"{field.name}: {value} is not above 0")
+        fastest_s = min(*self.servo_lag_s, self.rotor_lag_upper_s, self.rotor_lag_lower_s)
+        if fastest_s < 0.01:
+            raise ValueError(
+                f"servo_lag_s: a lag of {fastest_s} s is too fast for the integrator; at least 0.01"
+            )
+
+    @classmethod
+    def nominal(cls, size: float = NOMINAL_SIZE) -> Self:
+        """Middle of the family.
+
+        The trim and the glueing of the markers are half of what the family allows, in a fixed direction.
+
+        Parameters
+        ----------
+        size
+            Time scale against the CoaX.
+
+        Returns
+        -------
+        HelicopterParameters
+            A vehicle whose stick has the gains of `NOMINAL_PLATEAU_M_S2`.
+        """
+        length, mass = size**2, size**6
+        vehicle = cls(
+            size=size,
+            mass_kg=0.302 * mass,
+            inertia_kg_m2=(
+                1.837e-3 * mass * length**2,
+                1.870e-3 * mass * length**2,
+                2.7786e-4 * mass * length**2,
+            ),
+            arm_upper_m=0.165 * length,
+            arm_lower_m=0.103 * length,
+            link_upper=0.6130,
+            link_lower=0.5176,
+            spring_upper_n_m=0.0542 * mass * length,
+            spring_lower_n_m=0.2139 * mass * length,
+            bar_time_constant_s=1.6 * size,
+            thrust_upper=2.2607e-5 * mass * size**2,
+            thrust_lower=3.1531e-5 * mass * size**2,
+            torque_upper=9.9708e-7 * mass * length * size**2,
+            torque_lower=8.9737e-7 * mass * length * size**2,
+            rotor_lag_upper_s=0.185 * size,
+            rotor_lag_lower_s=0.115 * size,
+            phase_upper=(-0.001282 * size, 0.1789),
+            phase_lower=(0.001282 * size, -0.0094),
+            swash_limit_rad=15 * DEGREE,
+            swash_gain_rad=(1.0, 1.0),
+            thrust_gain_m_s2=18.0,
+            yaw_rate_gain_rad_s=22.2,
+            yaw_gyro_gain_per_s=5.0 * NOMINAL_SIZE / size,
+            drag_per_s=(0.5, 0.4),
+            added_damping=0.3,
+            servo_lag_s=(0.03, 0.03),
+            servo_step=1 / 200,
+            trim=(0.015, -0.015, 0.0, 0.01),
+            marker_roll_rad=-1.75 * DEGREE,
+            marker_pitch_rad=1.75 * DEGREE,
+            ground_effect=0.075,
+            ground_effect_height_m=0.1,
+        )
+        return vehicle.rigged(NOMINAL_PLATEAU_M_S2)
+
+    @classmethod
+    def drawn(cls, generator: np.random.Generator) -> Self:
+        """One vehicle of the family.
+
+        Size 0.6 to 1, added damping 0.1 to 0.5, servos 20 to 40 ms, trim up to 0.03, markers tilted by up to
+        5 degrees, ground effect 5 to 10 %. Around the nominal vehicle of that size: arms and links 5 %,
+        inertia, springs, thrust and torque coefficients and thrust gain 10 %, lags, bar, gyro and the stick's
+        gains 15 %, drag 25 %, phase lags 0.06 rad. All uniform.
+
+        Parameters
+        ----------
+        generator
+            Source of randomness.
+
+        Returns
+        -------
+        HelicopterParameters
+            The vehicle.
+        """
+
+        def within(low: float, high: float) -> float:
+            return float(generator.uniform(low, high))
+
+        def spread(value: float, fraction: float) -> float:
+            return value * within(1 - fraction, 1 + fraction)
+
+        middle = cls.nominal(within(0.6, 1.0))
+        inertia_x, inertia_y, inertia_z = (spread(inertia, 0.10) for inertia in middle.inertia_kg_m2)
+        trim_pitch, trim_roll, trim_yaw = (within(-0.03, 0.03) for _ in range(3))
+        tilt_rad, direction_rad = within(0.0, 5.0) * DEGREE, within(-math.pi, math.pi)
+        vehicle = replace(
+            middle,
+            inertia_kg_m2=(inertia_x, inertia_y, inertia_z),
+            arm_upper_m=spread(middle.arm_upper_m, 0.05),
+            arm_lower_m=spread(middle.arm_lower_m, 0.05),
+            link_upper=spread(middle.link_upper, 0.05),
+            link_lower=spread(middle.link_lower, 0.05),
+            spring_upper_n_m=spread(middle.spring_upper_n_m, 0.10),
+            spring_lower_n_m=spread(middle.spring_lower_n_m, 0.10),
+            bar_time_constant_s=spread(middle.bar_time_constant_s, 0.15),
+            thrust_upper=spread(middle.thrust_upper, 0.10),
+            thrust_lower=spread(middle.thrust_lower, 0.10),
+            torque_upper=spread(middle.torque_upper, 0.10),
+            torque_lower=spread(middle.torque_lower, 0.10),
+            rotor_lag_upper_s=spread(middle.rotor_lag_upper_s, 0.15),
+            rotor_lag_lower_s=spread(middle.rotor_lag_lower_s, 0.15),
+            phase_upper=(middle.phase_upper[0], middle.phase_upper[1] + within(-0.06, 0.06)),
+            phase_lower=(middle.phase_lower[0], middle.phase_lower[1] + within(-0.06, 0.06)),
+            thrust_gain_m_s2=spread(middle.thrust_gain_m_s2, 0.10),
+            yaw_rate_gain_rad_s=spread(middle.yaw_rate_gain_rad_s, 0.15),
+            yaw_gyro_gain_per_s=spread(middle.yaw_gyro_gain_per_s, 0.15),
+            drag_per_s=(spread(middle.drag_per_s[0], 0.25), spread(middle.drag_per_s[1], 0.25)),
+            added_damping=within(0.1, 0.5),
+            servo_lag_s=(within(0.02, 0.04), within(0.02, 0.04)),
+            trim=(trim_pitch, trim_roll, 0.0, trim_yaw),
+            marker_roll_rad=tilt_rad * math.cos(direction_rad),
+            marker_pitch_rad=tilt_rad * math.sin(direction_rad),
+            ground_effect=within(0.05, 0.10),
+        )
+        pitch, roll = NOMINAL_PLATEAU_M_S2
+        return vehicle.rigged((spread(pitch, 0.15), spread(roll, 0.15)))
+
+    def rigged(self, plateau_m_s2: tuple[float, float]) -> Self:
+        """Copy whose swash plate linkage gives the pitch and roll sticks these plateaus [m/s^2 per unit]."""
+        per_radian = self.plateau_per_swash.real
+        return replace(self, swash_gain_rad=(plateau_m_s2[0] / per_radian, plateau_m_s2[1] / per_radian))
+
+    @property
+    def hover_speeds_rad_s(self) -> tuple[float, float]:
+        """Speeds of the upper and lower rotor at which thrust is weight and the drag torques cancel."""
+        ratio = self.torque_upper / self.torque_lower
+        upper = self.mass_kg * GRAVITY_M_S2 / (self.thrust_upper + ratio * self.thrust_lower)
+        return math.sqrt(upper), math.sqrt(ratio * upper)
+
+    @property
+    def hover_phases_rad(self) -> tuple[float, float]:
+        """Phase lags of the upper and lower rotor in hover."""
+        upper, lower = self.hover_speeds_rad_s
+        return (
+            self.phase_upper[0] * upper + self.phase_upper[1],
+            self.phase_lower[0] * lower + self.phase_lower[1],
+        )
+
+    @property
+    def bar_stiffness_n_m(self) -> float:
+        """K_b: moment per angle between mast and bar in hover."""
+        thrust_n = self.thrust_upper * self.hover_speeds_rad_s[0] ** 2
+        return self.link_upper * (thrust_n * self.arm_upper_m + 2 * self.spring_upper_n_m)
+
+    @property
+    def swash_moment_n_m(self) -> float:
+        """M_d: moment per tilt of the swash plate in hover."""
+        thrust_n = self.thrust_lower * self.hover_speeds_rad_s[1] ** 2
+        return self.link_lower * (thrust_n * self.arm_lower_m + 2 * self.spring_lower_n_m)
+
+    @property
+    def fast_mode_rad_s(self) -> float:
+        """Natural frequency sqrt(K_b / I) of the body against its bar, of the mean of roll and pitch."""
+        inertia = (self.inertia_kg_m2[0] + self.inertia_kg_m2[1]) / 2
+        return math.sqrt(self.bar_stiffness_n_m / inertia)
+
+    @property
+    def damping_n_m_s(self) -> tuple[float, float]:
+        """Added moments per roll and pitch rate."""
+        roll, pitch, _ = self.inertia_kg_m2
+        per_inertia = 2 * self.added_damping * math.sqrt(self.bar_stiffness_n_m)
+        return per_inertia * math.sqrt(roll), per_inertia * math.sqrt(pitch)
+
+    @property
+    def plateau_per_swash(self) -> complex:
+        """Acceleration [m/s^2] per swash plate tilt [rad] after the fast mode settles, before the bar moves.
+
+        Forward and left as real and imaginary part for a forward tilt; the imaginary part is the coupling of
+        the axes. A tilt to the left gives the same, turned by 90 degrees.
+        """
+        speed_upper, speed_lower = self.hover_speeds_rad_s
+        phase_upper, phase_lower = self.hover_phases_rad
+        tilt = cmath.rect(self.swash_moment_n_m / self.bar_stiffness_n_m, -phase_lower - phase_upper)
+        lower = self.thrust_lower * speed_lower**2 * self.link_lower * cmath.exp(-1j * phase_lower)
+        upper = self.thrust_upper * speed_upper**2 * self.link_upper * cmath.exp(1j * phase_upper) * tilt
+        return GRAVITY_M_S2 * tilt + (lower - upper) / self.mass_kg

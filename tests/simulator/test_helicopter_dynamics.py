@@ -1,0 +1,203 @@
+"""Promises of the helicopter's equations of motion."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from simulator.helicopter_dynamics import STATE_SIZE, HelicopterDynamics, State, level_state
+from simulator.helicopter_parameters import GRAVITY_M_S2, NOMINAL_PLATEAU_M_S2, HelicopterParameters
+from vehicles.state import Array
+
+CALM = (0.0, 0.0, 0.0, 0.0)
+HIGH = (0.0, 0.0, 50.0)
+HOVER = (GRAVITY_M_S2 / 18.0, 0.0)
+STEP_S = 0.004
+sizes = st.floats(0.6, 1.0)
+
+
+def hovering(vehicle: HelicopterParameters, yaw_rad: float = 0.0) -> State:
+    return level_state(HIGH, yaw_rad, vehicle.hover_speeds_rad_s)
+
+
+def flown(
+    dynamics: HelicopterDynamics,
+    state: State,
+    seconds: float,
+    swash: tuple[float, float] = (0.0, 0.0),
+    throttle: tuple[float, float] | None = HOVER,
+) -> State:
+    for _ in range(round(seconds / STEP_S)):
+        state = dynamics.step(state, STEP_S, swash, throttle, 1.0, CALM)
+    return state
+
+
+def mast(state: State) -> Array:
+    w, x, y, z = state[6:10]
+    return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
+
+def linearised(dynamics: HelicopterDynamics) -> Array:
+    start = np.array(hovering(dynamics.parameters))
+
+    def rate(state: Array) -> Array:
+        return np.array(dynamics.derivative(tuple(state), (0.0, 0.0), HOVER, 1.0, CALM))
+
+    steps = 1e-5 * np.eye(STATE_SIZE)
+    return np.array([(rate(start + step) - rate(start - step)) / 2e-5 for step in steps]).T
+
+
+@given(size=sizes)
+def test_hover_speeds_of_the_published_vehicle_are_an_equilibrium(size: float) -> None:
+    vehicle = HelicopterParameters.nominal(size)
+    assert np.multiply(vehicle.hover_speeds_rad_s, size) == pytest.approx((227.0, 239.0), abs=0.5)
+    dynamics = HelicopterDynamics(vehicle)
+    ground_free = dynamics.derivative(hovering(vehicle), (0.0, 0.0), HOVER, 1.0, CALM)
+    assert np.abs(ground_free).max() < 1e-9
+
+
+@pytest.mark.parametrize(("size", "fast_rad_s"), [(1.0, 10.0), (0.75, 13.3)])
+def test_small_motions_have_the_fast_mode_and_the_creep_of_the_published_vehicle(
+    size: float, fast_rad_s: float
+) -> None:
+    vehicle = replace(HelicopterParameters.nominal(size), added_damping=0.0)
+    assert vehicle.fast_mode_rad_s == pytest.approx(fast_rad_s, rel=0.01)
+    eigenvalues = np.linalg.eigvals(linearised(HelicopterDynamics(vehicle)))
+    fast = [value for value in eigenvalues if value.imag > 0.7 * fast_rad_s]
+    assert len(fast) == 2
+    assert np.abs(fast) == pytest.approx([fast_rad_s] * 2, rel=0.02)
+    # The phase lag of the upper rotor takes damping from one sense of circling and gives it to the other.
+    ratios = sorted(-value.real / abs(value) for value in fast)
+    bar = 1 / (2 * fast_rad_s * vehicle.bar_time_constant_s)
+    coupling = math.sin(abs(vehicle.hover_phases_rad[0]) / 2)
+    assert ratios == pytest.approx([bar - coupling, bar + coupling], abs=0.003)
+
+
+def test_added_damping_is_a_damping_ratio_of_the_fast_mode() -> None:
+    def ratios(damping: float) -> Array:
+        vehicle = replace(HelicopterParameters.nominal(), added_damping=damping)
+        values = np.linalg.eigvals(linearised(HelicopterDynamics(vehicle)))
+        return np.sort([-v.real / abs(v) for v in values if v.imag > 10.0])
+
+    assert ratios(0.3) - ratios(0.0) == pytest.approx([0.3, 0.3], abs=0.02)
+
+
+def test_step_of_the_pitch_stick_tilts_as_published() -> None:
+    vehicle = replace(HelicopterParameters.nominal(), added_damping=0.2)
+    dynamics = HelicopterDynamics(vehicle)
+    swash = dynamics.swash_target(0.1, 0.0)
+    state, tilts, speeds = hovering(vehicle), [], []
+    for duration in (0.1, 0.2, 0.2, 0.5, 1.0):
+        state = flown(dynamics, state, duration, swash)
+        tilts.append(math.degrees(math.asin(mast(state)[0])))
+        speeds.append(state[3])
+    assert tilts[:3] == pytest.approx([0.5, 1.9, 1.3], abs=0.1)
+    assert tilts[2] < tilts[3] < tilts[4], "creeps up with the bar"
+    assert speeds[1] == pytest.approx(0.05, abs=0.005)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@given(size=sizes)
+@settings(max_examples=5, deadline=None)
+def test_stick_has_the_gain_of_the_identified_vehicle_before_the_bar_creeps(axis: int, size: float) -> None:
+    # A bar that never follows the mast leaves the plateau standing.
+    vehicle = replace(HelicopterParameters.nominal(size), bar_time_constant_s=1e6, drag_per_s=(0.0, 0.0))
+    dynamics = HelicopterDynamics(vehicle)
+    swash = dynamics.swash_target(*(0.01 * np.eye(2)[axis]))
+    state = flown(dynamics, hovering(vehicle), 4.0, swash)
+    later = flown(dynamics, state, 1.0, swash)
+    acceleration = np.subtract(later[3:5], state[3:5])[axis] / 0.01
+    assert acceleration == pytest.approx(NOMINAL_PLATEAU_M_S2[axis], rel=0.01)
+
+
+@given(thrust=st.floats(0.2, 1.0))
+@settings(max_examples=10, deadline=None)
+def test_thrust_is_linear_in_the_stick(thrust: float) -> None:
+    vehicle = HelicopterParameters.nominal()
+    dynamics = HelicopterDynamics(vehicle)
+    speeds = dynamics.commanded_speeds(thrust, 0.0, 0.0, 1.0)
+    assert dynamics.thrust_n(*speeds, 50.0) / vehicle.mass_kg == pytest.approx(18.0 * thrust)
+
+
+def test_yaw_gyro_holds_the_rate_that_the_stick_asks_for() -> None:
+    vehicle = HelicopterParameters.nominal()
+    state = flown(HelicopterDynamics(vehicle), hovering(vehicle), 3.0, throttle=(HOVER[0], 0.1))
+    assert state[12] == pytest.approx(0.1 * 111 / 5, rel=0.01)
+
+
+@given(yaw=st.floats(-3, 3), pitch=st.floats(-1, 1), roll=st.floats(-1, 1))
+@settings(max_examples=15, deadline=None)
+def test_flight_does_not_depend_on_the_heading(yaw: float, pitch: float, roll: float) -> None:
+    vehicle = HelicopterParameters.nominal()
+    dynamics = HelicopterDynamics(vehicle)
+    swash = dynamics.swash_target(pitch, roll)
+    north = flown(dynamics, hovering(vehicle), 0.6, swash)
+    turned = flown(dynamics, hovering(vehicle, yaw), 0.6, swash)
+    c, s = math.cos(yaw), math.sin(yaw)
+    x, y = north[:2]
+    assert turned[:2] == pytest.approx((c * x - s * y, s * x + c * y), abs=1e-7)
+    assert turned[10:15] == pytest.approx(north[10:15], abs=1e-6)
+
+
+@given(angle=st.floats(0.01, 3.0), size=sizes)
+@settings(max_examples=10, deadline=None)
+def test_angle_of_the_bar_to_the_mast_decays_along_the_great_circle(angle: float, size: float) -> None:
+    vehicle = HelicopterParameters.nominal(size)
+    dynamics = HelicopterDynamics(vehicle)
+    state: State = (*level_state(HIGH, 0.0, (0.0, 0.0))[:15], 0.6 * math.sin(angle), 0.8 * math.sin(angle),
+                    math.cos(angle), 0.0, 0.0)  # fmt: skip
+    still = replace(vehicle, spring_upper_n_m=1e-12)
+    state = flown(HelicopterDynamics(still), state, 0.5, throttle=None)
+    x, y, z = state[15:18]
+    assert math.acos(z) == pytest.approx(angle * math.exp(-0.5 / vehicle.bar_time_constant_s), rel=1e-3)
+    assert x * 0.8 == pytest.approx(y * 0.6, abs=1e-9)
+    assert dynamics.parameters == vehicle
+
+
+def test_ground_effect_adds_its_fraction_on_the_floor_and_decays() -> None:
+    vehicle = HelicopterParameters.nominal()
+    dynamics = HelicopterDynamics(vehicle)
+    free = dynamics.thrust_n(*vehicle.hover_speeds_rad_s, 50.0)
+    factors = [dynamics.thrust_n(*vehicle.hover_speeds_rad_s, z) / free - 1 for z in (0.0, 0.1, 0.5)]
+    assert factors == pytest.approx([0.075, 0.075 / math.e, 0.075 * math.exp(-5)])
+
+
+def test_integrator_agrees_with_steps_ten_times_finer() -> None:
+    vehicle = HelicopterParameters.nominal(0.6)
+    dynamics = HelicopterDynamics(vehicle)
+    swash, throttle = dynamics.swash_target(0.7, -0.5), (0.6, 0.2)
+    coarse = flown(dynamics, hovering(vehicle), 0.8, swash, throttle)
+    fine = hovering(vehicle)
+    for _ in range(2000):
+        fine = dynamics.step(fine, STEP_S / 10, swash, throttle, 1.0, CALM)
+    assert coarse[:3] == pytest.approx(fine[:3], abs=5e-4)
+    assert mast(coarse) == pytest.approx(mast(fine), abs=2e-3)
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    sticks=st.lists(
+        st.tuples(
+            st.floats(-1, 1), st.floats(-1, 1), st.one_of(st.none(), st.floats(0, 1)), st.floats(-1, 1)
+        ),
+        min_size=1,
+        max_size=15,
+    ),
+)
+@settings(max_examples=25, deadline=None)
+def test_no_sticks_make_the_state_infinite_or_the_energy_absurd(
+    seed: int, sticks: list[tuple[float, float, float | None, float]]
+) -> None:
+    dynamics = HelicopterDynamics(HelicopterParameters.drawn(np.random.default_rng(seed)))
+    state = hovering(dynamics.parameters)
+    for pitch, roll, thrust, yaw in sticks:
+        throttle = None if thrust is None else (thrust, yaw)
+        state = flown(dynamics, state, 0.2, dynamics.swash_target(pitch, roll), throttle)
+        assert np.all(np.isfinite(state))
+        assert np.linalg.norm(state[6:10]) == pytest.approx(1.0)
+        assert np.linalg.norm(state[15:18]) == pytest.approx(1.0)
+        assert np.abs(state[10:13]).max() < 100.0
+        assert np.linalg.norm(state[3:6]) < 3.0 * 20.0

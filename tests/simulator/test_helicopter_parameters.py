@@ -1,0 +1,65 @@
+"""Promises of the family of helicopters."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from simulator.helicopter_parameters import HelicopterParameters
+
+DRAWN = [HelicopterParameters.drawn(np.random.default_rng(seed)) for seed in range(300)]
+
+
+def test_same_generator_draws_the_same_vehicle() -> None:
+    again, other = (HelicopterParameters.drawn(np.random.default_rng(seed)) for seed in (7, 8))
+    assert again == DRAWN[7]
+    assert other != again
+
+
+def test_family_lies_within_its_stated_ranges_and_fills_them() -> None:
+    def column(name: str) -> Any:
+        return np.array([getattr(vehicle, name) for vehicle in DRAWN])
+
+    for name, low, high in (
+        ("size", 0.6, 1.0),
+        ("added_damping", 0.1, 0.5),
+        ("servo_lag_s", 0.02, 0.04),
+        ("ground_effect", 0.05, 0.1),
+        ("thrust_gain_m_s2", 16.2, 19.8),
+    ):
+        values = column(name)
+        assert low <= values.min() <= low + 0.05 * (high - low), name
+        assert high - 0.05 * (high - low) <= values.max() <= high, name
+    assert np.abs(column("trim")).max() <= 0.03
+    tilt = np.degrees(np.hypot(column("marker_roll_rad"), column("marker_pitch_rad")))
+    assert 4.5 < tilt.max() <= 5.0
+
+
+def test_fast_modes_and_plateaus_of_the_family_are_those_that_controllers_must_cope_with() -> None:
+    modes = np.array([vehicle.fast_mode_rad_s for vehicle in DRAWN])
+    assert 8.9 < modes.min() < 10.5
+    assert 15.5 < modes.max() < 18.5
+    plateaus = np.array([vehicle.plateau_per_swash.real * vehicle.swash_gain_rad[0] for vehicle in DRAWN])
+    assert 1.7 <= plateaus.min() < 1.75
+    assert 2.25 < plateaus.max() <= 2.3
+    coupling = np.degrees([abs(np.angle(vehicle.plateau_per_swash)) for vehicle in DRAWN])
+    assert 2.0 < coupling.min() < coupling.max() < 20.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("mass_kg", 0.0),
+        ("inertia_kg_m2", (1.0, -1.0, 1.0)),
+        ("servo_lag_s", (0.001, 0.03)),
+        ("added_damping", -0.1),
+        ("trim", (math.nan, 0.0, 0.0, 0.0)),
+        ("rotor_lag_upper_s", math.inf),
+    ],
+)
+def test_parameters_that_no_helicopter_has_are_refused(name: str, value: Any) -> None:
+    expected = "servo_lag_s" if name == "servo_lag_s" else name
+    with pytest.raises(ValueError, match=f"^{expected}"):
+        replace(HelicopterParameters.nominal(), **{name: value})
