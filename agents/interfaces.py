@@ -125,7 +125,7 @@ class Controller(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class LimitScale:
     """Shares of a vehicle's limits to plan with, each above 0 and at most 1.
 
     Attributes
@@ -146,15 +146,15 @@ class Share:
                 raise ValueError(f"share of {name}: four numbers above 0 and at most 1, got {four}")
 
 
-WHOLE = Share()
+FULL_LIMITS = LimitScale()
 """All that the vehicle can do."""
 
 
 @runtime_checkable
-class SharesAuthority(Protocol):
+class ScalesLimits(Protocol):
     """A controller that can leave authority to the vehicles that follow (control.md section 6)."""
 
-    def set_share(self, share: Share) -> None:
+    def set_limit_scale(self, share: LimitScale) -> None:
         """Plan with a share of the vehicle's limits, from the next step on."""
         ...
 
@@ -177,9 +177,9 @@ class Obstacle:
 
 
 @runtime_checkable
-class KeepsClear(Protocol):
+class AvoidsObstacles(Protocol):
     """A controller that plans around other vehicles."""
 
-    def keep_clear(self, obstacles: Sequence[Obstacle]) -> None:
+    def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
         """Keep clear of these in the next step; to be told anew before every step."""
         ...

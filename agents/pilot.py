@@ -15,11 +15,11 @@ import numpy as np
 
 from agents.flight.fleet_clock import FleetClock, InputHistory
 from agents.flight.guidance import Guidance, LeaderPlan, resting
-from agents.flight.phases import Event, Phase
 from agents.flight.prediction import predict
-from agents.interfaces import Controller, Estimate, Estimator, KeepsClear, Measurement
+from agents.interfaces import AvoidsObstacles, Controller, Estimate, Estimator, Measurement
+from agents.phases import Event, Phase
 from agents.references.trajectory import Trajectory
-from agents.separation.avoidance import Clearance, Neighbour, near
+from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, U_THRUST, Array
 
@@ -44,7 +44,7 @@ _EVENT_OF_STATE = {
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class StampedMeasurement:
     """One frame of the motion capture; `measurement` is None while the vehicle is occluded."""
 
     epoch: int
@@ -54,7 +54,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class Flight:
+class ControlOutput:
     """Result of one control period.
 
     Attributes
@@ -97,7 +97,7 @@ class Pilot:
         controller: Controller,
         estimator: Estimator,
         guidance: Guidance,
-        clearance: Clearance | None = None,
+        clearance: SeparationEllipsoid | None = None,
     ) -> None:
         self.model = model
         self.controller = controller
@@ -111,7 +111,7 @@ class Pilot:
         self.plan: Trajectory | None = None
         """Newest plan of the controller; None on the floor."""
         self.clock = FleetClock()
-        self.inputs = InputHistory(np.zeros(INPUT_SIZE))
+        self.input_history = InputHistory(np.zeros(INPUT_SIZE))
         self.fallbacks: Counter[str] = Counter()
         self.sequence = 0
         self.informed = False
@@ -132,7 +132,7 @@ class Pilot:
         """Whether the vehicle has been seen."""
         return self.clock.started and self._blind_s < BLIND_LIMIT_S
 
-    def observe(self, frame: Frame) -> bool:
+    def observe(self, frame: StampedMeasurement) -> bool:
         """Take in one frame; False if it is older than what is known already."""
         first = not self.clock.started
         if first and frame.measurement is None:
@@ -163,7 +163,7 @@ class Pilot:
         self.clock.coast()
         self._predict(start_s)
         self._blind_s += self.clock.period_s
-        self.fallbacks["coasted"] += 1
+        self.fallbacks["pose_extrapolated"] += 1
         return self.ready
 
     def note_applied(self, state: str, sequence: int, value: Array) -> None:
@@ -172,14 +172,14 @@ class Pilot:
         Before the vehicle has been seen nothing follows from it: an agent that restarts in flight must know
         where its vehicle is before it takes over.
         """
-        self.inputs.correct(sequence, value)
+        self.input_history.correct(sequence, value)
         if not self.clock.started:
             return
         event = _EVENT_OF_STATE[state]
         if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
             # What acts now is what the earlier process commanded; the first step starts from there.
-            self.inputs = InputHistory(value)
+            self.input_history = InputHistory(value)
         self.informed = True
         self.guidance.on_event(event, self.estimate)
         if self.guidance.landing_interrupted:
@@ -210,7 +210,7 @@ class Pilot:
 
     def control(
         self, plans: Mapping[str, LeaderPlan], neighbours: Mapping[str, Neighbour] = _NOBODY
-    ) -> Flight:
+    ) -> ControlOutput:
         """Compute the command and plan of the present control period.
 
         Parameters
@@ -235,16 +235,16 @@ class Pilot:
             plans, estimate, time_s, delay_s, self.controller.period_s, self.controller.horizon
         )
         if not self._flown_by_controller:
-            self.controller.reset(estimate, self.inputs.newest)
+            self.controller.reset(estimate, self.input_history.newest)
             self._flown_by_controller = True
         self._keep_clear(neighbours, delay_s)
-        step = self.controller.step(estimate, reference, self.inputs.newest)
+        step = self.controller.step(estimate, reference, self.input_history.newest)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan = step.plan
         inputs = self._transferred(step.inputs[: 1 + BRIDGE_STAGES])
-        self.inputs.append(time_s + delay_s, self.sequence, inputs[0])
-        return Flight(
+        self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
+        return ControlOutput(
             inputs[0],
             inputs[1:],
             step.plan,
@@ -254,9 +254,9 @@ class Pilot:
 
     def _keep_clear(self, neighbours: Mapping[str, Neighbour], delay_s: float) -> None:
         """Tell the controller who comes near; only in free flight is there anywhere to go."""
-        controller = self.controller if isinstance(self.controller, KeepsClear) else None
+        controller = self.controller if isinstance(self.controller, AvoidsObstacles) else None
         if controller is not None:
-            controller.keep_clear(())
+            controller.set_obstacles(())
         if not neighbours or self.clearance is None or self.plan is None or not self.guidance.followable:
             return
         period_s = self.controller.period_s
@@ -264,7 +264,7 @@ class Pilot:
         found = near(self.clearance, neighbours, own_m, period_s, delay_s)
         self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
         if controller is not None:
-            controller.keep_clear(found.obstacles)
+            controller.set_obstacles(found.obstacles)
             self.avoiding_ticks += found.touching
         elif found.touching:
             self.fallbacks["cannot_avoid"] += 1
@@ -273,7 +273,7 @@ class Pilot:
         """Inputs without the bump of a switch: their first difference fades away (control.md section 8)."""
         if self._transfer_pending:
             self._transfer_pending = False
-            self._transfer = self.inputs.newest - inputs[0]
+            self._transfer = self.input_history.newest - inputs[0]
         if not self._transfer.any():
             return inputs
         fading = self._transfer * TRANSFER_DECAY ** np.arange(1, len(inputs) + 1)[:, None]
@@ -291,7 +291,7 @@ class Pilot:
     def _in_the_air(self, value: Array) -> bool:
         return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])
 
-    def _stand(self, effect_from_s: float) -> Flight:
+    def _stand(self, effect_from_s: float) -> ControlOutput:
         """On the floor: rotor off, or turning up open-loop before the controller takes over."""
         command = np.zeros(INPUT_SIZE)
         if self._spooling:
@@ -299,9 +299,9 @@ class Pilot:
             command[U_THRUST] = progress * SPOOL_UP_SHARE * self.model.hover_input[U_THRUST]
         self._flown_by_controller = False
         self.plan = None
-        self.inputs.append(effect_from_s, self.sequence, command)
+        self.input_history.append(effect_from_s, self.sequence, command)
         plan = resting(self.estimate, self.controller.period_s, self.controller.horizon)
-        return Flight(command, np.zeros((0, INPUT_SIZE)), plan, self.model.delay_s, None)
+        return ControlOutput(command, np.zeros((0, INPUT_SIZE)), plan, self.model.delay_s, None)
 
     def _pass_period(self) -> None:
         start_s = self.clock.time_s
@@ -311,12 +311,12 @@ class Pilot:
     def _predict(self, start_s: float) -> None:
         if self._standing:
             return  # The model knows no floor: it would fall.
-        for value, duration_s in self.inputs.between(start_s, self.clock.time_s):
+        for value, duration_s in self.input_history.between(start_s, self.clock.time_s):
             self.estimator.predict(value, duration_s)
 
     def _compensated(self, time_s: float) -> Estimate:
         """Estimate at the moment the new command begins to act (control.md section 7)."""
         estimate = self.estimate
-        for value, duration_s in self.inputs.between(time_s, time_s + self.model.delay_s):
+        for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
             estimate = predict(self.model, estimate, value, duration_s)
         return estimate

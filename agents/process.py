@@ -7,22 +7,22 @@ import time
 
 import numpy as np
 
-from agents.desk import Desk
-from agents.external import External
+from agents.external_control import ExternalControl
 from agents.flight.guidance import Guidance
-from agents.flight.phases import AIRBORNE
-from agents.following.leaders import Leaders
-from agents.following.links import link_of
+from agents.following.leader_plans import LeaderPlans
+from agents.following.links import followed_leader
 from agents.following.lost_leaders import LostLeaders
-from agents.following.neighbours import Neighbours
-from agents.formation.authority import Authority
+from agents.following.peers import PeerStatuses
+from agents.formation.limit_scaling import LimitScaling
 from agents.interfaces import Measurement
 from agents.pacing import Pacing, SolveTimer
-from agents.pilot import Flight, Frame, Pilot
+from agents.phases import AIRBORNE
+from agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from agents.request_handler import RequestHandler
 from agents.separation.traffic import Traffic
 from agents.settings import AgentSettings
 from agents.telemetry import command_message, plan_message, status_message
-from agents.tuning import Tuning
+from agents.tuning.changes import Tuning
 from bus import channels
 from bus.messages import AgentStatus, Pose
 from bus.realtime import request_realtime, settle
@@ -48,7 +48,7 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         settings.model,
         configuration.controller_for(settings.model, settings.period_s, settings.share),
         configuration.estimator_for(settings.model, settings.period_s),
-        Guidance([link_of(link) for link in settings.following]),
+        Guidance([followed_leader(link) for link in settings.following]),
         settings.clearance,
     )
 
@@ -65,24 +65,26 @@ class Agent:
         vehicle = settings.vehicle
         self._poses = session.subscribe(channels.POSE, vehicle, depth=16)
         self._applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
-        self._leaders = Leaders(vehicle, lambda name: session.subscribe(channels.PLAN, name))
+        self._leaders = LeaderPlans(vehicle, lambda name: session.subscribe(channels.PLAN, name))
         self._leaders.keep(link.leader for link in settings.following)
         # Statuses are looked up when they are needed; they wake nobody.
         statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
-        self._neighbours = Neighbours(vehicle, statuses.inboxes, self._clock)
+        self._neighbours = PeerStatuses(vehicle, statuses.inboxes, self._clock)
         self._traffic = Traffic(
             vehicle, settings.clearance, lambda name: session.subscribe(channels.PLAN, name, waking=False)
         )
         self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.share, session.wake)
         self._answers = session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
-        self._external = External(
+        self._external = ExternalControl(
             vehicle, pilot, self._answers, lambda task: session.publish(channels.CONTROL_TASK, vehicle, task)
         )
-        self._desk = Desk(
+        self._desk = RequestHandler(
             settings, pilot, self._leaders, self._neighbours, self._tuning, self._external, self._clock
         )
-        self._lost = LostLeaders(settings, pilot, self._leaders, self._neighbours, self._clock)
-        self._authority = Authority(vehicle, settings.models)
+        self._lost = LostLeaders(
+            vehicle, settings.succession, pilot, self._leaders, self._neighbours, self._clock
+        )
+        self._authority = LimitScaling(vehicle, settings.models)
         self._pacing = Pacing(settings.period_s)
         self._solve = SolveTimer()
         # Sequences continue over restarts because they start from the wall clock.
@@ -141,7 +143,7 @@ class Agent:
                 self._begin_control(coast_at_s)
 
     def _followed(self) -> list[str]:
-        return [link.leader for link in self._pilot.guidance.links]
+        return [link.leader for link in self._pilot.guidance.followed]
 
     def _begin_control(self, now_s: float) -> None:
         self._desk.leading.begin_due()
@@ -171,12 +173,12 @@ class Agent:
         if self._said is not None and self._traffic.due():
             self._traffic.tend(self._said, self._neighbours.statuses())
 
-    def _publish_command(self, flight: Flight) -> None:
+    def _publish_command(self, flight: ControlOutput) -> None:
         sequence = self._sequence + self._pilot.sequence
         command = command_message(self._settings, self._pilot, flight, sequence)
         self._session.publish(channels.COMMAND, self._settings.vehicle, command)
 
-    def _publish_plan(self, flight: Flight) -> None:
+    def _publish_plan(self, flight: ControlOutput) -> None:
         plan = plan_message(self._settings, self._pilot, flight, self._leaders)
         self._session.publish(channels.PLAN, self._settings.vehicle, plan)
 
@@ -201,7 +203,7 @@ class Agent:
         status = status_message(
             self._tuning.configuration, self._pilot, self._pacing, self._solve,
             self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
-            self._realtime, self._lost.stance, decisions, self._external.client,
+            self._realtime, self._lost.following_mode, decisions, self._external.client,
         )  # fmt: skip
         self._said = status
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
@@ -235,10 +237,10 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
             agent.step()
 
 
-def _frame(pose: Pose) -> Frame:
+def _frame(pose: Pose) -> StampedMeasurement:
     measurement = None
     if pose.position_m is not None and pose.quaternion_xyzw is not None:
         x, y, z, w = pose.quaternion_xyzw
         yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         measurement = Measurement(np.array(pose.position_m), yaw_rad)
-    return Frame(pose.epoch, pose.frame, pose.period_s, measurement)
+    return StampedMeasurement(pose.epoch, pose.frame, pose.period_s, measurement)

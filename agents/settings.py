@@ -3,36 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agents.configuration import Configuration
-from agents.interfaces import WHOLE, Share
-from agents.separation.avoidance import Clearance
-from bus.messages import Following
+from agents.formation.succession import Succession
+from agents.interfaces import FULL_LIMITS, LimitScale
+from agents.separation.avoidance import SeparationEllipsoid
+from agents.tuning.configuration import Configuration
+from bus.messages import LeaderLink
 from bus.session import BusAddress
 from vehicles.model import Model
 
 Three = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Succession:
-    """What a follower does about lost leaders.
-
-    Attributes
-    ----------
-    policy
-        `hold`, `promote` or `land`.
-    after_s
-        Time without a plan to fly by after which leaders are not waited for any more.
-    orders
-        Successors of each leader, the first one first; the same on every vehicle.
-    heirs
-        Vehicles whose policy is `promote`.
-    """
-
-    policy: str = "hold"
-    after_s: float = 2.0
-    orders: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    heirs: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -73,14 +52,14 @@ class AgentSettings:
     period_s: float = 0.02
     controller_settings: Mapping[str, object] = field(default_factory=dict)
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
-    following: tuple[Following, ...] = ()
-    share: Share = WHOLE
+    following: tuple[LeaderLink, ...] = ()
+    share: LimitScale = FULL_LIMITS
     models: Mapping[str, Model] = field(default_factory=dict)
     realtime_priority: int = 0
     leader_wait_s: float = 0.002
     minimum_distance_m: float | None = 0.3
     succession: Succession = field(default_factory=Succession)
-    clearance: Clearance | None = field(default_factory=Clearance)
+    clearance: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
 
     @property
     def configuration(self) -> Configuration:

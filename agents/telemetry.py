@@ -6,17 +6,17 @@ from collections.abc import Mapping
 
 import msgspec
 
-from agents.configuration import Configuration
-from agents.following.leaders import Leaders
-from agents.following.links import following_at_rest, following_of
+from agents.following.leader_plans import LeaderPlans
+from agents.following.links import present_link, target_link
 from agents.pacing import Pacing, SolveTimer
-from agents.pilot import Flight, Pilot
+from agents.pilot import ControlOutput, Pilot
 from agents.settings import AgentSettings
-from bus.messages import AgentStatus, Command, FloatArray, Following, Plan, SetPoint, Setting
+from agents.tuning.configuration import Configuration
+from bus.messages import AgentStatus, Command, FloatArray, LeaderLink, Plan, SetPoint, Setting
 from vehicles.state import YAW, Array, heading_matrix
 
 
-def command_message(settings: AgentSettings, pilot: Pilot, flight: Flight, sequence: int) -> Command:
+def command_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, sequence: int) -> Command:
     """Stick command of a control period."""
     pitch, roll, thrust, yaw = flight.input.tolist()
     return Command(
@@ -30,7 +30,7 @@ def command_message(settings: AgentSettings, pilot: Pilot, flight: Flight, seque
     )
 
 
-def plan_message(settings: AgentSettings, pilot: Pilot, flight: Flight, leaders: Leaders) -> Plan:
+def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, leaders: LeaderPlans) -> Plan:
     """Plan of a control period."""
     reference = None
     if flight.reference is not None:
@@ -40,7 +40,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: Flight, leaders:
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
         source=settings.vehicle,
-        ancestors=leaders.ancestors(link.leader for link in pilot.guidance.links),
+        ancestors=leaders.ancestors(link.leader for link in pilot.guidance.followed),
         period_s=flight.plan.period_s,
         start_s=flight.start_s,
         airborne=pilot.guidance.rotor_on,
@@ -51,8 +51,8 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: Flight, leaders:
     )
 
 
-def _following(pilot: Pilot) -> tuple[Following, ...]:
-    return tuple(following_of(link, pilot.clock.time_s) for link in pilot.guidance.links)
+def _following(pilot: Pilot) -> tuple[LeaderLink, ...]:
+    return tuple(present_link(link, pilot.clock.time_s) for link in pilot.guidance.followed)
 
 
 def status_message(
@@ -64,7 +64,7 @@ def status_message(
     plan_age_s: float | None,
     rejected: Mapping[str, int],
     realtime: bool,
-    stance: str,
+    following_mode: str,
     decisions: Counter[str],
     client: str,
 ) -> AgentStatus:
@@ -100,8 +100,8 @@ def status_message(
         rejected=dict(rejected),
         realtime=realtime,
         process=os.getpid(),
-        assigned=tuple(following_at_rest(link) for link in pilot.guidance.assigned),
-        stance=stance,
+        assigned=tuple(target_link(link) for link in pilot.guidance.assigned),
+        following_mode=following_mode,
         client=client,
         avoiding_ticks=pilot.avoiding_ticks,
         closest_plan_m=pilot.closest_m,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.controllers.registry import build_controller
+from agents.controllers.registry import CONTROLLERS
 from agents.interfaces import Estimate
 from agents.references.trajectory import Trajectory, hold
 from vehicles.model import Model, motion_derivative
@@ -63,7 +63,7 @@ def record_flight(model: Model, period_s: float, steps: int, seed: int) -> list[
         One per step.
     """
     rng = np.random.default_rng(seed)
-    pilot = build_controller("cascade", model, period_s, {})
+    pilot = CONTROLLERS.build("cascade", model, period_s, {})
     noise = np.repeat(
         [POSITION_NOISE_M, YAW_NOISE_RAD, VELOCITY_NOISE_M_S, YAW_RATE_NOISE_RAD_S], [3, 1, 3, 1]
     )

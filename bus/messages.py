@@ -143,7 +143,7 @@ class SetPoint(Struct, frozen=True, kw_only=True):
     yaw_rad: Heading
 
 
-class Following(Struct, frozen=True, kw_only=True):
+class LeaderLink(Struct, frozen=True, kw_only=True):
     """Whom a vehicle follows and where it keeps itself."""
 
     leader: Name
@@ -175,7 +175,7 @@ class Plan(Message, frozen=True, kw_only=True):
     acceleration [rad/s^2]), inertial frame."""
     reference: Four | None = None
     """Reference of the first stage: x, y, z [m], yaw [rad]; absent on the floor."""
-    following: tuple[Following, ...] = ()
+    following: tuple[LeaderLink, ...] = ()
     """Leaders with the offsets of this moment, also while an offset moves to a new value."""
     followable: bool = True
     """False unless the source flies freely: while it takes off or lands its followers keep their place."""
@@ -265,7 +265,7 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     epoch: Count
     frame: Count
     set_point: SetPoint
-    following: tuple[Following, ...] = ()
+    following: tuple[LeaderLink, ...] = ()
     """Leaders; empty for a vehicle that follows nobody."""
     position_m: Three | None = None
     velocity_m_s: Three | None = None
@@ -289,11 +289,11 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     """The process runs in a real-time scheduling class."""
     process: Count = 0
     """Process id."""
-    assigned: tuple[Following, ...] = ()
+    assigned: tuple[LeaderLink, ...] = ()
     """Leaders by fleet file or request, with the offsets to be reached. `following` is what happens now."""
-    stance: Name = "follow"
-    """What is done about the assigned leaders: `follow`, and while they are lost `ride_out`, `hold`, `lead`,
-    `follow_successor` or `land`."""
+    following_mode: Name = "follow"
+    """`follow`, and while the assigned leaders are lost `use_last_plan`, `hold`, `lead`, `follow_successor`
+    or `land`."""
     controller_settings: Settings = {}
     """Settings that the fleet file or a request has given; all others have their defaults."""
     estimator_settings: Settings = {}

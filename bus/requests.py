@@ -16,8 +16,8 @@ from bus.messages import (
     AgentStatus,
     Applied,
     FloatArray,
-    Following,
     InvalidMessageError,
+    LeaderLink,
     Message,
     Name,
     Seconds,
@@ -107,7 +107,7 @@ class Fly(Request, frozen=True, kw_only=True):
 class Follow(Request, frozen=True, kw_only=True):
     """Follow other vehicles' plans, or change the offsets to the present leaders."""
 
-    following: Annotated[tuple[Following, ...], Meta(min_length=1, max_length=8)]
+    following: Annotated[tuple[LeaderLink, ...], Meta(min_length=1, max_length=8)]
     transition_s: Annotated[float, Meta(ge=0, le=60)] | None = None
     """Time over which the offset moves from the present place to the new one; absent: at a fair speed."""
 
@@ -142,7 +142,7 @@ class PrepareLeaders(Request, frozen=True, kw_only=True):
 
     operation: Name
     """Names the change; the same for all who take part."""
-    following: Annotated[tuple[Following, ...], Meta(max_length=8)] = ()
+    following: Annotated[tuple[LeaderLink, ...], Meta(max_length=8)] = ()
     """Leaders to come; empty for a vehicle that shall lead."""
     set_point: SetPoint | None = None
     """Where a vehicle that shall lead has its place; absent for one that shall follow."""

@@ -4,18 +4,18 @@ from itertools import combinations
 
 import numpy as np
 
-from agents.formation.topology import Links, places, roots
-from bus.messages import Following
+from agents.formation.topology import FormationGraph, places, roots
+from bus.messages import LeaderLink
 from deploy.fleet import Fleet, FleetError
 
 TOLERANCE_M = 1e-6
 
 
-def links_of(fleet: Fleet) -> dict[str, tuple[Following, ...]]:
+def links_of(fleet: Fleet) -> dict[str, tuple[LeaderLink, ...]]:
     """Leaders of every vehicle by the file."""
     return {
         name: tuple(
-            Following(
+            LeaderLink(
                 leader=link.leader,
                 offset_m=link.offset_m,
                 yaw_offset_rad=link.yaw_offset_rad,
@@ -57,5 +57,5 @@ def check_formation(fleet: Fleet, minimum_distance_m: float | None) -> None:
                 )
 
 
-def _moves_with(links: Links, name: str, other: str) -> bool:
+def _moves_with(links: FormationGraph, name: str, other: str) -> bool:
     return any(link.leader == other for link in links[name])

@@ -5,9 +5,10 @@ from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from agents.formation.authority import share_of
-from agents.separation.avoidance import Clearance
-from agents.settings import AgentSettings, Succession
+from agents.formation.limit_scaling import limit_scale_of
+from agents.formation.succession import Succession
+from agents.separation.avoidance import SeparationEllipsoid
+from agents.settings import AgentSettings
 from bus.session import BusAddress
 from deploy.fleet import Fleet, FleetError, Vehicle, formation_place
 from deploy.formation_check import check_formation, links_of
@@ -105,7 +106,7 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
         estimator_settings=control.estimator_settings,
         leader_wait_s=control.leader_wait_s,
         following=links[name],
-        share=share_of(links, models, name),
+        share=limit_scale_of(links, models, name),
         models=models,
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
@@ -114,24 +115,24 @@ def agent_settings(fleet: Fleet, name: str) -> AgentSettings:
     )
 
 
-def clearance_of(fleet: Fleet) -> Clearance | None:
+def clearance_of(fleet: Fleet) -> SeparationEllipsoid | None:
     """What vehicles keep clear of each other; None for no avoidance."""
     avoidance = fleet.avoidance
-    return Clearance(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None
+    return SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None
 
 
 def succession_of(fleet: Fleet, name: str) -> Succession:
     """What a vehicle does about lost leaders, and the order of successors all vehicles agree on."""
-    heirs = [other for other, vehicle in fleet.vehicles.items() if vehicle.leader_lost.then == "promote"]
+    promotable = [other for other, vehicle in fleet.vehicles.items() if vehicle.leader_lost.then == "promote"]
     lost = fleet.vehicles[name].leader_lost
     return Succession(
         policy=lost.then,
         after_s=lost.after_s,
         orders={
-            leader: tuple(dict.fromkeys((*vehicle.successors, *heirs)))
+            leader: tuple(dict.fromkeys((*vehicle.successors, *promotable)))
             for leader, vehicle in fleet.vehicles.items()
         },
-        heirs=frozenset(heirs),
+        promotable=frozenset(promotable),
     )
 
 

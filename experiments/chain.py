@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from agents.formation.topology import ancestors, places
-from bus.messages import Following
+from bus.messages import LeaderLink
 from experiments.events import Event, GoTo
 from experiments.record import rms
 from experiments.rig import Progress, Rig, RigVehicle
@@ -33,16 +33,16 @@ START: Final = (0.8, 0.0, 1.0, 0.5)
 STEPS_M: Final = ((0.0, 0.3, 0.2), (0.3, 0.0, 0.0), (-0.3, -0.2, -0.2), (0.0, 0.0, 0.3), (0.1, 0.1, -0.3))
 """Set points of the head relative to its start, one after the other."""
 
-Links = dict[str, tuple[Following, ...]]
+FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
 
-def _behind(leader: str, x: float, y: float, frame: str, weight: float = 1.0) -> Following:
-    return Following(leader=leader, offset_m=(x, y, 0.0), frame=frame, weight=weight)
+def _behind(leader: str, x: float, y: float, frame: str, weight: float = 1.0) -> LeaderLink:
+    return LeaderLink(leader=leader, offset_m=(x, y, 0.0), frame=frame, weight=weight)
 
 
-def shapes() -> dict[str, Links]:
+def shapes() -> dict[str, FormationGraph]:
     """Formations by name: a chain of five in both offset frames, a tree, and several leaders per vehicle."""
-    found: dict[str, Links] = {}
+    found: dict[str, FormationGraph] = {}
     for frame in ("inertial", "heading"):
         found[f"chain_{frame}"] = {HEAD: ()} | {
             f"h{number}": (_behind(f"h{number - 1}", -0.4, 0.0, frame),) for number in range(2, 6)
@@ -63,7 +63,7 @@ def shapes() -> dict[str, Links]:
     return found
 
 
-def vehicles(links: Links, horizon: int = HORIZON) -> list[RigVehicle]:
+def vehicles(links: FormationGraph, horizon: int = HORIZON) -> list[RigVehicle]:
     """Vehicles of a formation in the air, each at its place."""
     where = places(links, {HEAD: np.array(START)})
     found = []
@@ -84,7 +84,7 @@ def vehicles(links: Links, horizon: int = HORIZON) -> list[RigVehicle]:
 
 
 def fly_shape(
-    links: Links, seed: int, quick: bool = False, progress: Progress | None = None
+    links: FormationGraph, seed: int, quick: bool = False, progress: Progress | None = None
 ) -> dict[str, Array]:
     """Fly a formation.
 
@@ -126,7 +126,7 @@ def run(options: Options, tell: Tell) -> Result:
     return Result(document, partial(draw_chain, document))
 
 
-def figures(links: Links, flights: Sequence[Mapping[str, Array]]) -> dict[str, dict[str, float]]:
+def figures(links: FormationGraph, flights: Sequence[Mapping[str, Array]]) -> dict[str, dict[str, float]]:
     """Table of a formation: by vehicle its generation, and the errors of all flights together."""
     return {
         name: {
@@ -139,7 +139,7 @@ def figures(links: Links, flights: Sequence[Mapping[str, Array]]) -> dict[str, d
     }
 
 
-def generation(links: Links, name: str) -> int:
+def generation(links: FormationGraph, name: str) -> int:
     """Longest way up to a head; 0 for a head."""
     own = [link.leader for link in links[name]]
     return 0 if not ancestors(links, name) else 1 + max(generation(links, leader) for leader in own)

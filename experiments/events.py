@@ -6,13 +6,13 @@ from typing import Protocol
 
 import numpy as np
 
-from agents.controllers.registry import build_controller
+from agents.controllers.registry import CONTROLLERS
 from agents.flight.guidance import LeaderPlan
-from agents.following.links import link_of
+from agents.following.links import followed_leader
 from agents.pilot import Pilot
 from agents.references.paths import FlightPath
 from agents.references.set_points import TurnLimits
-from bus.messages import Following
+from bus.messages import LeaderLink
 
 Three = tuple[float, float, float]
 
@@ -105,7 +105,7 @@ class Follow:
 
     time_s: float
     vehicle: str
-    following: tuple[Following, ...]
+    following: tuple[LeaderLink, ...]
     transition_s: float | None = None
 
     @property
@@ -118,7 +118,7 @@ class Follow:
         missing = [leader for leader in self.leaders if leader not in scene.plans]
         if missing:
             return f"no plan from {', '.join(missing)}"
-        links = [link_of(following) for following in self.following]
+        links = [followed_leader(following) for following in self.following]
         pilot.guidance.follow(links, scene.plans, pilot.estimate, pilot.clock.time_s, self.transition_s)
         return None
 
@@ -157,7 +157,7 @@ class Switch:
 
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
         """See `Event.apply`."""
-        controller = build_controller(self.controller, pilot.model, pilot.controller.period_s, self.settings)
-        controller.reset(pilot.estimate, pilot.inputs.newest)
+        controller = CONTROLLERS.build(self.controller, pilot.model, pilot.controller.period_s, self.settings)
+        controller.reset(pilot.estimate, pilot.input_history.newest)
         pilot.controller = controller
         return None

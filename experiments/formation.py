@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.controllers.registry import available_controllers
-from bus.messages import Following
+from agents.controllers.registry import CONTROLLERS
+from bus.messages import LeaderLink
 from experiments.events import Event, Follow, GoTo
 from experiments.formation_figure import draw_formation
 from experiments.record import FlightRecord, rms
@@ -117,9 +117,9 @@ def events(slots: Iterable[Slot]) -> list[Event]:
     return result
 
 
-def following(offset_m: Three, yaw_offset_rad: float = 0.0) -> Following:
+def following(offset_m: Three, yaw_offset_rad: float = 0.0) -> LeaderLink:
     """Follow the leader at a distance in the inertial frame, as in the paper."""
-    return Following(leader=LEADER, offset_m=offset_m, yaw_offset_rad=yaw_offset_rad)
+    return LeaderLink(leader=LEADER, offset_m=offset_m, yaw_offset_rad=yaw_offset_rad)
 
 
 def formation(scheme: Scheme, horizon: int = HORIZON) -> list[RigVehicle]:
@@ -194,7 +194,7 @@ def bound_excess(record: FlightRecord) -> Array:
 
 def flown_schemes() -> list[Scheme]:
     """Schemes whose controllers are installed."""
-    available = available_controllers()
+    available = CONTROLLERS.available()
     return [scheme for scheme in SCHEMES.values() if scheme.controller in available]
 
 

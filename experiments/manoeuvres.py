@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from agents.references.path_shapes import figure_eight
-from bus.messages import Following
+from bus.messages import LeaderLink
 from experiments import steps
 from experiments.checks import (
     agents_started_again,
@@ -210,8 +210,8 @@ ROWS: Final = (
         in_order(
             steps.follow_several(
                 "h3",
-                Following(leader="h1", offset_m=RIGHT, weight=1.0),
-                Following(leader="h2", offset_m=(0.0, -1.0, 0.0), weight=2.0),
+                LeaderLink(leader="h1", offset_m=RIGHT, weight=1.0),
+                LeaderLink(leader="h2", offset_m=(0.0, -1.0, 0.0), weight=2.0),
             ),
             steps.formed(), go_to((0.3, 0.2, 1.0)), steps.formed(), pause(1.0),
         ),

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.pilot import Flight, Pilot
+from agents.pilot import ControlOutput, Pilot
 from simulator.plant import Plant
 from vehicles.state import Array
 
@@ -77,7 +77,7 @@ class Recorder:
         time_s: float,
         motion: tuple[float, ...],
         pilot: Pilot,
-        flight: Flight,
+        flight: ControlOutput,
         step_s: float,
         station: Array | None,
     ) -> None:

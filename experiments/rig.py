@@ -14,16 +14,16 @@ from typing import Final
 import numpy as np
 
 from agents.flight.guidance import LeaderPlan
-from agents.following.links import following_at_rest
-from agents.formation.authority import share_of, turn_limits_of
+from agents.following.links import target_link
+from agents.formation.limit_scaling import limit_scale_of, turn_limits_of
 from agents.formation.topology import leaders_of, places
-from agents.interfaces import Measurement, Share
-from agents.pilot import Flight, Frame, Pilot
+from agents.interfaces import LimitScale, Measurement
+from agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from agents.process import build_pilot
-from agents.separation.avoidance import Clearance, Neighbour
-from agents.separation.clearance_shares import share_kept_clear
+from agents.separation.avoidance import Neighbour, SeparationEllipsoid
+from agents.separation.ellipsoid_scales import ellipsoid_scale
 from agents.settings import AgentSettings
-from bus.messages import Following
+from bus.messages import LeaderLink
 from bus.session import BusAddress
 from experiments.events import Event, Scene
 from experiments.record import FlightRecord, Recorder
@@ -56,7 +56,7 @@ class RigVehicle:
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     horizon: int = 50
     period_s: float = 0.02
-    following: tuple[Following, ...] = ()
+    following: tuple[LeaderLink, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class RigOptions:
 
     frame_period_s: float = 0.02
     previous_frame: bool = False
-    clearance: Clearance | None = None
+    clearance: SeparationEllipsoid | None = None
 
 
 SAME_FRAME: Final = RigOptions()
@@ -122,7 +122,7 @@ class Rig:
             seed,
         )
         self._frame = 0
-        self._plans: dict[str, tuple[int, Flight]] = {}
+        self._plans: dict[str, tuple[int, ControlOutput]] = {}
         self._shares: dict[str, dict[str, float]] = {}
         self._frames_per_tick = {
             name: self._frames_per_period(vehicle) for name, vehicle in self._vehicles.items()
@@ -131,7 +131,7 @@ class Rig:
         flying_order({name: leaders_of(links, name) for name in links})
         models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
         self.pilots = {
-            name: build_pilot(self._settings(vehicle, share_of(links, models, name)))
+            name: build_pilot(self._settings(vehicle, limit_scale_of(links, models, name)))
             for name, vehicle in self._vehicles.items()
         }
         for name, pilot in self.pilots.items():
@@ -192,7 +192,7 @@ class Rig:
             }
         )
 
-    def _settings(self, vehicle: RigVehicle, share: Share) -> AgentSettings:
+    def _settings(self, vehicle: RigVehicle, share: LimitScale) -> AgentSettings:
         return AgentSettings(
             bus=NO_BUS,
             vehicle=vehicle.name,
@@ -220,10 +220,10 @@ class Rig:
             )
         return round(ratio)
 
-    def _measured(self, name: str) -> Frame:
+    def _measured(self, name: str) -> StampedMeasurement:
         pose = self._laboratory.measured_pose(name)
         measurement = Measurement(np.array(pose.position_m), pose.yaw_rad)
-        return Frame(1, self._frame, self._options.frame_period_s, measurement)
+        return StampedMeasurement(1, self._frame, self._options.frame_period_s, measurement)
 
     def _apply(self, event: Event) -> None:
         if event.vehicle not in self.pilots:
@@ -256,12 +256,12 @@ class Rig:
 
     @staticmethod
     def _leaders(pilot: Pilot) -> list[str]:
-        return [link.leader for link in pilot.guidance.links]
+        return [link.leader for link in pilot.guidance.followed]
 
-    def _links(self) -> dict[str, tuple[Following, ...]]:
+    def _links(self) -> dict[str, tuple[LeaderLink, ...]]:
         """Who follows whom now, offsets at rest."""
         return {
-            name: tuple(following_at_rest(link) for link in pilot.guidance.links)
+            name: tuple(target_link(link) for link in pilot.guidance.followed)
             for name, pilot in self.pilots.items()
         }
 
@@ -275,22 +275,22 @@ class Rig:
         where, order = places(links, heads), list(self.pilots)
         self._shares = {
             name: {
-                other: share_kept_clear(clearance, links, where, name, other)
+                other: ellipsoid_scale(clearance, links, where, name, other)
                 for other in order
                 if other != name
             }
             for name in order
         }
 
-    def _neighbours(self, name: str, known: Mapping[str, tuple[int, Flight]]) -> dict[str, Neighbour]:
+    def _neighbours(self, name: str, known: Mapping[str, tuple[int, ControlOutput]]) -> dict[str, Neighbour]:
         shares = self._shares.get(name, {})
         plans = self._leader_plans(name, known, [other for other, share in shares.items() if share > 0.0])
         return {other: Neighbour(plan, shares[other]) for other, plan in plans.items()}
 
     def _leader_plans(
-        self, name: str, known: Mapping[str, tuple[int, Flight]], leaders: Sequence[str]
+        self, name: str, known: Mapping[str, tuple[int, ControlOutput]], leaders: Sequence[str]
     ) -> dict[str, LeaderPlan]:
-        """Plans on a follower's clock, as `agents.following.leaders` aligns those of the bus."""
+        """Plans on a follower's clock, as `agents.following.leader_plans` aligns those of the bus."""
         clock = self.pilots[name].clock
         plans = {}
         for leader in leaders:
@@ -303,7 +303,7 @@ class Rig:
 
     def _station(self, pilot: Pilot) -> Array | None:
         """Where a follower would be at exactly its present offsets from where its leaders truly are."""
-        links = pilot.guidance.links
+        links = pilot.guidance.followed
         if not (links and pilot.guidance.follows):
             return None
         place = np.zeros(4)

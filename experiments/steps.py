@@ -9,7 +9,7 @@ from typing import Final
 
 from agents.references.paths import FlightPath
 from bus.faults import Fault, fault_words
-from bus.messages import Following
+from bus.messages import LeaderLink
 from ground_station.fleet import Fleet
 from ground_station.scenario import inject_faults
 from ground_station.vehicle import RefusedError, Vehicle
@@ -120,7 +120,7 @@ def follow(
     return fly
 
 
-def follow_several(name: str, *links: Following) -> Step:
+def follow_several(name: str, *links: LeaderLink) -> Step:
     """Give a vehicle several leaders with weights."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:

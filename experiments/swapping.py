@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.separation.avoidance import Clearance
+from agents.separation.avoidance import SeparationEllipsoid
 from experiments.events import GoTo
 from experiments.record import FlightRecord
 from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks
@@ -36,7 +36,7 @@ QUICK_FLIGHT_S: Final = 8.0
 ARRIVED_M: Final = 0.1
 HARD_M: Final = SurveillanceLimits().minimum_distance_m or 0.0
 """Distance below which transmitter gateways hold vehicles."""
-CLEARANCE: Final = Clearance()
+CLEARANCE: Final = SeparationEllipsoid()
 
 ANTIPODES: Final = "antipodes"
 RANDOM: Final = "random"

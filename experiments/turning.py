@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from bus.messages import Following
+from bus.messages import LeaderLink
 from experiments.chain import vehicles
 from experiments.events import Event, GoTo
 from experiments.record import rms
@@ -34,12 +34,12 @@ STEPS: Final = {
 """Set points of the leader, one after the other: position [m] and yaw [rad]."""
 
 
-def links_with(arm_m: float) -> dict[str, tuple[Following, ...]]:
+def links_with(arm_m: float) -> dict[str, tuple[LeaderLink, ...]]:
     """A leader, and two followers that turn with it."""
     return {
         HEAD: (),
-        "h2": (Following(leader=HEAD, offset_m=(-arm_m, 0.0, 0.0), frame="heading"),),
-        "h3": (Following(leader=HEAD, offset_m=(0.0, arm_m, 0.0), frame="heading"),),
+        "h2": (LeaderLink(leader=HEAD, offset_m=(-arm_m, 0.0, 0.0), frame="heading"),),
+        "h3": (LeaderLink(leader=HEAD, offset_m=(0.0, arm_m, 0.0), frame="heading"),),
     }
 
 

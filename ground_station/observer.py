@@ -6,8 +6,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from agents.flight.phases import Phase
-from agents.following.neighbours import Neighbours
+from agents.following.peers import PeerStatuses
+from agents.phases import Phase
 from bus import channels
 from bus.messages import AgentStatus, Message, Plan
 from bus.session import Session
@@ -120,7 +120,7 @@ class Observer:
 
     def statuses(self) -> dict[str, AgentStatus]:
         """Newest statuses of the agents that are not silent."""
-        known = Neighbours("", self._agents.inboxes, self.session.clock).statuses()
+        known = PeerStatuses("", self._agents.inboxes, self.session.clock).statuses()
         return {name: known[name] for name in self.file.vehicles if name in known}
 
     def frame_period_s(self, name: str) -> float:

@@ -10,9 +10,9 @@ import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
-from agents.following.neighbours import formation_of
+from agents.formation.present import formation_of
 from agents.formation.topology import TopologyError, exchanged, in_words, line_between, places, roots
-from bus.messages import AgentStatus, Following, Plan, SetPoint
+from bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from bus.session import RequestFailedError
 from ground_station.observer import Observer
@@ -25,7 +25,7 @@ COMMIT_LIMIT_S = 0.15
 """For an answer: whoever keeps silent leaves time to tell the others to stay as they are."""
 TAKEN_LIMIT_S = 2.0
 
-Change = Mapping[str, tuple[Following, ...]]
+Change = Mapping[str, tuple[LeaderLink, ...]]
 
 
 class RegroupError(RuntimeError):
@@ -126,7 +126,7 @@ def regroup(
         raise RegroupError(f"{', '.join(late)} did not take their leaders")
 
 
-def _preparation(operation: str, following: tuple[Following, ...], place: Array | None) -> PrepareLeaders:
+def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array | None) -> PrepareLeaders:
     if following:
         return PrepareLeaders(operation=operation, following=following)
     if place is None:

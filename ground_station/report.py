@@ -14,9 +14,9 @@ from bus import channels
 from bus.messages import (
     AgentStatus,
     Applied,
-    Following,
     LaboratoryState,
     LaboratoryVehicle,
+    LeaderLink,
     Plan,
     Pose,
     TransmitterStatus,
@@ -228,7 +228,7 @@ class FlightFigures:
         }
 
 
-def _in_room(link: Following, yaw_rad: float) -> Array:
+def _in_room(link: LeaderLink, yaw_rad: float) -> Array:
     """Offset from a leader with this heading in the inertial frame."""
     x, y, z = link.offset_m
     if link.frame == "inertial":

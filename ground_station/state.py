@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bus.messages import AgentStatus, Following, Plan, TrackerStatus, TransmitterStatus
+from bus.messages import AgentStatus, LeaderLink, Plan, TrackerStatus, TransmitterStatus
 
 AIRBORNE = frozenset({"takeoff", "flying", "landing", "emergency"})
 STALE_S = 1.0
@@ -58,7 +58,7 @@ class VehicleState:
         return () if self.agent is None else tuple(link.leader for link in self.agent.following)
 
     @property
-    def assigned(self) -> tuple[Following, ...]:
+    def assigned(self) -> tuple[LeaderLink, ...]:
         """Leaders with the offsets it was told, wherever an offset is on its way now."""
         return () if self.agent is None else self.agent.assigned
 

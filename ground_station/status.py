@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from bus.messages import Following
+from bus.messages import LeaderLink
 from ground_station.fleet import Fleet
 from ground_station.state import VehicleState
 
@@ -92,7 +92,7 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
         "horizon": agent.horizon,
         "following": [_link(link) for link in agent.following],
         "assigned": [_link(link) for link in agent.assigned],
-        "stance": agent.stance,
+        "following_mode": agent.following_mode,
         "client": agent.client or None,
         "path_left_s": agent.path_left_s,
         "set_point": {"position_m": list(agent.set_point.position_m), "yaw_rad": agent.set_point.yaw_rad},
@@ -113,7 +113,7 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
     }
 
 
-def _link(link: Following) -> dict[str, Any]:
+def _link(link: LeaderLink) -> dict[str, Any]:
     return {
         "leader": link.leader,
         "offset_m": list(link.offset_m),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from agents.references.paths import FlightPath
-from bus.messages import FloatArray, Following, Plan, SetPoint, Setting
+from bus.messages import FloatArray, LeaderLink, Plan, SetPoint, Setting
 from bus.requests import (
     Arm,
     Disarm,
@@ -116,13 +116,13 @@ class Vehicle:
 
     def follow(
         self,
-        leader: str | Sequence[Following],
+        leader: str | Sequence[LeaderLink],
         offset_m: Sequence[float] = (0.0, 0.0, 0.0),
         yaw_offset_rad: float = 0.0,
         frame: str = "inertial",
         transition_s: float | None = None,
     ) -> str:
-        """Follow one leader at an offset, or several given as a sequence of `Following`.
+        """Follow one leader at an offset, or several given as a sequence of `LeaderLink`.
 
         Returns
         -------
@@ -131,8 +131,8 @@ class Vehicle:
         """
         if isinstance(leader, str):
             x, y, z = offset_m
-            following: tuple[Following, ...] = (
-                Following(
+            following: tuple[LeaderLink, ...] = (
+                LeaderLink(
                     leader=leader,
                     offset_m=(float(x), float(y), float(z)),
                     yaw_offset_rad=float(yaw_offset_rad),

@@ -28,7 +28,7 @@ from agents.controllers.clearance import SLOTS, Clearances, clearances
 from agents.controllers.disturbance_observer import DisturbanceObserver
 from agents.controllers.roll_out import lag_poles
 from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
-from agents.interfaces import Estimate, Obstacle, Share
+from agents.interfaces import Estimate, LimitScale, Obstacle
 from agents.references.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import U_THRUST, Array
@@ -116,13 +116,13 @@ class CascadeController(GuardedController):
         turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
         self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
         self._heading_plan: Array | None = None
-        self.set_share(Share(4 * (settings.input_range,)))
+        self.set_limit_scale(LimitScale(4 * (settings.input_range,)))
 
-    def keep_clear(self, obstacles: Sequence[Obstacle]) -> None:
-        """Keep clear of these in the next step (`agents.interfaces.KeepsClear`)."""
+    def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
+        """Keep clear of these in the next step (`agents.interfaces.AvoidsObstacles`)."""
         self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
 
-    def set_share(self, share: Share) -> None:
+    def set_limit_scale(self, share: LimitScale) -> None:
         """Plan with a share of the vehicle's limits, from the next step on.
 
         The share of the inputs is what is left to accelerate with once the disturbance is balanced, because

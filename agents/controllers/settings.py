@@ -1,7 +1,7 @@
 """Settings every controller shares.
 
 A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a request's body becomes one
-through `agents.plain_settings`, which names the field and what is allowed when something is wrong.
+through `agents.plugins.plain_settings`, which names the field and what is allowed when something is wrong.
 """
 
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from agents.plain_settings import SettingsError
+from agents.plugins.plain_settings import SettingsError
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, Array
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agents.flight.phases import AIRBORNE, Event, Phase, next_phase
 from agents.flight.touchdown import Touchdown
 from agents.formation.law import FormationOffset, OffsetTransition, combined_reference, follower_reference
 from agents.interfaces import Estimate
+from agents.phases import AIRBORNE, Event, Phase, next_phase
 from agents.references.paths import FlightPath
 from agents.references.set_points import (
     PEAK_TO_MEAN_SPEED,
@@ -55,7 +55,7 @@ class LeaderPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class FollowedLeader:
     """One leader, and the offset on its way to where it shall be."""
 
     leader: str
@@ -91,11 +91,11 @@ class Guidance:
         Age of a leader's plan beyond which the vehicle holds its place instead of following.
     """
 
-    def __init__(self, links: Sequence[Link] = (), plan_limit_s: float = 0.5) -> None:
+    def __init__(self, links: Sequence[FollowedLeader] = (), plan_limit_s: float = 0.5) -> None:
         self.phase = Phase.GROUND
-        self.links = tuple(links)
+        self.followed = tuple(links)
         """Leaders followed now."""
-        self.assigned = self.links
+        self.assigned = self.followed
         """Leaders by fleet file or request; others may take their place while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
@@ -118,7 +118,7 @@ class Guidance:
     @property
     def follows(self) -> bool:
         """Whether the reference comes from leaders now."""
-        return bool(self.links) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
+        return bool(self.followed) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
 
     @property
     def landing_interrupted(self) -> bool:
@@ -206,8 +206,8 @@ class Guidance:
         """Why a set point or a path is not taken now; None if it is."""
         if self.phase is not Phase.FLYING:
             return f"set points and trajectories are for flying vehicles, the phase is {self.phase}"
-        if self.links:
-            leaders = ", ".join(link.leader for link in self.links)
+        if self.followed:
+            leaders = ", ".join(link.leader for link in self.followed)
             return f"it follows {leaders}; ask the leader, or let this vehicle lead first"
         return None
 
@@ -223,31 +223,31 @@ class Guidance:
 
     def lead(self, estimate: Estimate) -> None:
         """Follow nobody; a flying vehicle holds its place."""
-        self.links = self.assigned = ()
+        self.followed = self.assigned = ()
         if self.phase is Phase.FLYING:
             self.hold_here(estimate)
 
     def follow(
         self,
-        links: Sequence[Link],
+        links: Sequence[FollowedLeader],
         plans: Mapping[str, LeaderPlan],
         estimate: Estimate,
         time_s: float,
         transition_s: float | None,
     ) -> None:
         """Follow leaders from now on; offsets move from the present place to where they shall be."""
-        self.links = self.assigned = tuple(links)
+        self.followed = self.assigned = tuple(links)
         if self.phase is Phase.FLYING:
             self._begin_transitions(plans, estimate, time_s, transition_s)
 
     def take_lead(self, position_m: Array, yaw_rad: float) -> None:
         """Follow nobody from now on; the vehicle's place is given."""
-        self.links = self.assigned = ()
+        self.followed = self.assigned = ()
         self.source = SetPointReference(position_m, yaw_rad)
 
-    def follow_instead(self, links: Sequence[Link]) -> None:
+    def follow_instead(self, links: Sequence[FollowedLeader]) -> None:
         """Follow others, or nobody and keep the place, while the assigned leaders are lost."""
-        self.links = tuple(links)
+        self.followed = tuple(links)
         self._joined = frozenset()
 
     def rejoin(self) -> None:
@@ -262,7 +262,7 @@ class Guidance:
         transition_s: float | None,
     ) -> None:
         begun = []
-        for link in self.links:
+        for link in self.followed:
             plan = plans.get(link.leader)
             if plan is None:
                 begun.append(link)
@@ -273,7 +273,7 @@ class Guidance:
             duration_s = max(SHORTEST_TRANSITION_S, PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S)
             duration_s = duration_s if transition_s is None else transition_s
             begun.append(replace(link, start=start, start_s=time_s, duration_s=duration_s))
-        self.links = tuple(begun)
+        self.followed = tuple(begun)
         self._joined = frozenset(link.leader for link in begun if link.leader in plans)
 
     def reference(
@@ -329,14 +329,14 @@ class Guidance:
             for name, plan in plans.items()
             if plan.followable and plan.ahead_s + delay_s <= self.plan_limit_s
         }
-        links = [link for link in self.links if link.leader in usable]
+        links = [link for link in self.followed if link.leader in usable]
         if not links:
-            self.events["no_leader_plan"] += 1
+            self.events["leader_plan_missing"] += 1
             self._joined = frozenset()
             return None
         if self._joined != {link.leader for link in links}:
             self._begin_transitions(usable, estimate, time_s, None)
-            links = [link for link in self.links if link.leader in usable]
+            links = [link for link in self.followed if link.leader in usable]
         references = [
             follower_reference(
                 usable[link.leader].trajectory,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from agents.flight.fleet_clock import FleetClock
-from agents.flight.guidance import Link
+from agents.flight.guidance import FollowedLeader
 from bus.messages import SetPoint
 from vehicles.state import Array
 
@@ -37,7 +37,7 @@ class Change:
     """
 
     operation: str
-    links: tuple[Link, ...]
+    links: tuple[FollowedLeader, ...]
     position_m: Array
     yaw_rad: float
     expires_s: float
@@ -78,7 +78,7 @@ class Regrouping:
             return None
         return f"another change of leaders is under way ({change.operation})"
 
-    def prepare(self, operation: str, links: Sequence[Link], set_point: SetPoint | None) -> None:
+    def prepare(self, operation: str, links: Sequence[FollowedLeader], set_point: SetPoint | None) -> None:
         """Remember a change; one of the same name is replaced."""
         place, yaw_rad = (
             ((0.0, 0.0, 0.0), 0.0) if set_point is None else (set_point.position_m, set_point.yaw_rad)

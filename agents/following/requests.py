@@ -11,15 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agents.flight.phases import Phase
-from agents.following.leaders import Leaders
-from agents.following.links import link_of
-from agents.following.neighbours import Neighbours, formation_of
+from agents.flight.state import FlightState
+from agents.following.leader_plans import LeaderPlans
+from agents.following.links import followed_leader
+from agents.following.peers import PeerStatuses
 from agents.following.regrouping import Regrouping
 from agents.formation.placement import Room, offset_problem, place_problem
+from agents.formation.present import formation_of
 from agents.formation.topology import ancestors, in_words, line_between
-from agents.pilot import Pilot
-from bus.messages import Following
+from agents.phases import Phase
+from bus.messages import LeaderLink
 from bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from bus.session import Incoming
 
@@ -45,8 +46,10 @@ class LeaderRequests:
         Own name, and those of the whole fleet.
     room
         What the formation has to stay within.
-    pilot, leaders, neighbours
-        The agent's own.
+    flight
+        The vehicle.
+    plans, peers
+        What is heard of leaders and of the others.
     clock
         Monotonic clock [s].
     """
@@ -56,17 +59,17 @@ class LeaderRequests:
         vehicle: str,
         vehicles: Sequence[str],
         room: Room,
-        pilot: Pilot,
-        leaders: Leaders,
-        neighbours: Neighbours,
+        flight: FlightState,
+        plans: LeaderPlans,
+        peers: PeerStatuses,
         clock: Callable[[], float],
     ) -> None:
         self._vehicle = vehicle
         self._vehicles = vehicles
         self._room = room
-        self._pilot = pilot
-        self._leaders = leaders
-        self._neighbours = neighbours
+        self._flight = flight
+        self._plans = plans
+        self._peers = peers
         self._clock = clock
         self.regrouping = Regrouping(clock)
         self.events: Counter[str] = Counter()
@@ -95,7 +98,7 @@ class LeaderRequests:
 
     def commit(self, request: CommitLeaders) -> str | None:
         """Take the prepared leaders at a frame to come; the refusal, or None."""
-        return self.regrouping.commit(request.operation, request.epoch, request.frame, self._pilot.clock)
+        return self.regrouping.commit(request.operation, request.epoch, request.frame, self._flight.clock)
 
     def withdraw(self, request: WithdrawLeaders) -> None:
         """Forget the prepared leaders."""
@@ -113,7 +116,7 @@ class LeaderRequests:
     def lead(self) -> None:
         """Follow nobody."""
         self._forget_promises()
-        self._pilot.guidance.lead(self._pilot.estimate)
+        self._flight.guidance.lead(self._flight.estimate)
         self.keep_leaders()
 
     def settle_waiting(self) -> bool:
@@ -123,7 +126,7 @@ class LeaderRequests:
         undecided, self._waiting = self._waiting, []
         for waiting in undecided:
             names = [link.leader for link in waiting.request.following]
-            missing = [name for name in names if self._leaders.fresh(name, self._clock()) is None]
+            missing = [name for name in names if self._plans.fresh(name, self._clock()) is None]
             if missing and self._clock() < waiting.deadline_s:
                 self._waiting.append(waiting)
                 continue
@@ -139,11 +142,11 @@ class LeaderRequests:
 
     def begin_due(self) -> None:
         """Take the prepared leaders if their frame has come."""
-        pilot = self._pilot
-        change = self.regrouping.due(pilot.clock)
+        flight = self._flight
+        change = self.regrouping.due(flight.clock)
         if change is None:
             return
-        if pilot.guidance.phase is not Phase.FLYING:
+        if flight.guidance.phase is not Phase.FLYING:
             # It was told to land meanwhile, or the transmitter gateway flies it.
             self.regrouping.events["regrouping_missed"] += 1
             self.keep_leaders()
@@ -151,18 +154,18 @@ class LeaderRequests:
         self._forget_promises()
         if change.links:
             # For a moment the plans of the new leaders still tell of the lines that are given up now.
-            self.cycles_from_frame = pilot.clock.current_frame + len(self._vehicles) + 1
-            plans = self._leaders.plans(pilot.clock, self.cycles_from_frame)
-            pilot.guidance.follow(change.links, plans, pilot.estimate, pilot.clock.time_s, None)
+            self.cycles_from_frame = flight.clock.current_frame + len(self._vehicles) + 1
+            plans = self._plans.plans(flight.clock, self.cycles_from_frame)
+            flight.guidance.follow(change.links, plans, flight.estimate, flight.clock.time_s, None)
         else:
-            pilot.guidance.take_lead(change.position_m, change.yaw_rad)
+            flight.guidance.take_lead(change.position_m, change.yaw_rad)
         self.keep_leaders()
 
     def keep_leaders(self) -> None:
         """Hear the leaders of now, those that return perhaps, and those that requests wait for."""
-        guidance = self._pilot.guidance
-        followed = {link.leader for link in (*guidance.links, *guidance.assigned)}
-        self._leaders.keep(
+        guidance = self._flight.guidance
+        followed = {link.leader for link in (*guidance.followed, *guidance.assigned)}
+        self._plans.keep(
             followed.union(
                 self.regrouping.leaders,
                 *({link.leader for link in waiting.request.following} for waiting in self._waiting),
@@ -181,8 +184,8 @@ class LeaderRequests:
             return "a leader is named twice"
         if isinstance(request, Follow):
             return None
-        if self._pilot.guidance.phase is not Phase.FLYING:
-            return f"leaders change together only in flight, the phase is {self._pilot.guidance.phase}"
+        if self._flight.guidance.phase is not Phase.FLYING:
+            return f"leaders change together only in flight, the phase is {self._flight.guidance.phase}"
         if bool(names) == (request.set_point is not None):
             return "set_point: needed exactly where following is empty"
         if request.set_point is not None:
@@ -192,20 +195,20 @@ class LeaderRequests:
         return self.regrouping.busy(request.operation)
 
     def _absence(self, name: str) -> str:
-        status = self._neighbours.statuses().get(name)
+        status = self._peers.statuses().get(name)
         if status is None:
             return f"no plan from {name}: nothing is heard from its agent"
         return f"no plan from {name}: its phase is {status.phase}"
 
-    def _foreseen(self, following: tuple[Following, ...]) -> tuple[str | None, str]:
+    def _foreseen(self, following: tuple[LeaderLink, ...]) -> tuple[str | None, str]:
         """Refusal, or what is going to happen, by what the leaders said of themselves; neither if unsure."""
         now_s = self._clock()
-        missing = [link.leader for link in following if self._leaders.fresh(link.leader, now_s) is None]
-        recent = self._neighbours.statuses(RECENT_STATUS_S)
+        missing = [link.leader for link in following if self._plans.fresh(link.leader, now_s) is None]
+        recent = self._peers.statuses(RECENT_STATUS_S)
         flying = all(name in recent and recent[name].phase == Phase.FLYING for name in missing)
-        if not (missing and flying and self._pilot.guidance.rotor_on):
+        if not (missing and flying and self._flight.guidance.rotor_on):
             return None, ""
-        links, _ = formation_of(self._neighbours.statuses(), flying=(self._vehicle,))
+        links, _ = formation_of(self._peers.statuses(), flying=(self._vehicle,))
         after = {**links, self._vehicle: following}
         if line_between(after, self._vehicle, self._vehicle):
             # Perhaps they have changed leaders since: their plans will tell.
@@ -218,11 +221,11 @@ class LeaderRequests:
     def _decide(self, request: Follow | PrepareLeaders) -> tuple[str | None, str]:
         """Refusal, or None and what happens, of a request whose leaders are all heard."""
         following = request.following
-        refusal = self._grounded(following) if self._pilot.guidance.rotor_on else None
+        refusal = self._grounded(following) if self._flight.guidance.rotor_on else None
         if refusal is not None:
             return refusal, ""
         if isinstance(request, PrepareLeaders):
-            links = [link_of(item) for item in following]
+            links = [followed_leader(item) for item in following]
             self.regrouping.prepare(request.operation, links, request.set_point)
             return None, f"{self._vehicle} is ready"
         refusal = self._follow_problem(following)
@@ -231,28 +234,28 @@ class LeaderRequests:
         self._follow(request)
         return None, self._line(following)
 
-    def _grounded(self, following: Sequence[Following]) -> str | None:
+    def _grounded(self, following: Sequence[LeaderLink]) -> str | None:
         """Which of the leaders does not fly freely."""
         for link in following:
-            plan = self._leaders.newest(link.leader)
+            plan = self._plans.newest(link.leader)
             if plan is None or (plan.airborne and plan.followable):
                 continue
-            status = self._neighbours.statuses().get(link.leader)
+            status = self._peers.statuses().get(link.leader)
             phase = "on the floor" if not plan.airborne else "not in free flight"
             return f"{link.leader} is {phase}" + (f", its phase is {status.phase}" if status else "")
         return None
 
-    def _follow_problem(self, following: tuple[Following, ...]) -> str | None:
+    def _follow_problem(self, following: tuple[LeaderLink, ...]) -> str | None:
         for link in following:
-            line = self._leaders.cycle_through(link.leader)
+            line = self._plans.cycle_through(link.leader)
             if line is not None:
                 return f"a cycle: {in_words((self._vehicle, *line))}"
         problem = offset_problem(self._vehicle, following, self._room)
-        if problem is not None or not self._pilot.guidance.rotor_on:
+        if problem is not None or not self._flight.guidance.rotor_on:
             return problem
-        links, heads = formation_of(self._neighbours.statuses(), flying=(self._vehicle,))
+        links, heads = formation_of(self._peers.statuses(), flying=(self._vehicle,))
         for link in following:
-            plan = self._leaders.newest(link.leader)
+            plan = self._plans.newest(link.leader)
             if link.leader not in links and plan is not None:
                 # Its plan is here, its status not yet: where the plan ends.
                 heads[link.leader] = plan.trajectory.to_numpy()[-1, :4].copy()
@@ -260,16 +263,16 @@ class LeaderRequests:
         return place_problem(self._vehicle, following, links, heads, self._room)
 
     def _follow(self, request: Follow) -> None:
-        pilot = self._pilot
-        links = [link_of(following) for following in request.following]
-        plans = self._leaders.plans(pilot.clock, self.cycles_from_frame)
-        pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, request.transition_s)
+        flight = self._flight
+        links = [followed_leader(following) for following in request.following]
+        plans = self._plans.plans(flight.clock, self.cycles_from_frame)
+        flight.guidance.follow(links, plans, flight.estimate, flight.clock.time_s, request.transition_s)
 
-    def _line(self, following: Sequence[Following]) -> str:
+    def _line(self, following: Sequence[LeaderLink]) -> str:
         """Whom the vehicle follows, and whom they follow."""
-        return self._in_words(following, self._leaders.ancestors([link.leader for link in following]))
+        return self._in_words(following, self._plans.ancestors([link.leader for link in following]))
 
-    def _in_words(self, following: Sequence[Following], line: Sequence[str]) -> str:
+    def _in_words(self, following: Sequence[LeaderLink], line: Sequence[str]) -> str:
         names = [link.leader for link in following]
         if len(names) == 1:
             return in_words((self._vehicle, *line))

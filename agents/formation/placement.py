@@ -6,9 +6,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from agents.following.neighbours import AT_WORK, formation_of
-from agents.formation.topology import Links, followers, places
-from bus.messages import AgentStatus, Following
+from agents.formation.present import AT_WORK, formation_of
+from agents.formation.topology import FormationGraph, followers, places
+from bus.messages import AgentStatus, LeaderLink
 from vehicles.state import Array
 
 Three = tuple[float, float, float]
@@ -49,7 +49,7 @@ class Room:
         return f"{distance_m:.3g} m apart, the minimum distance is {self.minimum_distance_m:g} m"
 
 
-def offset_problem(name: str, following: Iterable[Following], room: Room) -> str | None:
+def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> str | None:
     """Why offsets alone are too small, None if they are not; a single leader only.
 
     Several leaders share a place between them, which only their own places tell.
@@ -62,7 +62,11 @@ def offset_problem(name: str, following: Iterable[Following], room: Room) -> str
 
 
 def place_problem(
-    name: str, following: tuple[Following, ...], links: Links, heads: Mapping[str, Array], room: Room
+    name: str,
+    following: tuple[LeaderLink, ...],
+    links: FormationGraph,
+    heads: Mapping[str, Array],
+    room: Room,
 ) -> str | None:
     """Why a vehicle must not follow its new leaders, None if it may.
 
@@ -75,7 +79,7 @@ def place_problem(
     following
         Its new leaders, with the offsets to be reached.
     links, heads
-        The others, as of `agents.neighbours.formation_of`.
+        The others, as of `agents.formation.present.formation_of`.
     room
         Limits.
 
@@ -106,7 +110,7 @@ def take_off_problem(
     name: str,
     floor_m: Array,
     height_m: float,
-    following: tuple[Following, ...],
+    following: tuple[LeaderLink, ...],
     statuses: Mapping[str, AgentStatus],
     room: Room,
 ) -> str | None:
@@ -149,7 +153,7 @@ def take_off_problem(
 
 
 def move_problem(
-    name: str, samples: Array, links: Links, room: Room, strangers: Mapping[str, Array] = NOBODY
+    name: str, samples: Array, links: FormationGraph, room: Room, strangers: Mapping[str, Array] = NOBODY
 ) -> str | None:
     """Why a vehicle that leads must not go somewhere, None if it may: its followers come along.
 

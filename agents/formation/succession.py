@@ -1,18 +1,19 @@
-"""What a follower does about leaders it has lost: a table, and the same heir for everybody without asking.
+"""What a follower does about leaders it has lost: a table, and a successor all agree on without asking.
 
 A lost leader is one whose plan does not come any more, or who does not fly freely any more. First its last
-plan is ridden out, then the place is held; after a while the vehicle does what the fleet file says.
+plan is used up, then the place is held; after a while the vehicle does what the fleet file says.
 """
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
-from agents.formation.topology import Links, link_between, places
-from bus.messages import Following
+from agents.formation.topology import FormationGraph, link_between, places
+from bus.messages import LeaderLink
 
 
 class Finding(StrEnum):
@@ -36,7 +37,7 @@ class Policy(StrEnum):
     LAND = "land"
 
 
-class Heir(StrEnum):
+class Successor(StrEnum):
     """Who leads instead."""
 
     NONE = "none"
@@ -44,11 +45,11 @@ class Heir(StrEnum):
     OTHER = "other"
 
 
-class Stance(StrEnum):
+class FollowingMode(StrEnum):
     """What a follower does."""
 
     FOLLOW = "follow"
-    RIDE_OUT = "ride_out"
+    USE_LAST_PLAN = "use_last_plan"
     """Fly by the last plan."""
     HOLD = "hold"
     """Keep the place."""
@@ -58,34 +59,58 @@ class Stance(StrEnum):
     LAND = "land"
 
 
-def _row(finding: Finding, policy: Policy, heir: Heir) -> Stance:
-    match finding, policy, heir:
+@dataclass(frozen=True)
+class Succession:
+    """What a follower does about lost leaders.
+
+    Attributes
+    ----------
+    policy
+        `hold`, `promote` or `land`.
+    after_s
+        Time without a plan to fly by after which leaders are not waited for any more.
+    orders
+        Successors of each leader, the first one first; the same on every vehicle.
+    promotable
+        Vehicles whose policy is `promote`.
+    """
+
+    policy: str = "hold"
+    after_s: float = 2.0
+    orders: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    promotable: frozenset[str] = frozenset()
+
+
+def _row(finding: Finding, policy: Policy, successor: Successor) -> FollowingMode:
+    match finding, policy, successor:
         case Finding.HERE, _, _:
-            return Stance.FOLLOW
+            return FollowingMode.FOLLOW
         case Finding.LATE, _, _:
-            return Stance.RIDE_OUT
+            return FollowingMode.USE_LAST_PLAN
         case Finding.LOST, Policy.LAND, _:
-            return Stance.LAND
-        case Finding.LOST, Policy.PROMOTE, Heir.SELF:
-            return Stance.LEAD
-        case Finding.LOST, Policy.PROMOTE, Heir.OTHER:
-            return Stance.FOLLOW_SUCCESSOR
+            return FollowingMode.LAND
+        case Finding.LOST, Policy.PROMOTE, Successor.SELF:
+            return FollowingMode.LEAD
+        case Finding.LOST, Policy.PROMOTE, Successor.OTHER:
+            return FollowingMode.FOLLOW_SUCCESSOR
         case _:
-            return Stance.HOLD
+            return FollowingMode.HOLD
 
 
-STANCES: Final = MappingProxyType(
+FOLLOWING_MODES: Final = MappingProxyType(
     {
-        (finding, policy, heir): _row(finding, policy, heir)
+        (finding, policy, successor): _row(finding, policy, successor)
         for finding in Finding
         for policy in Policy
-        for heir in Heir
+        for successor in Successor
     }
 )
 """Every combination; nothing else than the present decides, so a leader that returns is followed again."""
 
 
-def successor_of(lost: str, links: Links, ready: Collection[str], order: Iterable[str]) -> str | None:
+def successor_of(
+    lost: str, links: FormationGraph, ready: Collection[str], order: Iterable[str]
+) -> str | None:
     """Who leads the followers of a lost leader.
 
     Everybody who lost the leader comes to the same answer from what vehicles tell of themselves: the first
@@ -114,8 +139,8 @@ def successor_of(lost: str, links: Links, ready: Collection[str], order: Iterabl
 
 
 def link_to_successor(
-    vehicle: str, successor: str, lost: str, links: Mapping[str, tuple[Following, ...]], yaw_rad: float
-) -> Following | None:
+    vehicle: str, successor: str, lost: str, links: Mapping[str, tuple[LeaderLink, ...]], yaw_rad: float
+) -> LeaderLink | None:
     """Link that keeps a vehicle where it was beside its fellow follower; None where that is not known.
 
     Parameters

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from bus.messages import Following
+from bus.messages import LeaderLink
 from vehicles.state import YAW, Array, heading_matrix
 
-Links = Mapping[str, tuple[Following, ...]]
+FormationGraph = Mapping[str, tuple[LeaderLink, ...]]
 """Leaders of each vehicle; empty for one that follows nobody."""
 
 
@@ -19,12 +19,12 @@ class TopologyError(ValueError):
     """A change of leaders that makes no sense; says why."""
 
 
-def leaders_of(links: Links, name: str) -> tuple[str, ...]:
+def leaders_of(links: FormationGraph, name: str) -> tuple[str, ...]:
     """Names of the direct leaders, in order."""
     return tuple(link.leader for link in links.get(name, ()))
 
 
-def ancestors(links: Links, name: str) -> tuple[str, ...]:
+def ancestors(links: FormationGraph, name: str) -> tuple[str, ...]:
     """Leaders and theirs, nearest first, each once; the vehicle itself only if there is a cycle."""
     found: dict[str, None] = {}
     level = list(leaders_of(links, name))
@@ -35,18 +35,18 @@ def ancestors(links: Links, name: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def followers(links: Links, name: str) -> tuple[str, ...]:
+def followers(links: FormationGraph, name: str) -> tuple[str, ...]:
     """Vehicles that move when a vehicle moves: its followers and theirs."""
     return tuple(other for other in links if name in ancestors(links, other))
 
 
-def roots(links: Links, name: str) -> tuple[str, ...]:
+def roots(links: FormationGraph, name: str) -> tuple[str, ...]:
     """Vehicles at the head of the formation a vehicle flies in: itself if it follows nobody."""
     line = ancestors(links, name) or (name,)
     return tuple(leader for leader in line if not links.get(leader))
 
 
-def line_between(links: Links, name: str, leader: str) -> tuple[str, ...]:
+def line_between(links: FormationGraph, name: str, leader: str) -> tuple[str, ...]:
     """Shortest line from a vehicle to one of its ancestors, both included; empty if there is none.
 
     A line from a vehicle to itself is a cycle.
@@ -66,7 +66,7 @@ def line_between(links: Links, name: str, leader: str) -> tuple[str, ...]:
     return ()
 
 
-def cycle(links: Links) -> tuple[str, ...]:
+def cycle(links: FormationGraph) -> tuple[str, ...]:
     """A line of leaders that comes back to where it began; empty if there is none."""
     for name in links:
         line = line_between(links, name, name)
@@ -80,7 +80,7 @@ def in_words(line: Iterable[str]) -> str:
     return " follows ".join(line)
 
 
-def places(links: Links, heads: Mapping[str, Array]) -> dict[str, Array]:
+def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array]:
     """Where everybody is once the formation has settled.
 
     Parameters
@@ -118,7 +118,7 @@ def places(links: Links, heads: Mapping[str, Array]) -> dict[str, Array]:
     return found
 
 
-def station(following: Iterable[Following], leading: Iterable[Array]) -> Array:
+def station(following: Iterable[LeaderLink], leading: Iterable[Array]) -> Array:
     """Place of a follower, shape (4,), from its links and the places of its leaders in the same order."""
     total, place = 0.0, np.zeros(4)
     for link, leader in zip(following, leading, strict=True):
@@ -130,20 +130,20 @@ def station(following: Iterable[Following], leading: Iterable[Array]) -> Array:
     return place / total
 
 
-def link_between(follower: Array, leader: Array, like: Following, name: str) -> Following:
+def link_between(follower: Array, leader: Array, like: LeaderLink, name: str) -> LeaderLink:
     """Link to a leader that keeps a follower at its place; frame and weight as in another link."""
     arm = follower - leader
     if like.frame == "heading":
         arm[:2] = heading_matrix(leader[YAW]).T @ arm[:2]
     x, y, z, yaw = arm.tolist()
-    return Following(
+    return LeaderLink(
         leader=name, offset_m=(x, y, z), yaw_offset_rad=yaw, frame=like.frame, weight=like.weight
     )
 
 
 def exchanged(
-    links: Links, where: Mapping[str, Array], first: str, second: str
-) -> dict[str, tuple[Following, ...]]:
+    links: FormationGraph, where: Mapping[str, Array], first: str, second: str
+) -> dict[str, tuple[LeaderLink, ...]]:
     """Leaders after two vehicles have changed roles while everybody keeps its place in space.
 
     Each of the two follows whom the other one followed and leads whom the other one led. Exchanging two names

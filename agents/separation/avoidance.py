@@ -17,7 +17,7 @@ TOUCHING: Final = 1.02
 
 
 @dataclass(frozen=True, slots=True)
-class Clearance:
+class SeparationEllipsoid:
     """Half axes of the ellipsoid around a vehicle that no other one is to enter [m]."""
 
     horizontal_m: float = 0.35
@@ -66,7 +66,7 @@ class Near:
 
 
 def near(
-    clearance: Clearance,
+    clearance: SeparationEllipsoid,
     neighbours: Mapping[str, Neighbour],
     own_m: Array,
     period_s: float,

@@ -13,12 +13,12 @@ import numpy as np
 
 from agents.flight.fleet_clock import FleetClock
 from agents.flight.guidance import LeaderPlan
-from agents.flight.phases import Phase
-from agents.following.leaders import leader_plan
-from agents.following.neighbours import formation_of
+from agents.following.leader_plans import leader_plan
+from agents.formation.present import formation_of
 from agents.formation.topology import places, roots
-from agents.separation.avoidance import Clearance, Neighbour
-from agents.separation.clearance_shares import share_kept_clear
+from agents.phases import Phase
+from agents.separation.avoidance import Neighbour, SeparationEllipsoid
+from agents.separation.ellipsoid_scales import ellipsoid_scale
 from bus.messages import AgentStatus, Plan
 from bus.subscription import Subscription
 from vehicles.state import Array
@@ -56,7 +56,7 @@ class Traffic:
     def __init__(
         self,
         vehicle: str,
-        clearance: Clearance | None,
+        clearance: SeparationEllipsoid | None,
         subscribe: Callable[[str], Subscription[Plan]],
     ) -> None:
         self._vehicle = vehicle
@@ -90,7 +90,7 @@ class Traffic:
             links, heads = formation_of({**others, self._vehicle: own})
             where = places(links, heads)
             self._shares = {
-                name: share_kept_clear(self._clearance, links, where, self._vehicle, name) for name in others
+                name: ellipsoid_scale(self._clearance, links, where, self._vehicle, name) for name in others
             }
             mates = {
                 name

@@ -6,21 +6,21 @@ from support.flight import ExactEstimator, NotedController
 from support.waiting import FakeClock, wait_for
 
 from agents.flight.guidance import Guidance
-from agents.following.links import link_of
+from agents.following.links import followed_leader
 from agents.pilot import Pilot
 from agents.process import Agent
 from agents.settings import AgentSettings
 from bus import channels
-from bus.messages import AgentStatus, Applied, Command, Following, Pose
+from bus.messages import AgentStatus, Applied, Command, LeaderLink, Pose
 from bus.session import BusAddress, Session
 from vehicles.types import COAXIAL
 
 HOVER = COAXIAL.hover_input
-FOLLOWING = (Following(leader="h1", offset_m=(-0.5, 0.0, 0.0)),)
+FOLLOWING = (LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0)),)
 Join = Callable[..., Session]
 
 
-def settings_of(address: BusAddress, following: tuple[Following, ...] = ()) -> AgentSettings:
+def settings_of(address: BusAddress, following: tuple[LeaderLink, ...] = ()) -> AgentSettings:
     return AgentSettings(
         bus=address,
         vehicle="h9",
@@ -35,10 +35,10 @@ def settings_of(address: BusAddress, following: tuple[Following, ...] = ()) -> A
 class Bench:
     """An agent on a test's bus, with the gateways played by the test and the clock set by it."""
 
-    def __init__(self, join: Join, address: BusAddress, following: tuple[Following, ...] = ()) -> None:
+    def __init__(self, join: Join, address: BusAddress, following: tuple[LeaderLink, ...] = ()) -> None:
         self.clock = FakeClock()
         self.settings = settings_of(address, following)
-        links = [link_of(link) for link in following]
+        links = [followed_leader(link) for link in following]
         controller = NotedController(HOVER[None, :])
         self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance(links))
         self.others = join()

@@ -3,12 +3,12 @@
 import numpy as np
 from support.flight import ExactEstimator, NotedController
 
-from agents.controllers.registry import build_controller
-from agents.estimators.registry import build_estimator
-from agents.flight.guidance import Guidance, Link
-from agents.flight.phases import Phase
+from agents.controllers.registry import CONTROLLERS
+from agents.estimators.registry import ESTIMATORS
+from agents.flight.guidance import FollowedLeader, Guidance
 from agents.interfaces import Measurement
-from agents.pilot import Frame, Pilot
+from agents.phases import Phase
+from agents.pilot import Pilot, StampedMeasurement
 from vehicles.model import Model
 from vehicles.types import COAXIAL
 
@@ -16,15 +16,19 @@ HOVER = COAXIAL.hover_input
 UP = (0.1, -0.2, 1.0)
 
 
-def seen(frame: int, position_m: tuple[float, float, float] = UP, period_s: float = 0.02) -> Frame:
-    return Frame(1, frame, period_s, Measurement(np.array(position_m), 0.0))
+def seen(
+    frame: int, position_m: tuple[float, float, float] = UP, period_s: float = 0.02
+) -> StampedMeasurement:
+    return StampedMeasurement(1, frame, period_s, Measurement(np.array(position_m), 0.0))
 
 
-def unseen(frame: int) -> Frame:
-    return Frame(1, frame, 0.02, None)
+def unseen(frame: int) -> StampedMeasurement:
+    return StampedMeasurement(1, frame, 0.02, None)
 
 
-def noted(model: Model = COAXIAL, inputs: np.ndarray | None = None, links: tuple[Link, ...] = ()) -> Pilot:
+def noted(
+    model: Model = COAXIAL, inputs: np.ndarray | None = None, links: tuple[FollowedLeader, ...] = ()
+) -> Pilot:
     inputs = model.hover_input[None, :] if inputs is None else inputs
     return Pilot(model, NotedController(inputs), ExactEstimator(model), Guidance(links))
 
@@ -45,7 +49,7 @@ def controller_of(pilot: Pilot) -> NotedController:
 def real(controller: str, estimator: str, model: Model = COAXIAL, horizon: int = 15) -> Pilot:
     return Pilot(
         model,
-        build_controller(controller, model, 0.02, {"horizon": horizon}),
-        build_estimator(estimator, model, 0.02, {}),
+        CONTROLLERS.build(controller, model, 0.02, {"horizon": horizon}),
+        ESTIMATORS.build(estimator, model, 0.02, {}),
         Guidance(),
     )

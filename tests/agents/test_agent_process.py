@@ -9,7 +9,7 @@ from agent_bench import FOLLOWING, HOVER, Bench, Join, settings_of
 from support.bus import raw_session
 from support.plans import plan_of
 
-from agents.interfaces import Share
+from agents.interfaces import LimitScale
 from agents.pilot import BLIND_LIMIT_S
 from agents.process import Agent, build_pilot
 from agents.references.trajectory import hold
@@ -84,7 +84,7 @@ def test_a_silent_tracker_is_bridged_by_prediction_up_to_a_limit(bench: Bench) -
     bench.clock.advance(0.02)
     bench.agent.step()
     assert bench.agent._control_by_s is None
-    assert 5 <= bench.status().fallbacks["coasted"] <= round(BLIND_LIMIT_S / 0.02)
+    assert 5 <= bench.status().fallbacks["pose_extrapolated"] <= round(BLIND_LIMIT_S / 0.02)
 
 
 def test_an_occluded_vehicle_is_commanded_for_a_while_and_then_left_to_its_gateway(bench: Bench) -> None:
@@ -131,12 +131,12 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
 
 def test_a_follower_waits_for_its_leaders_plan_of_the_same_frame(follower: Bench) -> None:
     follower.start()
-    missing = follower.pilot.guidance.events["no_leader_plan"]
+    missing = follower.pilot.guidance.events["leader_plan_missing"]
     follower.see()
     assert follower.agent._control_by_s is not None
     follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame))
     follower.command_of(follower.frame)
-    assert follower.pilot.guidance.events["no_leader_plan"] == missing
+    assert follower.pilot.guidance.events["leader_plan_missing"] == missing
 
 
 def test_a_follower_waits_for_a_silent_leader_only_until_its_deadline(follower: Bench) -> None:
@@ -147,7 +147,7 @@ def test_a_follower_waits_for_a_silent_leader_only_until_its_deadline(follower: 
     assert follower.frame not in {command.frame for command in follower.sent}
     follower.clock.advance(0.0002)
     follower.command_of(follower.frame)
-    assert follower.pilot.guidance.events["no_leader_plan"] >= 1
+    assert follower.pilot.guidance.events["leader_plan_missing"] >= 1
 
 
 def test_a_plan_of_the_frame_before_is_used_after_the_deadline(follower: Bench) -> None:
@@ -155,11 +155,11 @@ def test_a_plan_of_the_frame_before_is_used_after_the_deadline(follower: Bench) 
     follower.see()
     follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame, position_m=(0.5, 0.0, 1.0)))
     follower.command_of(follower.frame)
-    missing = follower.pilot.guidance.events["no_leader_plan"]
+    missing = follower.pilot.guidance.events["leader_plan_missing"]
     follower.see()
     follower.clock.advance(0.005)
     follower.command_of(follower.frame)
-    assert follower.pilot.guidance.events["no_leader_plan"] == missing
+    assert follower.pilot.guidance.events["leader_plan_missing"] == missing
 
 
 def test_the_status_tells_task_phase_and_leaders(follower: Bench) -> None:
@@ -168,7 +168,7 @@ def test_the_status_tells_task_phase_and_leaders(follower: Bench) -> None:
     assert (status.phase, status.horizon, status.epoch) == ("flying", 8, 1)
     assert [link.leader for link in status.following] == ["h1"]
     assert status.position_m == pytest.approx((0.0, 0.0, 1.0), abs=0.2)
-    assert status.fallbacks["no_leader_plan"] >= 1
+    assert status.fallbacks["leader_plan_missing"] >= 1
     assert status.ticks > 0
 
 
@@ -192,7 +192,7 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
 def test_a_leader_plans_with_less_than_its_whole_input_range(bus_address: BusAddress) -> None:
     def most_pitch(share: float) -> float:
         settings = replace(
-            settings_of(bus_address), controller="cascade", horizon=20, share=Share(4 * (share,))
+            settings_of(bus_address), controller="cascade", horizon=20, share=LimitScale(4 * (share,))
         )
         pilot = build_pilot(settings)
         estimate = pilot.estimate

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from support.hovering import HoveringFlight
 
-from agents.controllers.registry import available_controllers, build_controller
-from agents.plain_settings import SettingsError
+from agents.controllers.registry import CONTROLLERS
+from agents.plugins.plain_settings import SettingsError
 from vehicles.types import COAXIAL
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_controller"
@@ -37,7 +37,7 @@ def test_the_entry_point_is_that_of_the_package_description() -> None:
 
 
 def test_own_controller_is_found_by_name_and_flies(installed: None) -> None:
-    assert "backstepping" in available_controllers()
+    assert "backstepping" in CONTROLLERS.available()
     flight = HoveringFlight("cascade")
     flight.fly(100)
     outcome = flight.change(controller="backstepping")
@@ -52,4 +52,4 @@ def test_own_controller_is_found_by_name_and_flies(installed: None) -> None:
 
 def test_its_settings_are_checked_like_those_of_the_others(installed: None) -> None:
     with pytest.raises(SettingsError, match="stiffness"):
-        build_controller("backstepping", COAXIAL, 0.02, {"stiffness": -1.0})
+        CONTROLLERS.build("backstepping", COAXIAL, 0.02, {"stiffness": -1.0})

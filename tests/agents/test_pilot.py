@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
 
-from agents.flight.guidance import Link
-from agents.flight.phases import Event, Phase
+from agents.flight.guidance import FollowedLeader
 from agents.formation.law import FormationOffset
+from agents.phases import Event, Phase
 from agents.pilot import BRIDGE_STAGES, SPOOL_UP_S
 from vehicles.state import U_THRUST
 from vehicles.types import COAXIAL
@@ -140,10 +140,10 @@ def test_every_fallback_of_the_controller_is_counted_by_kind() -> None:
 
 
 def test_a_follower_without_plans_holds_its_place_and_counts_it() -> None:
-    pilot = airborne(noted(links=(Link("h1", FormationOffset(np.array([1.0, 0.0, 0.0]))),)))
+    pilot = airborne(noted(links=(FollowedLeader("h1", FormationOffset(np.array([1.0, 0.0, 0.0]))),)))
     flight = pilot.control({})
     assert flight.reference == pytest.approx([*UP, 0.0])
-    assert pilot.guidance.events["no_leader_plan"] == 1
+    assert pilot.guidance.events["leader_plan_missing"] == 1
 
 
 def test_events_before_the_first_pose_change_nothing() -> None:

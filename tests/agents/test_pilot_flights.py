@@ -7,18 +7,18 @@ from hypothesis import strategies as st
 from pilot_bench import HOVER, real, seen
 from support.flight import Lab, Plant, assert_sound, measured, still
 
-from agents.controllers.registry import available_controllers
-from agents.estimators.registry import available_estimators
-from agents.flight.guidance import LeaderPlan, Link
-from agents.flight.phases import Phase
+from agents.controllers.registry import CONTROLLERS
+from agents.estimators.registry import ESTIMATORS
+from agents.flight.guidance import FollowedLeader, LeaderPlan
 from agents.formation.law import FormationOffset
 from agents.interfaces import Measurement
-from agents.pilot import Frame
+from agents.phases import Phase
+from agents.pilot import StampedMeasurement
 from agents.references.trajectory import hold
 
 PAIRS = [
-    *((controller, "extended_kalman") for controller in available_controllers()),
-    *(("cascade", estimator) for estimator in available_estimators() if estimator != "extended_kalman"),
+    *((controller, "extended_kalman") for controller in CONTROLLERS.available()),
+    *(("cascade", estimator) for estimator in ESTIMATORS.available() if estimator != "extended_kalman"),
 ]
 
 
@@ -42,7 +42,7 @@ def test_every_controller_and_estimator_takes_off_flies_and_lands(controller: st
     assert not lab.flights[-1].input.any()
 
 
-@pytest.mark.parametrize("controller", available_controllers())
+@pytest.mark.parametrize("controller", CONTROLLERS.available())
 def test_a_vehicle_goes_on_flying_when_its_agent_is_replaced(controller: str) -> None:
     plant = Plant(start=still((0.0, 0.0, 0.8)))
     first = Lab(real(controller, "extended_kalman"), plant)
@@ -51,7 +51,7 @@ def test_a_vehicle_goes_on_flying_when_its_agent_is_replaced(controller: str) ->
     first.run(8.0)
     second = Lab(real(controller, "extended_kalman"), plant)
     second.frame = first.frame
-    second.pilot.observe(Frame(1, first.frame - 1, 0.02, measured(plant.state)))
+    second.pilot.observe(StampedMeasurement(1, first.frame - 1, 0.02, measured(plant.state)))
     second.pilot.note_applied("armed", -1, first.flights[-1].input)
     before = plant.state.motion[:3].copy()
     for _ in range(100):
@@ -89,7 +89,9 @@ def test_commands_are_finite_and_within_the_limits_whatever_happens(
     controller: str, story: list[tuple | str]
 ) -> None:
     pilot = real(controller, "extended_kalman", horizon=8)
-    pilot.guidance.links = (Link("h1", FormationOffset(np.array([0.5, 0.0, 0.0]), 0.3, "heading")),)
+    pilot.guidance.followed = (
+        FollowedLeader("h1", FormationOffset(np.array([0.5, 0.0, 0.0]), 0.3, "heading")),
+    )
     heard: dict[str, LeaderPlan] = {}
     frame = 0
     for step in story:
@@ -109,7 +111,7 @@ def test_commands_are_finite_and_within_the_limits_whatever_happens(
             epoch, ahead, pose = step
             frame += ahead
             measurement = None if pose is None else Measurement(np.array(pose[0]), pose[1])
-            pilot.observe(Frame(epoch, frame, 0.02, measurement))
+            pilot.observe(StampedMeasurement(epoch, frame, 0.02, measurement))
         else:
             trajectory = hold(np.array(step[0]), step[1], 0.02, 30)
             heard["h1"] = LeaderPlan(trajectory, step[2], step[3])

@@ -11,9 +11,9 @@ from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen, unseen
 from support.flight import ExactEstimator, NotedController, Plant, measured, still
 
 from agents.flight.guidance import Guidance
-from agents.flight.phases import Phase
 from agents.interfaces import Measurement
-from agents.pilot import BLIND_LIMIT_S, Frame, Pilot
+from agents.phases import Phase
+from agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
 from vehicles.model import Model
 from vehicles.types import COAXIAL, QUADROTOR
 
@@ -37,7 +37,7 @@ def test_the_compensated_state_is_the_vehicles_state_when_the_command_begins_to_
     pilot.note_applied("armed", -1, model.hover_input)
     for frame in range(60):
         measurement = None if frame in occluded else measured(plant.state)
-        pilot.observe(Frame(1, frame, period_s, measurement))
+        pilot.observe(StampedMeasurement(1, frame, period_s, measurement))
         if frame % per_tick == 0:
             future = deepcopy(plant)
             future.advance(delay_s)
@@ -70,13 +70,13 @@ def test_missing_frames_are_bridged_by_prediction_and_a_resuming_tracker_costs_n
         if frame in (10, 11, 12, 25):
             assert pilot.coast()
         else:
-            pilot.observe(Frame(1, frame, 0.02, measured(plant.state)))
+            pilot.observe(StampedMeasurement(1, frame, 0.02, measured(plant.state)))
         assert pilot.clock.current_frame == frame
         assert pilot.estimate.motion == pytest.approx(plant.state.motion, abs=1e-6)
         flight = pilot.control({})
         plant.send(flight.input)
         plant.advance(0.02)
-    assert pilot.fallbacks["coasted"] == 4
+    assert pilot.fallbacks["pose_extrapolated"] == 4
 
 
 def test_blind_flight_has_a_limit() -> None:

@@ -57,9 +57,9 @@ def test_deviations_count_from_the_middle_of_the_places_before_the_kill() -> Non
 
 
 def test_counters_of_a_process_that_started_again_begin_at_zero() -> None:
-    before = {"h1": {"coasted": 5, "held": 1, "same": 2}}
-    after = {"h1": {"coasted": 2, "held": 4, "same": 2, "new": 1}}
-    assert _difference(before, after) == {"h1": {"coasted": 2, "held": 3, "new": 1}}
+    before = {"h1": {"pose_extrapolated": 5, "held": 1, "same": 2}}
+    after = {"h1": {"pose_extrapolated": 2, "held": 4, "same": 2, "new": 1}}
+    assert _difference(before, after) == {"h1": {"pose_extrapolated": 2, "held": 3, "new": 1}}
 
 
 def test_rounds_are_summed_up_by_figure() -> None:

@@ -6,7 +6,7 @@ from support.statuses import flying_status
 from support.waiting import wait_for
 
 from bus import channels
-from bus.messages import Following, SetPoint
+from bus.messages import LeaderLink, SetPoint
 from bus.requests import Recall, RecallReply
 from bus.session import BusAddress, Session
 from deploy.memory import Memory
@@ -14,7 +14,7 @@ from deploy.memory import Memory
 STATUS = flying_status(
     frame=100,
     set_point=SetPoint(position_m=(0.1, 0.2, 1.0), yaw_rad=0.5),
-    following=(Following(leader="h2", offset_m=(0.4, 0.0, 0.0)),),
+    following=(LeaderLink(leader="h2", offset_m=(0.4, 0.0, 0.0)),),
 )
 
 

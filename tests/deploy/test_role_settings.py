@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from agents.formation.authority import LEADER_SHARE
-from agents.interfaces import WHOLE
-from agents.separation.avoidance import Clearance
+from agents.formation.limit_scaling import LEADER_LIMIT_SCALE
+from agents.interfaces import FULL_LIMITS
+from agents.separation.avoidance import SeparationEllipsoid
 from deploy.fleet import FleetError, parse_fleet
 from deploy.motion_capture import tracker_address
 from deploy.role_settings import (
@@ -139,8 +139,8 @@ def test_agents_get_their_leaders_and_the_share_their_followers_leave_them() -> 
     fleet = parse_fleet(PAIR)
     leader, follower = agent_settings(fleet, "h1"), agent_settings(fleet, "h2")
     assert leader.following == ()
-    assert leader.share.inputs == 4 * (LEADER_SHARE,)
-    assert follower.share == WHOLE
+    assert leader.share.inputs == 4 * (LEADER_LIMIT_SCALE,)
+    assert follower.share == FULL_LIMITS
     assert [(link.leader, link.offset_m) for link in follower.following] == [("h1", (-0.4, 0.5, 0.0))]
     assert leader.vehicles == tuple(leader.models) == ("h1", "h2")
     assert leader.volume_max_m == fleet.volume.max_m
@@ -241,9 +241,9 @@ def test_a_fleet_that_flies_hardware_has_nothing_to_simulate(tmp_path: Path) -> 
 
 
 def test_avoidance_is_on_unless_the_file_says_otherwise() -> None:
-    assert agent_settings(parse_fleet(PAIR), "h1").clearance == Clearance(0.35, 0.6)
+    assert agent_settings(parse_fleet(PAIR), "h1").clearance == SeparationEllipsoid(0.35, 0.6)
     wider = PAIR + "[avoidance]\nhorizontal_m = 0.5\n"
-    assert agent_settings(parse_fleet(wider), "h1").clearance == Clearance(0.5, 0.6)
+    assert agent_settings(parse_fleet(wider), "h1").clearance == SeparationEllipsoid(0.5, 0.6)
     off = PAIR + "[avoidance]\nenabled = false\n"
     assert agent_settings(parse_fleet(off), "h1").clearance is None
     with pytest.raises(FleetError, match=r"^avoidance\.vertical_m: .*0\.0"):

@@ -12,9 +12,9 @@ from bus.codec import encode
 from bus.messages import (
     Applied,
     FloatArray,
-    Following,
     LaboratoryState,
     LaboratoryVehicle,
+    LeaderLink,
     Plan,
     Pose,
 )
@@ -35,7 +35,7 @@ class Flight:
             "h1": [(0.0, 0.0, 1.0)] * frames, "h2": [(-0.5, 0.0, 1.0)] * frames,
         }  # fmt: skip
         self.yaw_rad = 0.0
-        self.link = Following(leader="h1", offset_m=(-0.5, 0.0, 0.0))
+        self.link = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0))
         self.on_floor = False
         self.touchdown_speed_m_s = 0.3
         self.states = ["armed"] * frames
@@ -115,7 +115,7 @@ def test_offsets_in_the_heading_frame_are_judged_in_it(truth: bool) -> None:
     flight = Flight()
     flight.truth = truth
     flight.yaw_rad = math.pi / 2
-    flight.link = Following(leader="h1", offset_m=(-0.5, 0.0, 0.0), frame="heading")
+    flight.link = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0), frame="heading")
     flight.positions["h2"] = [(0.0, -0.5, 1.0)] * 100
     assert flight.judged(checks.formation_held(1.0, 1.0))[0]
     flight.yaw_rad = 0.0

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.formation.authority import LEADER_SHARE
+from agents.formation.limit_scaling import LEADER_LIMIT_SCALE
 from agents.formation.topology import places
-from bus.messages import Following
+from bus.messages import LeaderLink
 from experiments.events import Event, Follow, GoTo, Lead, Switch
 from experiments.record import FlightRecord, rms
 from experiments.rig import (
@@ -36,7 +36,7 @@ def leader(controller: str = "cascade", **settings: object) -> RigVehicle:
 def follower(controller: str = "cascade", **settings: object) -> RigVehicle:
     return RigVehicle(
         "h2", COAXIAL, Pose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
-        following=(Following(leader="h1", offset_m=OFFSET_M),),
+        following=(LeaderLink(leader="h1", offset_m=OFFSET_M),),
     )  # fmt: skip
 
 
@@ -105,8 +105,8 @@ def test_cascade_keeps_the_formation_in_the_laboratory() -> None:
 def test_leader_leaves_its_follower_authority() -> None:
     record = flown(pair())
     hover = COAXIAL.hover_input
-    lowest = hover + LEADER_SHARE * (COAXIAL.u_min - hover)
-    highest = hover + LEADER_SHARE * (COAXIAL.u_max - hover)
+    lowest = hover + LEADER_LIMIT_SCALE * (COAXIAL.u_min - hover)
+    highest = hover + LEADER_LIMIT_SCALE * (COAXIAL.u_max - hover)
     inputs = record["h1"].inputs
     assert (inputs >= lowest - 1e-4).all()
     assert (inputs <= highest + 1e-4).all()
@@ -143,7 +143,7 @@ def test_follower_that_leads_holds_its_place() -> None:
 
 
 def test_leader_may_change_in_flight() -> None:
-    swap = [Lead(1.0, "h2"), Follow(1.1, "h1", (Following(leader="h2", offset_m=(0.4, -0.5, 0.0)),))]
+    swap = [Lead(1.0, "h2"), Follow(1.1, "h1", (LeaderLink(leader="h2", offset_m=(0.4, -0.5, 0.0)),))]
     record = flown(pair(), [*swap, GoTo(2.0, "h2", (0.0, 0.3, 1.3))], seconds=5.0)
     assert record["h1"].motion[-1, :3] == pytest.approx((0.4, -0.2, 1.3), abs=0.02)
     assert record["h1"].formation_error_m(4.5).max() < 0.005
@@ -169,7 +169,7 @@ def test_a_formation_of_four_headings_flies_as_one(frame: str, heading: float) -
     turns = {"h2": np.pi / 2, "h3": np.pi, "h4": -np.pi / 2}
     offsets = {"h2": (-0.4, 0.5, 0.0), "h3": (-0.5, 0.0, 0.0), "h4": (-0.4, -0.5, 0.0)}
     links = {"h1": ()} | {
-        name: (Following(leader="h1", offset_m=offsets[name], yaw_offset_rad=turn, frame=frame),)
+        name: (LeaderLink(leader="h1", offset_m=offsets[name], yaw_offset_rad=turn, frame=frame),)
         for name, turn in turns.items()
     }
     where = places(links, {"h1": np.array([0.0, 0.0, 1.0, heading])})
@@ -196,8 +196,8 @@ def test_several_leaders_and_the_leaders_heading_frame_define_one_station() -> N
         name="h3",
         start=Pose((-0.2, 0.0, 1.0)),
         following=(
-            Following(leader="h1", offset_m=(-0.3, 0.0, 0.0), frame="heading"),
-            Following(leader="h2", offset_m=(0.2, -0.5, 0.0), weight=3.0),
+            LeaderLink(leader="h1", offset_m=(-0.3, 0.0, 0.0), frame="heading"),
+            LeaderLink(leader="h2", offset_m=(0.2, -0.5, 0.0), weight=3.0),
         ),
     )
     record = flown([*pair(), third], (replace(STEP, time_s=0.5),), seconds=4.0)
@@ -220,7 +220,7 @@ def test_unknown_leader_is_refused() -> None:
 
 
 def test_cycle_of_leaders_is_refused() -> None:
-    circle = replace(leader(), following=(Following(leader="h2"),))
+    circle = replace(leader(), following=(LeaderLink(leader="h2"),))
     with pytest.raises(RigError, match="h1 follows h2 follows h1"):
         Rig([circle, follower()], IDEAL)
 
@@ -235,7 +235,7 @@ def test_control_period_that_fits_no_frames_is_refused() -> None:
     [
         (GoTo(0.1, "h2", (0.0, 0.0, 1.0)), "it follows h1"),
         (GoTo(0.1, "h9", (0.0, 0.0, 1.0)), "no vehicle 'h9'"),
-        (Follow(0.0, "h2", (Following(leader="h1"),)), "no plan from h1"),
+        (Follow(0.0, "h2", (LeaderLink(leader="h1"),)), "no plan from h1"),
     ],
 )
 def test_refused_event_stops_the_experiment(event: Event, reason: str) -> None:

@@ -12,7 +12,7 @@ from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
 from bus import channels
-from bus.messages import Following
+from bus.messages import LeaderLink
 from bus.requests import Arm, Follow, GoTo, Land, TakeOff
 from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
 from deploy.fleet import parse_fleet
@@ -251,16 +251,16 @@ def test_calls_of_a_vehicle_are_typed_requests(fleet: Fleet, vehicles: Vehicles)
     vehicle = fleet["h1"]
     vehicle.go_to([0, 1, 2], 3)
     vehicle.follow("h2", (1, 2, 3), 0.5, "heading", 2.0)
-    vehicle.follow([Following(leader="h2", weight=2.0)])
+    vehicle.follow([LeaderLink(leader="h2", weight=2.0)])
     vehicle.lead()
     vehicle.kill("smoke")
     vehicle.reset()
     go_to, follow, several, *others = vehicles["h1"].requests
     assert isinstance(go_to, GoTo)
     assert (go_to.set_point.position_m, go_to.set_point.yaw_rad) == ((0.0, 1.0, 2.0), 3.0)
-    link = Following(leader="h2", offset_m=(1.0, 2.0, 3.0), yaw_offset_rad=0.5, frame="heading")
+    link = LeaderLink(leader="h2", offset_m=(1.0, 2.0, 3.0), yaw_offset_rad=0.5, frame="heading")
     assert follow == Follow(following=(link,), transition_s=2.0)
-    assert several == Follow(following=(Following(leader="h2", weight=2.0),))
+    assert several == Follow(following=(LeaderLink(leader="h2", weight=2.0),))
     assert [type(other).__name__ for other in others] == ["Lead", "KillVehicle", "ResetKill"]
 
 

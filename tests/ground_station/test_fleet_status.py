@@ -10,7 +10,7 @@ from support.plans import plan_of
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus.messages import Following, SubjectState, TrackerStatus
+from bus.messages import LeaderLink, SubjectState, TrackerStatus
 from bus.session import BusAddress, Session
 from deploy.fleet import parse_fleet
 from ground_station.fleet import Fleet
@@ -139,7 +139,7 @@ def test_the_error_of_a_flying_vehicle_is_the_distance_to_its_reference() -> Non
 def test_the_status_tells_whom_a_vehicle_follows(
     fleet: Fleet, vehicles: Vehicles, join: Callable[..., Session]
 ) -> None:
-    vehicles["h2"].following = (Following(leader="h1", offset_m=(1.0, 0.0, 0.0)),)
+    vehicles["h2"].following = (LeaderLink(leader="h1", offset_m=(1.0, 0.0, 0.0)),)
     wait_for(lambda: fleet.state_of("h2").leaders == ("h1",), "the leader is not known")
     status = fleet_status(fleet)
     (link,) = status["vehicles"]["h2"]["agent"]["following"]
@@ -148,10 +148,11 @@ def test_the_status_tells_whom_a_vehicle_follows(
 
 
 def test_the_status_tells_what_is_done_about_a_lost_leader(fleet: Fleet, vehicles: Vehicles) -> None:
-    vehicles["h2"].assigned = (Following(leader="h1", offset_m=(1.0, 0.0, 0.0)),)
-    vehicles["h2"].stance = "hold"
+    vehicles["h2"].assigned = (LeaderLink(leader="h1", offset_m=(1.0, 0.0, 0.0)),)
+    vehicles["h2"].following_mode = "hold"
     wait_for(
-        lambda: fleet_status(fleet)["vehicles"]["h2"]["agent"]["stance"] == "hold", "the stance is not known"
+        lambda: fleet_status(fleet)["vehicles"]["h2"]["agent"]["following_mode"] == "hold",
+        "its following mode is not known",
     )
     agent = fleet_status(fleet)["vehicles"]["h2"]["agent"]
     assert agent["following"] == []

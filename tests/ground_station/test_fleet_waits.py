@@ -3,12 +3,12 @@
 import pytest
 from support.scripted import ScriptedVehicle
 
-from bus.messages import Following
+from bus.messages import LeaderLink
 from ground_station.fleet import Fleet
 from ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
-LINK = Following(leader="h1", offset_m=(-0.4, 0.5, 0.0))
+LINK = LeaderLink(leader="h1", offset_m=(-0.4, 0.5, 0.0))
 
 
 def flying_formation(vehicles: Vehicles) -> None:
@@ -42,10 +42,10 @@ def test_a_formation_is_there_when_all_followers_are_at_their_places(
 
 def test_a_formation_waits_for_offsets_that_are_on_their_way(fleet: Fleet, vehicles: Vehicles) -> None:
     flying_formation(vehicles)
-    vehicles["h2"].assigned = (Following(leader="h1", offset_m=(-0.8, 0.5, 0.0)),)
+    vehicles["h2"].assigned = (LeaderLink(leader="h1", offset_m=(-0.8, 0.5, 0.0)),)
     with pytest.raises(NotReachedError, match="h2: still on its way to its new offset"):
         fleet.wait_for_formation(timeout_s=0.3)
-    vehicles["h2"].assigned = (Following(leader="h3"),)
+    vehicles["h2"].assigned = (LeaderLink(leader="h3"),)
     with pytest.raises(NotReachedError, match="h2: does not follow h3 now"):
         fleet.wait_for_formation(timeout_s=0.3)
 

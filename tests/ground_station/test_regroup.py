@@ -11,22 +11,27 @@ from support.plans import plan_of
 from support.statuses import hovering
 
 from agents.formation.topology import cycle
-from bus.messages import AgentStatus, Following, Plan
+from bus.messages import AgentStatus, LeaderLink, Plan
 from bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
 from bus.session import RequestFailedError
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
 
-Links = dict[str, tuple[Following, ...]]
+FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
 
-def link(leader: str, x: float) -> Following:
-    return Following(leader=leader, offset_m=(x, 0.0, 0.0))
+def link(leader: str, x: float) -> LeaderLink:
+    return LeaderLink(leader=leader, offset_m=(x, 0.0, 0.0))
 
 
-TREE: Links = {"h1": (), "h2": (link("h1", -0.5),), "h3": (link("h1", 0.5),), "h4": (link("h3", 0.5),)}
+TREE: FormationGraph = {
+    "h1": (),
+    "h2": (link("h1", -0.5),),
+    "h3": (link("h1", 0.5),),
+    "h4": (link("h3", 0.5),),
+}
 
 
-def status(following: tuple[Following, ...], place: float = 0.0, phase: str = "flying") -> AgentStatus:
+def status(following: tuple[LeaderLink, ...], place: float = 0.0, phase: str = "flying") -> AgentStatus:
     return hovering((place, 0.0, 1.0), *following, phase=phase)
 
 
@@ -37,7 +42,7 @@ STATUSES = {name: status(links) for name, links in TREE.items()}
 class Member:
     """A vehicle as far as a change of leaders goes."""
 
-    following: tuple[Following, ...]
+    following: tuple[LeaderLink, ...]
     prepared: PrepareLeaders | None = None
     frame: int | None = None
     alive: bool = True
@@ -51,7 +56,7 @@ class Formation:
     trouble: dict[int, str] = field(default_factory=dict)
     frame: int = 100
     asked: int = 0
-    graphs: list[Links] = field(default_factory=list)
+    graphs: list[FormationGraph] = field(default_factory=list)
 
     @property
     def session(self) -> "Formation":
@@ -101,14 +106,14 @@ class Formation:
         raise TimeoutError(what)
 
     @property
-    def links(self) -> Links:
+    def links(self) -> FormationGraph:
         return {name: member.following for name, member in self.members.items()}
 
 
 @dataclass
 class View:
     newest: Plan
-    following: tuple[Following, ...]
+    following: tuple[LeaderLink, ...]
 
     @property
     def plan(self) -> "View":

@@ -14,9 +14,9 @@ from bus.codec import encode
 from bus.messages import (
     Applied,
     FloatArray,
-    Following,
     LaboratoryState,
     LaboratoryVehicle,
+    LeaderLink,
     Message,
     Plan,
     Pose,
@@ -56,7 +56,7 @@ class Flight:
         )
 
     def plan(
-        self, unit: str, frame: int, reference: Four | None, *following: Following, start_s: float = 0.02
+        self, unit: str, frame: int, reference: Four | None, *following: LeaderLink, start_s: float = 0.02
     ) -> None:
         trajectory = FloatArray.of(np.zeros((2, 12)))
         self.add(
@@ -154,7 +154,7 @@ def test_formation_error_is_the_distance_to_the_leader_plus_offset() -> None:
     for frame, error_m in enumerate((0.0, 0.03, 0.04)):
         flight.pose("h1", frame, (0.1 * frame, 0.0, 1.0))
         flight.pose("h2", frame, (0.1 * frame - 0.5, 0.2 + error_m, 1.0))
-        flight.plan("h2", frame, (0.0,) * 4, Following(leader="h1", offset_m=(-0.5, 0.2, 0.0)))
+        flight.plan("h2", frame, (0.0,) * 4, LeaderLink(leader="h1", offset_m=(-0.5, 0.2, 0.0)))
     figures = flight.figures("h1", "h2")
     assert figures.formation_error_m("h2") == pytest.approx([0.0, 0.03, 0.04])
     assert figures.vehicle("h2")["formation_error_mm"] == {"rms": 28.87, "max": 40.0}
@@ -166,14 +166,14 @@ def test_formation_error_with_several_leaders_uses_the_weighted_mean() -> None:
     flight.pose("h1", 5, (0.0, 0.0, 1.0))
     flight.pose("h2", 5, (4.0, 0.0, 1.0))
     flight.pose("h3", 5, (1.0, 0.1, 1.0))
-    links = (Following(leader="h1", weight=3.0), Following(leader="h2", weight=1.0))
+    links = (LeaderLink(leader="h1", weight=3.0), LeaderLink(leader="h2", weight=1.0))
     flight.plan("h3", 5, (0.0,) * 4, *links)
     assert flight.figures("h1", "h2", "h3").formation_error_m("h3") == pytest.approx([0.1])
 
 
 def test_frames_in_which_somebody_was_not_seen_or_not_flown_do_not_count() -> None:
     flight = Flight()
-    link = Following(leader="h1")
+    link = LeaderLink(leader="h1")
     flight.pose("h1", 1, (0.0, 0.0, 1.0))
     flight.pose("h2", 1, None)
     flight.pose("h1", 2, None)
@@ -193,7 +193,7 @@ def test_the_truth_of_the_laboratory_counts_where_there_is_one() -> None:
     flight.laboratory(1, 0.0, h1=truth(0.0), h2=truth(0.25))
     flight.pose("h1", 1, (9.0, 9.0, 9.0))
     flight.pose("h2", 1, (9.0, 9.0, 9.0))
-    flight.plan("h2", 1, (0.0, 0.0, 1.0, 0.0), Following(leader="h1"))
+    flight.plan("h2", 1, (0.0, 0.0, 1.0, 0.0), LeaderLink(leader="h1"))
     assert flight.figures("h1", "h2").formation_error_m("h2") == pytest.approx([0.25])
 
 

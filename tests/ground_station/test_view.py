@@ -11,7 +11,7 @@ from support.plans import plan_of
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
-from bus.messages import Following, SetPoint
+from bus.messages import LeaderLink, SetPoint
 from bus.requests import GoTo
 from ground_station.fleet import Fleet
 from ground_station.view import FleetView, box_edges, heading_quaternion, plan_segments
@@ -58,7 +58,7 @@ def test_vehicles_are_where_their_agents_say_and_only_flying_leaders_can_be_drag
     assert view["h1"].body.visible
     assert tuple(view["h1"].body.position) == pytest.approx((0.1, 0.2, 0.3))
     assert not view["h1"].handle.visible
-    vehicles["h2"].following = (Following(leader="h1"),)
+    vehicles["h2"].following = (LeaderLink(leader="h1"),)
     for vehicle in vehicles.values():
         vehicle.phase = "flying"
         vehicle.plan_at((0.0, 0.0, 1.0))

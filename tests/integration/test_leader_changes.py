@@ -83,7 +83,7 @@ def test_new_leader_is_followed_two_frames_after_the_answer_and_without_a_bump(l
     truth = Truth(flying)
     flying.fleet.take_off(height_m=0.8)
     settled(flying, truth)
-    before = events(flying, "h3", "no_leader_plan")
+    before = events(flying, "h3", "leader_plan_missing")
     recorder = Recorder(flying.fleet.session)
     recorder.start()
     wait_for_frames(flying, "h3", 10)
@@ -100,7 +100,9 @@ def test_new_leader_is_followed_two_frames_after_the_answer_and_without_a_bump(l
     assert sum(names == () for _, names in seen) <= 2
     assert largest_step(recording, "h3", first_frame) < BUMPLESS
     flying.fleet.wait_until(
-        lambda: flying.fleet["h3"].plan is not None and events(flying, "h3", "no_leader_plan") <= before + 2,
+        lambda: (
+            flying.fleet["h3"].plan is not None and events(flying, "h3", "leader_plan_missing") <= before + 2
+        ),
         3,
         "frames without a plan",
     )

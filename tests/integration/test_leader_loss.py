@@ -75,9 +75,9 @@ def followed(flying: Flying, name: str) -> tuple[str, ...]:
     return () if plan is None else tuple(link.leader for link in plan.following)
 
 
-def stance(flying: Flying, name: str) -> str:
+def following_mode(flying: Flying, name: str) -> str:
     status = flying.fleet.state_of(name).agent
-    return "unknown" if status is None else status.stance
+    return "unknown" if status is None else status.following_mode
 
 
 def counted(flying: Flying, name: str, kind: str) -> int:
@@ -85,12 +85,12 @@ def counted(flying: Flying, name: str, kind: str) -> int:
     return 0 if status is None else status.fallbacks.get(kind, 0)
 
 
-def wait_for_stances(flying: Flying, stances: dict[str, str], timeout_s: float = 10) -> None:
+def wait_for_stances(flying: Flying, modes: dict[str, str], timeout_s: float = 10) -> None:
     flying.fleet.wait_until(
-        lambda: all(stance(flying, name) == wanted for name, wanted in stances.items()),
+        lambda: all(following_mode(flying, name) == wanted for name, wanted in modes.items()),
         timeout_s,
-        f"stances are not {stances}",
-        stances,
+        f"modes are not {modes}",
+        modes,
     )
 
 

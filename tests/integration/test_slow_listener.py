@@ -54,7 +54,7 @@ def test_a_listener_that_hangs_does_not_delay_the_fleet(launch: Launch) -> None:
         assert agent is not None
         assert transmitter_state(flying, name) == "armed"
         assert {kind: n for kind, n in status.counters.items() if "HOLD" in kind or "DESCEND" in kind} == {}
-        assert agent.fallbacks.get("coasted", 0) == 0
+        assert agent.fallbacks.get("pose_extrapolated", 0) == 0
 
 
 def _ticks(flying: Flying, name: str) -> int:

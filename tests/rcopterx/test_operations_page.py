@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import rcopterx
-from agents.flight.phases import TRANSITIONS
+from agents.phases import TRANSITIONS
 from bus.messages import SubjectState, TrackerStatus, TransmitterStatus
 from ground_station.state import VehicleState, tracker_problems
 from ground_station.table import COLUMNS

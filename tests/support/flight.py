@@ -7,7 +7,7 @@ import numpy as np
 
 from agents.flight.prediction import predict
 from agents.interfaces import ControlStep, Estimate, Measurement
-from agents.pilot import Flight, Frame, Pilot
+from agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from agents.references.trajectory import Trajectory, hold
 from vehicles.model import Model
 from vehicles.state import YAW, Array
@@ -119,7 +119,7 @@ class NotedController:
         return ControlStep(np.array(rows), plan, self.fallback, 1)
 
 
-def assert_sound(flight: Flight, model: Model) -> None:
+def assert_sound(flight: ControlOutput, model: Model) -> None:
     """A command is finite and within the limits of its vehicle, whatever happened."""
     for inputs in (flight.input[None, :], flight.next_inputs):
         assert np.isfinite(inputs).all()
@@ -136,14 +136,14 @@ class Lab:
         self.plant = plant
         self.frame = 0
         self.state = "armed"
-        self.flights: list[Flight] = []
+        self.flights: list[ControlOutput] = []
         self._frame_period_s = frame_period_s
         self._per_tick = per_tick
 
     def see(self, visible: bool = True) -> None:
         """Let the pilot see the present, and control where a control period begins."""
         measurement = measured(self.plant.state) if visible else None
-        self.pilot.observe(Frame(1, self.frame, self._frame_period_s, measurement))
+        self.pilot.observe(StampedMeasurement(1, self.frame, self._frame_period_s, measurement))
         if self.frame % self._per_tick == 0:
             flight = self.pilot.control({})
             assert_sound(flight, self.pilot.model)

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from agents.configuration import Configuration
 from agents.flight.guidance import Guidance
-from agents.interfaces import WHOLE, Measurement
-from agents.pilot import Flight, Frame, Pilot
-from agents.tuning import Tuning
+from agents.interfaces import FULL_LIMITS, Measurement
+from agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from agents.tuning.changes import Tuning
+from agents.tuning.configuration import Configuration
 from simulator.conditions import LABORATORY
 from simulator.laboratory import Laboratory
 from simulator.plant import Pose
@@ -25,21 +25,21 @@ class HoveringFlight:
         configuration = Configuration(controller, estimator, {"horizon": 20})
         self.pilot = Pilot(
             COAXIAL,
-            configuration.controller_for(COAXIAL, PERIOD_S, WHOLE),
+            configuration.controller_for(COAXIAL, PERIOD_S, FULL_LIMITS),
             configuration.estimator_for(COAXIAL, PERIOD_S),
             Guidance(),
         )
-        self.tuning = Tuning(configuration, self.pilot, PERIOD_S, WHOLE)
+        self.tuning = Tuning(configuration, self.pilot, PERIOD_S, FULL_LIMITS)
         self.laboratory = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, 1.0))}, LABORATORY, 4)
         self.frame = 0
-        self.flown: list[Flight] = []
+        self.flown: list[ControlOutput] = []
         self._see()
         self.pilot.note_applied("armed", 0, COAXIAL.hover_input)
 
     def _see(self) -> None:
         pose = self.laboratory.measured_pose("h1")
         measurement = Measurement(np.array(pose.position_m), pose.yaw_rad)
-        self.pilot.observe(Frame(1, self.frame, PERIOD_S, measurement))
+        self.pilot.observe(StampedMeasurement(1, self.frame, PERIOD_S, measurement))
 
     def fly(self, periods: int) -> None:
         for _ in range(periods):

@@ -5,7 +5,7 @@ import numpy as np
 from agents.references.trajectory import COLUMNS
 from bus import channels
 from bus.codec import encode
-from bus.messages import FloatArray, Following, Plan
+from bus.messages import FloatArray, LeaderLink, Plan
 from bus.subscription import Inbox
 
 
@@ -55,7 +55,7 @@ def plan_of(
     followable: bool = True,
     yaw_rad: float = 0.0,
     reference_m: tuple[float, float, float] | None = None,
-    following: tuple[Following, ...] = (),
+    following: tuple[LeaderLink, ...] = (),
 ) -> Plan:
     """Plan of a vehicle that hovers."""
     samples = np.zeros((20, COLUMNS))

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from bus import channels
 from bus.messages import (
     AgentStatus,
-    Following,
+    LeaderLink,
     Plan,
     Pose,
     SetPoint,
@@ -52,9 +52,9 @@ class ScriptedVehicle:
         self.stuck: set[str] = set()
         self.requests: list[object] = []
         self.counts: dict[str, int] = {}
-        self.following: tuple[Following, ...] = ()
-        self.assigned: tuple[Following, ...] = ()
-        self.stance = "follow"
+        self.following: tuple[LeaderLink, ...] = ()
+        self.assigned: tuple[LeaderLink, ...] = ()
+        self.following_mode = "follow"
         self.set_point = SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0)
         self.position_m = (0.1, 0.2, 0.3)
         self.occluded_s: float | None = None
@@ -107,7 +107,7 @@ class ScriptedVehicle:
             position_m=self.position_m,
             following=self.following,
             assigned=self.assigned,
-            stance=self.stance,
+            following_mode=self.following_mode,
             pose_age_s=self.pose_age_s,
             fallbacks=self.counts,
         )

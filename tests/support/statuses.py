@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from bus.messages import AgentStatus, Following, SetPoint
+from bus.messages import AgentStatus, LeaderLink, SetPoint
 
 
 def flying_status(**changes: Any) -> AgentStatus:
@@ -19,7 +19,7 @@ def flying_status(**changes: Any) -> AgentStatus:
     return AgentStatus(**(fields | changes))
 
 
-def hovering(position_m: tuple[float, float, float], *following: Following, **changes: Any) -> AgentStatus:
+def hovering(position_m: tuple[float, float, float], *following: LeaderLink, **changes: Any) -> AgentStatus:
     """The status of a vehicle that is where it shall be, heading 0, its leaders as they were assigned."""
     fields: dict[str, Any] = {
         "set_point": SetPoint(position_m=position_m, yaw_rad=0.0),

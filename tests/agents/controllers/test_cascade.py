@@ -5,7 +5,7 @@ import pytest
 
 from agents.controllers.cascade import CascadeController, CascadeSettings
 from agents.controllers.roll_out import predict
-from agents.interfaces import ControlStep, Estimate, Share
+from agents.interfaces import ControlStep, Estimate, LimitScale
 from agents.references.trajectory import Trajectory, hold
 from vehicles.state import Array, heading_matrix
 from vehicles.types import COAXIAL
@@ -154,7 +154,7 @@ def test_input_range_is_kept_and_changes_without_rebuilding() -> None:
     target = np.array([1.0, -1.0, 1.8, 3.0])
     spans = []
     for fraction in (1.0, 0.8, 0.5):
-        controller.set_share(Share(4 * (fraction,)))
+        controller.set_limit_scale(LimitScale(4 * (fraction,)))
         inputs = first_step(controller, state(), target).inputs
         spans.append(np.abs(inputs - HOVER).max(axis=0) / np.array([1, 1, 1 - HOVER[2], 0.4]))
     assert spans[0][[0, 1, 3]] == pytest.approx(1.0, abs=1e-3)
@@ -162,7 +162,7 @@ def test_input_range_is_kept_and_changes_without_rebuilding() -> None:
     assert spans[2][[0, 1, 3]] == pytest.approx(0.5, abs=1e-3)
     for wrong in ((0.0, 1.0, 1.0, 1.0), (1.5, 1.0, 1.0, 1.0), (0.5, 0.5)):
         with pytest.raises(ValueError, match="above 0 and at most 1"):
-            Share(wrong)
+            LimitScale(wrong)
 
 
 @pytest.mark.parametrize("gust_m_s2", [-0.6, 0.0, 0.6])

@@ -109,7 +109,7 @@ def flown(obstacles: list[Obstacle], goal: Array, steps: int = 250, **settings: 
     controller.reset(estimate, COAXIAL.hover_input)
     track = []
     for _ in range(steps):
-        controller.keep_clear(obstacles)
+        controller.set_obstacles(obstacles)
         step = controller.step(estimate, hold(goal, 0.0, PERIOD_S, 40), COAXIAL.hover_input)
         assert step.fallback is None
         track.append(motion[:3])

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from agents.controllers.registry import build_controller
+from agents.controllers.registry import CONTROLLERS
 from agents.interfaces import Controller, ControlStep, Estimate
 from agents.references.trajectory import COLUMNS, Trajectory, hold
 from vehicles.model import Model
@@ -21,7 +21,7 @@ NAMES = ("cascade", "lqr", "paper", "pid")
 HOVER = COAXIAL.hover_input
 FALLBACKS = {None, "early_stop", "shifted_plan", "hover"}
 
-CONTROLLERS: dict[tuple[str, str], Controller] = {}
+BUILT: dict[tuple[str, str], Controller] = {}
 
 every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 
@@ -29,16 +29,16 @@ every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 def controller(name: str, model: Model = COAXIAL) -> Controller:
     """One controller per name and type for all examples: what came before must not matter either."""
     key = (name, model.kind)
-    if key not in CONTROLLERS:
-        CONTROLLERS[key] = build_controller(name, model, PERIOD_S, {"horizon": HORIZON})
-        CONTROLLERS[key].reset(at(np.array([0, 0, 1.0, 0, 0, 0, 0, 0])), HOVER)
-    return CONTROLLERS[key]
+    if key not in BUILT:
+        BUILT[key] = CONTROLLERS.build(name, model, PERIOD_S, {"horizon": HORIZON})
+        BUILT[key].reset(at(np.array([0, 0, 1.0, 0, 0, 0, 0, 0])), HOVER)
+    return BUILT[key]
 
 
 def unhurried(name: str, model: Model = COAXIAL) -> Controller:
     """A controller that a busy machine does not make stop early."""
     patience = {"time_limit_s": 1.0} if name == "paper" else {}
-    return build_controller(name, model, PERIOD_S, {"horizon": HORIZON} | patience)
+    return CONTROLLERS.build(name, model, PERIOD_S, {"horizon": HORIZON} | patience)
 
 
 def box(model: Model) -> tuple[Array, Array]:
@@ -149,7 +149,7 @@ def test_a_state_far_outside_the_box_is_no_reason_to_give_up(
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_reference_that_is_not_finite_means_hovering_at_the_last_set_point(name: str) -> None:
-    flown = build_controller(name, COAXIAL, PERIOD_S, {"horizon": HORIZON})
+    flown = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": HORIZON})
     here = at(np.array([0.2, 0.1, 1.0, 0.3, 0, 0, 0, 0]))
     flown.reset(here, HOVER)
     good = hold(np.array([0.2, 0.1, 1.0]), 0.3, PERIOD_S, HORIZON)
@@ -179,7 +179,7 @@ def test_without_a_state_the_previous_plan_is_flown_for_a_while_and_then_hover_t
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_estimate_without_plan_hovers(name: str) -> None:
-    flown = build_controller(name, COAXIAL, PERIOD_S, {"horizon": HORIZON})
+    flown = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": HORIZON})
     lost = at(np.full(8, np.nan))
     flown.reset(lost, HOVER)
     step = flown.step(lost, hold(np.array([0.3, 0.1, 1.1]), 0.3, PERIOD_S, HORIZON), HOVER)
@@ -193,7 +193,7 @@ def test_switching_in_flight_is_bumpless(before: str, after: str) -> None:
     """In hover with a trim that the old controller has found, the new one's first step is a small one."""
     trim = np.array([0.03, -0.02, 0.01, 0.0])
     old, new = (
-        build_controller(name, COAXIAL, PERIOD_S, {"horizon": HORIZON} | UNHURRIED.get(name, {}))
+        CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": HORIZON} | UNHURRIED.get(name, {}))
         for name in (before, after)
     )
     motion = np.array([0.1, -0.1, 1.0, 0.5, 0, 0, 0, 0])

@@ -6,42 +6,42 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from agents.controllers import registry
-from agents.controllers.registry import available_controllers, build_controller, load_controller
-from agents.plain_settings import SettingsError
+from agents.controllers.registry import CONTROLLERS
+from agents.plugins import registry
+from agents.plugins.plain_settings import SettingsError
 from vehicles.types import COAXIAL
 
 
 def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "entry_points", lambda group: [])
-    assert "paper" in available_controllers()
+    assert "paper" in CONTROLLERS.available()
     for name in ("cascade", "lqr", "paper", "pid"):
-        controller = build_controller(name, COAXIAL, 0.02, {"horizon": 12})
+        controller = CONTROLLERS.build(name, COAXIAL, 0.02, {"horizon": 12})
         assert (controller.horizon, controller.period_s) == (12, 0.02)
 
 
 def test_an_installed_package_adds_a_controller(monkeypatch: pytest.MonkeyPatch) -> None:
-    added = EntryPoint("mine", "agents.controllers.paper:PaperController", registry.ENTRY_POINT_GROUP)
+    added = EntryPoint("mine", "agents.controllers.paper:PaperController", CONTROLLERS.entry_point_group)
     monkeypatch.setattr(registry, "entry_points", lambda group: [added])
-    assert "mine" in available_controllers()
-    assert build_controller("mine", COAXIAL, 0.02, {"horizon": 5}).horizon == 5
+    assert "mine" in CONTROLLERS.available()
+    assert CONTROLLERS.build("mine", COAXIAL, 0.02, {"horizon": 5}).horizon == 5
 
 
 def test_a_package_that_cannot_be_imported_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    broken = EntryPoint("broken", "no_such_package:Thing", registry.ENTRY_POINT_GROUP)
+    broken = EntryPoint("broken", "no_such_package:Thing", CONTROLLERS.entry_point_group)
     monkeypatch.setattr(registry, "entry_points", lambda group: [broken])
     with pytest.raises(SettingsError, match=r"'broken' \(no_such_package:Thing\) cannot be imported"):
-        load_controller("broken")
+        CONTROLLERS.load("broken")
 
 
 def test_an_unknown_controller_is_told_what_is_allowed() -> None:
     with pytest.raises(SettingsError, match=r"no controller is called 'mpc'; allowed are .*paper"):
-        build_controller("mpc", COAXIAL, 0.02, {})
+        CONTROLLERS.build("mpc", COAXIAL, 0.02, {})
 
 
 def test_importing_the_registry_imports_no_controller() -> None:
     code = (
-        "import sys, agents.controllers.registry as r; r.available_controllers();"
+        "import sys, agents.controllers.registry as r; r.CONTROLLERS.available();"
         "assert not {'osqp', 'scipy', 'agents.controllers.paper'} & set(sys.modules), sorted(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
@@ -68,10 +68,10 @@ def test_importing_the_registry_imports_no_controller() -> None:
 )
 def test_a_wrong_setting_is_named_with_what_is_allowed(settings: dict[str, object], message: str) -> None:
     with pytest.raises(SettingsError, match=message) as refused:
-        build_controller("paper", COAXIAL, 0.02, settings)
+        CONTROLLERS.build("paper", COAXIAL, 0.02, settings)
     assert "controller 'paper'" in str(refused.value)
 
 
 def test_a_period_outside_the_range_is_refused() -> None:
     with pytest.raises(SettingsError, match="period_s must be from"):
-        build_controller("paper", COAXIAL, 0.0, {})
+        CONTROLLERS.build("paper", COAXIAL, 0.0, {})

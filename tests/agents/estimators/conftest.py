@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from agents.estimators.registry import build_estimator
+from agents.estimators.registry import ESTIMATORS
 from agents.interfaces import Measurement
 from simulator.conditions import LABORATORY, Conditions
 from simulator.laboratory import Laboratory
@@ -36,7 +36,7 @@ class Flight:
         self.frame_s = PERIOD_S / frames_per_period
         self._frames = frames_per_period
         self.laboratory = Laboratory({"h1": model}, {"h1": start or Pose((0.0, 0.0, 1.0))}, conditions, seed)
-        self.estimator = build_estimator(estimator, model, self.frame_s, settings or {})
+        self.estimator = ESTIMATORS.build(estimator, model, self.frame_s, settings or {})
         self.estimator.reset(self.measurement())
         self.motors_on = self.laboratory.plant("h1").motors_running
         self._under_way = model.hover_input if self.motors_on else np.zeros(4)

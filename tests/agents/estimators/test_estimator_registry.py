@@ -6,22 +6,22 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-import agents.estimators.registry as registry
 from agents.estimators.extended_kalman import ExtendedKalmanEstimator
-from agents.estimators.registry import available_estimators, build_estimator
+from agents.estimators.registry import ESTIMATORS
+from agents.plugins import registry
 from vehicles.types import COAXIAL
 
 
 def test_built_in_estimators_are_listed_and_the_default_is_among_them() -> None:
-    assert {"extended_kalman", "finite_difference", "kalman"} <= set(available_estimators())
-    assert isinstance(build_estimator("extended_kalman", COAXIAL, 0.02, {}), ExtendedKalmanEstimator)
+    assert {"extended_kalman", "finite_difference", "kalman"} <= set(ESTIMATORS.available())
+    assert isinstance(ESTIMATORS.build("extended_kalman", COAXIAL, 0.02, {}), ExtendedKalmanEstimator)
 
 
 def test_unknown_estimator_is_refused_with_the_allowed_ones() -> None:
     with pytest.raises(
         ValueError, match=r"'luenberger'; allowed are extended_kalman, finite_difference, kal"
     ):
-        build_estimator("luenberger", COAXIAL, 0.02, {})
+        ESTIMATORS.build("luenberger", COAXIAL, 0.02, {})
 
 
 @pytest.mark.parametrize(
@@ -38,28 +38,28 @@ def test_unknown_estimator_is_refused_with_the_allowed_ones() -> None:
 )
 def test_wrong_settings_are_refused_by_name(name: str, settings: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        build_estimator(name, COAXIAL, 0.02, settings)
+        ESTIMATORS.build(name, COAXIAL, 0.02, settings)
 
 
 @pytest.mark.parametrize("period_s", [0.0, -0.02, 1.0, float("nan")])
 def test_period_out_of_range_is_refused(period_s: float) -> None:
     with pytest.raises(ValueError, match=r"period_s must be from 0\.002 to 0\.2 s"):
-        build_estimator("kalman", COAXIAL, period_s, {})
+        ESTIMATORS.build("kalman", COAXIAL, period_s, {})
 
 
 def test_installed_package_can_add_an_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
-    added = EntryPoint("mine", "agents.estimators.kalman:KalmanEstimator", registry.ENTRY_POINT_GROUP)
-    broken = EntryPoint("broken", "no_such_package:Estimator", registry.ENTRY_POINT_GROUP)
+    added = EntryPoint("mine", "agents.estimators.kalman:KalmanEstimator", ESTIMATORS.entry_point_group)
+    broken = EntryPoint("broken", "no_such_package:Estimator", ESTIMATORS.entry_point_group)
     monkeypatch.setattr(registry, "entry_points", lambda group: [added, broken])
-    assert {"mine", "broken"} <= set(available_estimators())
-    assert type(build_estimator("mine", COAXIAL, 0.02, {})).__name__ == "KalmanEstimator"
+    assert {"mine", "broken"} <= set(ESTIMATORS.available())
+    assert type(ESTIMATORS.build("mine", COAXIAL, 0.02, {})).__name__ == "KalmanEstimator"
     with pytest.raises(ValueError, match=r"'broken' .* cannot be imported"):
-        build_estimator("broken", COAXIAL, 0.02, {})
+        ESTIMATORS.build("broken", COAXIAL, 0.02, {})
 
 
 def test_listing_estimators_imports_none_of_them() -> None:
     code = (
-        "import sys; from agents.estimators.registry import available_estimators; available_estimators();"
+        "import sys; from agents.estimators.registry import ESTIMATORS; ESTIMATORS.available();"
         "sys.exit(any(m in sys.modules for m in "
         "('agents.estimators.kalman', 'agents.estimators.extended_kalman')))"
     )

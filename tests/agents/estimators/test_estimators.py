@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.estimators.registry import BUILT_IN, build_estimator
+from agents.estimators.registry import ESTIMATORS
 from agents.interfaces import Measurement
 from simulator.conditions import IDEAL
 from simulator.plant import Pose
 from vehicles.types import COAXIAL, TYPES
 
 NewFlight = Callable[..., Any]
-every_estimator = pytest.mark.parametrize("name", BUILT_IN)
+every_estimator = pytest.mark.parametrize("name", ESTIMATORS.built_in)
 VELOCITY_BOUND_M_S = {"extended_kalman": 0.008, "kalman": 0.02, "finite_difference": 0.02}
 YAW_RATE_BOUND_RAD_S = {"extended_kalman": 0.05, "kalman": 0.2, "finite_difference": 0.2}
 
@@ -77,7 +77,7 @@ def test_reset_on_the_way_keeps_the_count_of_turns(new_flight: NewFlight, name: 
 
 @every_estimator
 def test_first_yaw_may_already_be_unwrapped(name: str) -> None:
-    estimator = build_estimator(name, COAXIAL, 0.02, {})
+    estimator = ESTIMATORS.build(name, COAXIAL, 0.02, {})
     estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 3 * math.pi))
     estimator.predict(COAXIAL.hover_input, 0.02)
     assert estimator.correct(Measurement(np.array([0.0, 0.0, 1.0]), -math.pi + 0.01))
@@ -86,7 +86,7 @@ def test_first_yaw_may_already_be_unwrapped(name: str) -> None:
 
 @every_estimator
 def test_first_pose_starts_an_estimator_that_was_not_reset(name: str) -> None:
-    estimator = build_estimator(name, COAXIAL, 0.02, {})
+    estimator = ESTIMATORS.build(name, COAXIAL, 0.02, {})
     assert estimator.correct(Measurement(np.array([5.0, 2.0, 1.0]), 2.0))
     assert np.allclose(estimator.estimate.motion, [5.0, 2.0, 1.0, 2.0, 0, 0, 0, 0])
 
@@ -170,7 +170,7 @@ def test_poses_that_jump_about_never_open_the_gate(new_flight: NewFlight, name: 
     ],
 )
 def test_unreadable_pose_is_refused_counted_and_changes_nothing(name: str, measurement: Measurement) -> None:
-    estimator = build_estimator(name, COAXIAL, 0.02, {})
+    estimator = ESTIMATORS.build(name, COAXIAL, 0.02, {})
     estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0))
     estimator.predict(COAXIAL.hover_input, 0.02)
     before = estimator.estimate.motion.copy()
@@ -183,7 +183,7 @@ def test_unreadable_pose_is_refused_counted_and_changes_nothing(name: str, measu
 
 @every_estimator
 def test_non_finite_input_is_refused(name: str) -> None:
-    estimator = build_estimator(name, COAXIAL, 0.02, {})
+    estimator = ESTIMATORS.build(name, COAXIAL, 0.02, {})
     estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0))
     with pytest.raises(ValueError, match="is not finite"):
         estimator.predict(np.array([0.0, math.nan, 0.5, 0.0]), 0.02)
@@ -202,7 +202,7 @@ moves = st.tuples(st.tuples(*[st.floats(-1, 1)] * 4), st.sampled_from([0.005, 0.
 def test_estimate_is_finite_whatever_happens(
     name: str, history: list[tuple[tuple[float, ...], float, Measurement | None]]
 ) -> None:
-    estimator = build_estimator(name, COAXIAL, 0.02, {"gate_limit_s": 0.02})
+    estimator = ESTIMATORS.build(name, COAXIAL, 0.02, {"gate_limit_s": 0.02})
     estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0))
     for applied_input, period_s, measurement in history:
         estimator.predict(np.array(applied_input), period_s)
@@ -214,7 +214,7 @@ def test_estimate_is_finite_whatever_happens(
 
 @every_estimator
 def test_actuator_states_follow_the_applied_inputs_and_survive_a_reset(name: str) -> None:
-    estimator = build_estimator(name, COAXIAL, 0.02, {})
+    estimator = ESTIMATORS.build(name, COAXIAL, 0.02, {})
     estimator.reset(Measurement(np.zeros(3), 0.0))
     estimator.predict(np.zeros(4), 0.02)
     assert np.array_equal(estimator.estimate.actuator, np.zeros(4))

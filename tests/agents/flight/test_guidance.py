@@ -12,14 +12,14 @@ from agents.flight.guidance import (
     LANDING_SPEED_M_S,
     OFFSET_SPEED_M_S,
     TAKE_OFF_SPEED_M_S,
+    FollowedLeader,
     Guidance,
     LeaderPlan,
-    Link,
 )
-from agents.flight.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
 from agents.flight.touchdown import FLOOR_TIME_S
 from agents.formation.law import FormationOffset
 from agents.interfaces import Estimate
+from agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
 from agents.references.set_points import SetPointReference
 from agents.references.trajectory import COLUMNS, Trajectory, hold
 
@@ -37,7 +37,7 @@ def at(position_m: tuple[float, float, float], yaw_rad: float = 0.0, climb_m_s: 
     return estimate
 
 
-def flying(links: tuple[Link, ...] = (), estimate: Estimate = ALOFT) -> Guidance:
+def flying(links: tuple[FollowedLeader, ...] = (), estimate: Estimate = ALOFT) -> Guidance:
     guidance = Guidance(links)
     guidance.on_event(Event.RESUME, estimate)
     return guidance
@@ -253,7 +253,7 @@ def test_resuming_and_recovering_hold_the_present_place() -> None:
 
 
 def test_a_follower_takes_no_set_point_and_says_whose_to_ask_for() -> None:
-    guidance = flying((Link("h1", offset(1.0)),))
+    guidance = flying((FollowedLeader("h1", offset(1.0)),))
     refusal = guidance.go_to(np.zeros(3), 0.0)
     assert refusal is not None
     assert "h1" in refusal
@@ -265,7 +265,7 @@ def test_a_follower_joins_from_where_it_is_without_a_jerk(
     x: float, y: float, yaw: float, leader: float
 ) -> None:
     here = still((x, y, 1.2), yaw)
-    guidance = flying((Link("h1", offset(-0.5, 0.2, 0.0, 0.4)),), here)
+    guidance = flying((FollowedLeader("h1", offset(-0.5, 0.2, 0.0, 0.4)),), here)
     plans = {"h1": standing_leader((0.0, 0.0, 1.0), leader)}
     first = reference(guidance, plans, 0.0, here)
     assert first.position_m[0] == pytest.approx([x, y, 1.2], abs=1e-9)
@@ -281,7 +281,7 @@ def test_a_follower_joins_from_where_it_is_without_a_jerk(
 
 
 def test_a_follower_is_at_its_offset_from_the_moving_leader_once_it_has_joined() -> None:
-    guidance = flying((Link("h1", offset(-0.5)),))
+    guidance = flying((FollowedLeader("h1", offset(-0.5)),))
     reference(guidance, {"h1": moving_leader(0.5)}, 0.0)
     path = reference(guidance, {"h1": moving_leader(0.5)}, 60.0)
     assert path.position_m[:, 0] == pytest.approx(-0.5 + 0.5 * PERIOD_S * np.arange(STAGES))
@@ -289,7 +289,7 @@ def test_a_follower_is_at_its_offset_from_the_moving_leader_once_it_has_joined()
 
 
 def test_an_old_plan_is_read_further_on() -> None:
-    guidance = flying((Link("h1", offset(0.0)),))
+    guidance = flying((FollowedLeader("h1", offset(0.0)),))
     reference(guidance, {"h1": moving_leader(0.5)}, 0.0)
     path = reference(guidance, {"h1": moving_leader(0.5, ahead_s=0.06)}, 60.0, delay_s=0.04)
     assert path.position_m[0, 0] == pytest.approx(0.5 * 0.1)
@@ -297,7 +297,7 @@ def test_an_old_plan_is_read_further_on() -> None:
 
 def test_whole_turns_between_leader_and_follower_mean_nothing() -> None:
     turned = still((0.0, 0.0, 1.0), 6 * np.pi + 0.1)
-    guidance = flying((Link("h1", offset(0.0)),), turned)
+    guidance = flying((FollowedLeader("h1", offset(0.0)),), turned)
     plans = {"h1": standing_leader((0.0, 0.0, 1.0), -4 * np.pi + 0.1)}
     for time_s in (0.0, 60.0):
         path = reference(guidance, plans, time_s, turned)
@@ -314,14 +314,14 @@ def test_whole_turns_between_leader_and_follower_mean_nothing() -> None:
     ],
 )
 def test_a_follower_without_a_usable_plan_holds_its_place_and_counts_it(plans: dict[str, LeaderPlan]) -> None:
-    guidance = flying((Link("h1", offset(-0.5)),))
+    guidance = flying((FollowedLeader("h1", offset(-0.5)),))
     path = reference(guidance, plans)
     assert path.position_m == pytest.approx(np.tile(ALOFT.motion[:3], (STAGES, 1)))
-    assert guidance.events["no_leader_plan"] == 1
+    assert guidance.events["leader_plan_missing"] == 1
 
 
 def test_a_follower_that_loses_its_leader_stays_and_joins_again_without_a_jerk() -> None:
-    guidance = flying((Link("h1", offset(-0.5)),))
+    guidance = flying((FollowedLeader("h1", offset(-0.5)),))
     plans = {"h1": standing_leader((0.0, 0.0, 1.0))}
     reference(guidance, plans, 0.0)
     reference(guidance, plans, 60.0)
@@ -333,7 +333,7 @@ def test_a_follower_that_loses_its_leader_stays_and_joins_again_without_a_jerk()
 
 
 def test_a_follower_of_several_takes_the_weighted_mean_and_goes_on_with_those_it_hears() -> None:
-    links = (Link("h1", offset(-1.0), 3.0), Link("h2", offset(1.0), 1.0))
+    links = (FollowedLeader("h1", offset(-1.0), 3.0), FollowedLeader("h2", offset(1.0), 1.0))
     guidance = flying(links)
     plans = {"h1": standing_leader((0.0, 0.0, 1.0)), "h2": standing_leader((2.0, 0.0, 1.0))}
     reference(guidance, plans, 0.0)
@@ -347,36 +347,36 @@ def test_a_follower_of_several_takes_the_weighted_mean_and_goes_on_with_those_it
 
 
 def test_lead_holds_the_place_and_forgets_the_leaders() -> None:
-    guidance = flying((Link("h1", offset(-0.5)),))
+    guidance = flying((FollowedLeader("h1", offset(-0.5)),))
     guidance.lead(ALOFT)
-    assert guidance.links == ()
+    assert guidance.followed == ()
     assert not guidance.follows
     path = reference(guidance, {"h1": standing_leader((5.0, 5.0, 1.0))})
     assert path.position_m[-1] == pytest.approx(ALOFT.motion[:3])
 
 
 def test_a_new_offset_is_reached_in_the_time_that_was_asked_for() -> None:
-    guidance = flying((Link("h1", offset(-0.5)),))
+    guidance = flying((FollowedLeader("h1", offset(-0.5)),))
     plans = {"h1": standing_leader((0.7, 0.1, 1.0))}
-    guidance.follow([Link("h1", offset(0.5))], plans, ALOFT, 10.0, 4.0)
-    begin = guidance.links[0].offset_at(10.0).position_m
+    guidance.follow([FollowedLeader("h1", offset(0.5))], plans, ALOFT, 10.0, 4.0)
+    begin = guidance.followed[0].offset_at(10.0).position_m
     assert begin == pytest.approx(ALOFT.motion[:3] - [0.7, 0.1, 1.0])
-    middle = guidance.links[0].offset_at(12.0).position_m
+    middle = guidance.followed[0].offset_at(12.0).position_m
     assert middle == pytest.approx((begin + np.array([0.5, 0.0, 0.0])) / 2)
-    assert guidance.links[0].offset_at(14.0).position_m == pytest.approx([0.5, 0.0, 0.0])
+    assert guidance.followed[0].offset_at(14.0).position_m == pytest.approx([0.5, 0.0, 0.0])
 
 
 def test_a_transition_of_no_time_is_there_at_once() -> None:
     guidance = flying()
     plans = {"h1": standing_leader((0.0, 0.0, 1.0))}
-    guidance.follow([Link("h1", offset(0.5))], plans, ALOFT, 10.0, 0.0)
+    guidance.follow([FollowedLeader("h1", offset(0.5))], plans, ALOFT, 10.0, 0.0)
     assert reference(guidance, plans, 10.0).position_m[0] == pytest.approx([0.5, 0.0, 1.0])
 
 
 def test_a_vehicle_on_the_floor_may_be_told_to_follow_and_does_so_in_the_air() -> None:
     guidance = armed()
-    guidance.follow([Link("h1", offset(0.5))], {}, FLOOR, 0.0, None)
-    assert guidance.links[0].leader == "h1"
+    guidance.follow([FollowedLeader("h1", offset(0.5))], {}, FLOOR, 0.0, None)
+    assert guidance.followed[0].leader == "h1"
     assert not guidance.follows
     guidance.take_off(FLOOR, 1.0, 0.0)
     assert not guidance.follows

@@ -1,6 +1,6 @@
 """Promises of a follower whose leader is lost: it rides out, holds, leads, follows another one or lands."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -10,25 +10,25 @@ from support.statuses import flying_status
 from support.waiting import FakeClock
 
 from agents.flight.guidance import Guidance
-from agents.flight.phases import Event, Phase
-from agents.following.leaders import Leaders
-from agents.following.links import link_of
+from agents.following.leader_plans import LeaderPlans
+from agents.following.links import followed_leader
 from agents.following.lost_leaders import LostLeaders
-from agents.following.neighbours import Neighbours
-from agents.formation.succession import Stance
+from agents.following.peers import PeerStatuses
+from agents.formation.succession import FollowingMode
 from agents.interfaces import Measurement
-from agents.pilot import Frame, Pilot
+from agents.phases import Event, Phase
+from agents.pilot import Pilot, StampedMeasurement
 from agents.settings import AgentSettings, Succession
 from bus import channels
 from bus.codec import encode
-from bus.messages import AgentStatus, Following, SetPoint
+from bus.messages import AgentStatus, LeaderLink, SetPoint
 from bus.session import BusAddress
 from bus.subscription import Inbox
 from vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
-OWN = Following(leader="h1", offset_m=(-0.5, 0.0, 0.0))
-FELLOW = Following(leader="h1", offset_m=(0.5, 0.5, 0.0))
+OWN = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0))
+FELLOW = LeaderLink(leader="h1", offset_m=(0.5, 0.5, 0.0))
 SETTINGS = AgentSettings(
     bus=BusAddress((), "lab"),
     vehicle="h9",
@@ -44,23 +44,24 @@ class Orphan:
     """A follower of h1 in flight, and its fellow h2."""
 
     policy: str
-    heirs: tuple[str, ...] = ("h2", "h9")
+    successors: tuple[str, ...] = ("h2", "h9")
     clock: FakeClock = field(default_factory=FakeClock)
     plan_bus: PlanBus = field(default_factory=PlanBus)
     statuses: dict[str, Inbox[AgentStatus]] = field(default_factory=dict)
     frame: int = 10
-    stances: list[Stance] = field(default_factory=list)
+    modes: list[FollowingMode] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         controller = NotedController(np.zeros((1, 4)))
-        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance([link_of(OWN)]))
-        self.leaders = Leaders("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
-        neighbours = Neighbours("h9", self.statuses, self.clock)
-        succession = Succession(self.policy, 2.0, {"h1": self.heirs}, frozenset(self.heirs))
-        settings = replace(SETTINGS, succession=succession)
-        self.lost = LostLeaders(settings, self.pilot, self.leaders, neighbours, self.clock)
+        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance([followed_leader(OWN)]))
+        self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
+        neighbours = PeerStatuses("h9", self.statuses, self.clock)
+        succession = Succession(self.policy, 2.0, {"h1": self.successors}, frozenset(self.successors))
+        self.lost = LostLeaders("h9", succession, self.pilot, self.leaders, neighbours, self.clock)
         self.leaders.keep(["h1", "h2"])
-        self.pilot.observe(Frame(1, self.frame, PERIOD_S, Measurement(np.array([-0.5, 0.0, 1.0]), 0.0)))
+        self.pilot.observe(
+            StampedMeasurement(1, self.frame, PERIOD_S, Measurement(np.array([-0.5, 0.0, 1.0]), 0.0))
+        )
         self.pilot.guidance.on_event(Event.RESUME, still((-0.5, 0.0, 1.0)))
 
     def fly(self, seconds: float, *plans: str, followable: bool = True) -> None:
@@ -68,7 +69,9 @@ class Orphan:
         for _ in range(round(seconds / PERIOD_S)):
             self.frame += 1
             self.clock.advance(PERIOD_S)
-            self.pilot.observe(Frame(1, self.frame, PERIOD_S, Measurement(np.array([-0.5, 0.0, 1.0]), 0.0)))
+            self.pilot.observe(
+                StampedMeasurement(1, self.frame, PERIOD_S, Measurement(np.array([-0.5, 0.0, 1.0]), 0.0))
+            )
             for name in plans:
                 place = (0.0, 0.0, 1.0) if name == "h1" else (0.5, 0.5, 1.0)
                 plan = plan_of(name, self.frame, position_m=place, followable=followable)
@@ -77,8 +80,8 @@ class Orphan:
             found = self.leaders.plans(self.pilot.clock)
             self.lost.tend(found)
             self.pilot.control(found)
-            if self.stances[-1:] != [self.lost.stance]:
-                self.stances.append(self.lost.stance)
+            if self.modes[-1:] != [self.lost.following_mode]:
+                self.modes.append(self.lost.following_mode)
 
     def fellow(self, phase: str = "flying") -> None:
         status = flying_status(
@@ -91,19 +94,19 @@ class Orphan:
 
     @property
     def followed(self) -> list[str]:
-        return [link.leader for link in self.pilot.guidance.links]
+        return [link.leader for link in self.pilot.guidance.followed]
 
 
 def test_a_follower_rides_out_the_last_plan_and_then_holds_its_place() -> None:
     orphan = Orphan("hold")
     orphan.fly(1.0, "h1")
     orphan.fly(5.0)
-    assert orphan.stances == [Stance.FOLLOW, Stance.RIDE_OUT, Stance.HOLD]
+    assert orphan.modes == [FollowingMode.FOLLOW, FollowingMode.USE_LAST_PLAN, FollowingMode.HOLD]
     assert orphan.pilot.guidance.phase is Phase.FLYING
     assert orphan.pilot.guidance.set_point()[0] == pytest.approx([-0.5, 0.0, 1.0], abs=1e-6)
     orphan.fly(1.0, "h1")
-    assert orphan.stances[-1] is Stance.FOLLOW
-    assert orphan.lost.events == {"leader_lost_ride_out": 1, "leader_lost_hold": 1}
+    assert orphan.modes[-1] is FollowingMode.FOLLOW
+    assert orphan.lost.events == {"leader_lost_use_last_plan": 1, "leader_lost_hold": 1}
 
 
 def test_a_pause_shorter_than_a_plan_is_only_ridden_out() -> None:
@@ -111,28 +114,33 @@ def test_a_pause_shorter_than_a_plan_is_only_ridden_out() -> None:
     orphan.fly(1.0, "h1")
     orphan.fly(0.3)
     orphan.fly(0.5, "h1")
-    assert orphan.stances == [Stance.FOLLOW, Stance.RIDE_OUT, Stance.FOLLOW]
+    assert orphan.modes == [FollowingMode.FOLLOW, FollowingMode.USE_LAST_PLAN, FollowingMode.FOLLOW]
 
 
 def test_the_first_heir_leads_where_it_is_until_the_leader_returns() -> None:
-    orphan = Orphan("promote", heirs=("h9", "h2"))
+    orphan = Orphan("promote", successors=("h9", "h2"))
     orphan.fly(1.0, "h1", "h2")
     orphan.fly(3.0, "h2")
-    assert orphan.stances == [Stance.FOLLOW, Stance.RIDE_OUT, Stance.HOLD, Stance.LEAD]
+    assert orphan.modes == [
+        FollowingMode.FOLLOW,
+        FollowingMode.USE_LAST_PLAN,
+        FollowingMode.HOLD,
+        FollowingMode.LEAD,
+    ]
     assert orphan.followed == []
     assert orphan.pilot.guidance.go_to(np.array([0.0, 0.5, 1.0]), 0.0) is None
     orphan.fly(0.1, "h1", "h2")
     assert orphan.followed == ["h1"]
-    assert orphan.stances[-1] is Stance.FOLLOW
+    assert orphan.modes[-1] is FollowingMode.FOLLOW
 
 
 def test_the_others_follow_the_heir_and_keep_their_places() -> None:
     orphan = Orphan("promote")
     orphan.fly(1.0, "h1", "h2")
     orphan.fly(3.0, "h2")
-    assert orphan.stances[-1] is Stance.FOLLOW_SUCCESSOR
+    assert orphan.modes[-1] is FollowingMode.FOLLOW_SUCCESSOR
     assert orphan.followed == ["h2"]
-    (link,) = orphan.pilot.guidance.links
+    (link,) = orphan.pilot.guidance.followed
     assert link.target.position_m == pytest.approx([-1.0, -0.5, 0.0])
     assert [link.leader for link in orphan.pilot.guidance.assigned] == ["h1"]
     orphan.fly(1.0, "h1", "h2")
@@ -140,10 +148,10 @@ def test_the_others_follow_the_heir_and_keep_their_places() -> None:
 
 
 def test_without_an_heir_the_place_is_held() -> None:
-    orphan = Orphan("promote", heirs=())
+    orphan = Orphan("promote", successors=())
     orphan.fly(1.0, "h1")
     orphan.fly(4.0)
-    assert orphan.stances[-1] is Stance.HOLD
+    assert orphan.modes[-1] is FollowingMode.HOLD
     assert orphan.followed == ["h1"]
 
 
@@ -157,34 +165,34 @@ def test_a_follower_lands_when_the_fleet_file_says_so() -> None:
 
 
 def test_a_leader_that_lands_is_lost_as_well() -> None:
-    orphan = Orphan("promote", heirs=("h9",))
+    orphan = Orphan("promote", successors=("h9",))
     orphan.fly(1.0, "h1")
     orphan.fly(3.0, "h1", followable=False)
-    assert orphan.stances == [Stance.FOLLOW, Stance.HOLD, Stance.LEAD]
+    assert orphan.modes == [FollowingMode.FOLLOW, FollowingMode.HOLD, FollowingMode.LEAD]
 
 
 def test_a_leader_that_was_never_there_is_only_waited_for() -> None:
     orphan = Orphan("land")
     orphan.fly(5.0)
-    assert orphan.stances == [Stance.HOLD]
+    assert orphan.modes == [FollowingMode.HOLD]
     assert orphan.pilot.guidance.phase is Phase.FLYING
 
 
 def test_a_restarted_follower_goes_on_waiting_for_its_leader() -> None:
-    orphan = Orphan("promote", heirs=("h9",))
+    orphan = Orphan("promote", successors=("h9",))
     orphan.lost.expect()
     orphan.fly(1.9)
-    assert orphan.stances == [Stance.HOLD]
+    assert orphan.modes == [FollowingMode.HOLD]
     orphan.fly(0.3)
-    assert orphan.stances[-1] is Stance.LEAD
+    assert orphan.modes[-1] is FollowingMode.LEAD
 
 
 def test_other_leaders_by_request_end_the_mourning() -> None:
-    orphan = Orphan("promote", heirs=("h9",))
+    orphan = Orphan("promote", successors=("h9",))
     orphan.fly(1.0, "h1")
     orphan.fly(3.0)
     orphan.pilot.guidance.lead(orphan.pilot.estimate)
     orphan.fly(0.1)
-    assert orphan.stances[-1] is Stance.FOLLOW
+    assert orphan.modes[-1] is FollowingMode.FOLLOW
     orphan.fly(1.0, "h1")
     assert orphan.followed == []

@@ -1,7 +1,8 @@
 """Promises about requests for other leaders: refused with the reason, or taken at one frame."""
 
 import pytest
-from support.desk import (
+from support.plans import plan_of
+from support.request_handling import (
     UP,
     Asked,
     Office,
@@ -10,13 +11,12 @@ from support.desk import (
     go_to,
     say,
 )
-from support.plans import plan_of
 from support.statuses import hovering
 
-from agents.flight.phases import Phase
 from agents.following.regrouping import PREPARED_S
 from agents.following.requests import FIRST_PLAN_LIMIT_S
-from bus.messages import Following, SetPoint
+from agents.phases import Phase
+from bus.messages import LeaderLink, SetPoint
 from bus.requests import (
     CommitLeaders,
     Land,
@@ -60,7 +60,7 @@ def test_a_leader_without_a_plan_is_refused_after_a_moment_and_the_old_one_stays
     office.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
     office.desk.leading.settle_waiting()
     assert second.refusal == "no plan from h2: nothing is heard from its agent"
-    assert [link.leader for link in office.pilot.guidance.links] == ["h1"]
+    assert [link.leader for link in office.pilot.guidance.followed] == ["h1"]
     assert office.plan_bus.open_names() == ["h1"]
 
 
@@ -73,7 +73,7 @@ def test_following_begins_as_soon_as_the_plan_is_here(office: Office) -> None:
     office.plan_bus.deliver(plan_of("h2"))
     office.desk.leading.settle_waiting()
     assert asked.refusal is None
-    assert [(link.leader, link.duration_s) for link in office.pilot.guidance.links] == [
+    assert [(link.leader, link.duration_s) for link in office.pilot.guidance.followed] == [
         ("h1", 3.0),
         ("h2", 3.0),
     ]
@@ -97,7 +97,7 @@ def test_a_cycle_is_refused_with_the_line_that_leads_back(office: Office) -> Non
     office.plan_bus.deliver(plan_of("h1", ancestors=("h2", "h9")))
     office.desk.leading.settle_waiting()
     assert asked.refusal == "a cycle: h9 follows h1 follows h2 follows h9"
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
     assert office.plan_bus.open_names() == []
 
 
@@ -107,7 +107,7 @@ def test_lead_forgets_the_leaders_and_their_plans(office: Office) -> None:
     office.plan_bus.deliver(plan_of("h1"))
     office.desk.leading.settle_waiting()
     assert office.ask(Lead()).refusal is None
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
     assert office.plan_bus.open_names() == []
 
 
@@ -141,9 +141,9 @@ def test_offsets_that_lead_out_or_too_close_are_refused_and_nothing_changes(
 ) -> None:
     office.fly()
     say(office, "h1", hovering((0.0, 0.0, 1.0)))
-    say(office, "h2", hovering((0.5, 0.5, 1.0), Following(leader="h1", offset_m=(0.5, 0.5, 0.0))))
+    say(office, "h2", hovering((0.5, 0.5, 1.0), LeaderLink(leader="h1", offset_m=(0.5, 0.5, 0.0))))
     assert follow_at(office, offset_m).refusal == words
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
     assert office.plan_bus.open_names() == []
     assert office.pilot.guidance.set_point()[0] == pytest.approx(UP)
 
@@ -151,7 +151,7 @@ def test_offsets_that_lead_out_or_too_close_are_refused_and_nothing_changes(
 def test_an_offset_of_a_vehicle_whose_followers_would_leave_the_volume_is_refused(office: Office) -> None:
     office.fly()
     say(office, "h1", hovering((0.0, 0.0, 1.0)))
-    say(office, "h2", hovering((0.5, 0.0, 1.0), Following(leader="h9", offset_m=(0.6, 0.0, 0.0))))
+    say(office, "h2", hovering((0.5, 0.0, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
     words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
     assert follow_at(office, (0.8, 0.0, 0.0)).refusal == words
     assert follow_at(office, (0.5, 0.0, 0.0)).refusal is None
@@ -213,10 +213,10 @@ def promised(office: Office, *names: str) -> Asked:
 def test_a_leader_that_says_it_flies_is_accepted_before_its_first_plan(office: Office) -> None:
     asked = promised(office, "h1")
     assert asked.answers[0].reason == "h9 follows h1"
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
     office.plan_bus.deliver(plan_of("h1"))
     assert office.desk.leading.settle_waiting()
-    assert [link.leader for link in office.pilot.guidance.links] == ["h1"]
+    assert [link.leader for link in office.pilot.guidance.followed] == ["h1"]
     assert len(asked.answers) == 1
     assert not office.desk.leading.settle_waiting()
 
@@ -224,7 +224,7 @@ def test_a_leader_that_says_it_flies_is_accepted_before_its_first_plan(office: O
 def test_an_early_answer_names_the_line_of_ancestors(office: Office) -> None:
     office.fly()
     say(office, "h1", hovering((-0.4, 0.8, 1.0)))
-    behind = Following(leader="h1", offset_m=(0.0, -0.8, 0.0))
+    behind = LeaderLink(leader="h1", offset_m=(0.0, -0.8, 0.0))
     say(office, "h2", hovering((-0.4, 0.0, 1.0), behind))
     assert office.ask(follow("h2")).answers[0].reason == "h9 follows h2 follows h1"
 
@@ -251,7 +251,7 @@ def test_a_promised_leader_whose_plan_never_comes_is_counted_and_nothing_changes
     office.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
     office.desk.leading.settle_waiting()
     assert office.desk.leading.events["promised_leader_missing"] == 1
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
     assert office.plan_bus.open_names() == []
 
 
@@ -262,20 +262,20 @@ def test_the_last_word_counts_while_a_plan_is_on_its_way(office: Office) -> None
     office.plan_bus.deliver(plan_of("h1"))
     office.plan_bus.deliver(plan_of("h2"))
     office.desk.leading.settle_waiting()
-    assert [link.leader for link in office.pilot.guidance.links] == ["h2"]
+    assert [link.leader for link in office.pilot.guidance.followed] == ["h2"]
     promised(office, "h1")
     assert office.ask(Lead()).refusal is None
     office.plan_bus.deliver(plan_of("h1"))
     office.desk.leading.settle_waiting()
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
 
 
-def prepare(*following: Following, place: tuple[float, float, float] | None = None) -> PrepareLeaders:
+def prepare(*following: LeaderLink, place: tuple[float, float, float] | None = None) -> PrepareLeaders:
     set_point = None if place is None else SetPoint(position_m=place, yaw_rad=0.5)
     return PrepareLeaders(operation="swap_1", following=following, set_point=set_point)
 
 
-BESIDE = Following(leader="h1", offset_m=(0.5, 0.0, 0.0))
+BESIDE = LeaderLink(leader="h1", offset_m=(0.5, 0.0, 0.0))
 
 
 def prepared(office: Office, ancestors: tuple[str, ...] = ("h9",)) -> None:
@@ -292,11 +292,11 @@ def test_prepared_leaders_are_taken_at_their_frame_and_not_before(office: Office
     assert office.ask(CommitLeaders(operation="swap_1", epoch=1, frame=12)).refusal is None
     for _ in range(2):
         office.desk.leading.begin_due()
-        assert office.pilot.guidance.links == ()
+        assert office.pilot.guidance.followed == ()
         office.see()
     assert office.pilot.clock.current_frame == 12
     office.desk.leading.begin_due()
-    assert [link.leader for link in office.pilot.guidance.links] == ["h1"]
+    assert [link.leader for link in office.pilot.guidance.followed] == ["h1"]
     assert set(office.leaders.plans(office.pilot.clock, office.desk.leading.cycles_from_frame)) == {"h1"}
 
 
@@ -307,7 +307,7 @@ def test_a_follower_that_shall_lead_keeps_the_place_it_is_given(office: Office) 
     assert office.ask(CommitLeaders(operation="swap_1", epoch=1, frame=11)).refusal is None
     office.see()
     office.desk.leading.begin_due()
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
     assert office.plan_bus.open_names() == []
     position_m, yaw_rad = office.pilot.guidance.set_point()
     assert (*position_m, yaw_rad) == pytest.approx((0.2, 0.3, 1.1, 0.5))
@@ -333,7 +333,7 @@ def test_withdrawn_leaders_are_never_taken(office: Office) -> None:
     assert office.ask(WithdrawLeaders(operation="swap_1")).refusal is None
     office.see()
     office.desk.leading.begin_due()
-    assert office.pilot.guidance.links == ()
+    assert office.pilot.guidance.followed == ()
     assert office.plan_bus.open_names() == []
 
 
@@ -373,7 +373,7 @@ def test_only_one_change_at_a_time_is_prepared(office: Office) -> None:
         (prepare(), "set_point: needed exactly where following is empty"),
         (prepare(BESIDE, place=UP), "set_point: needed exactly where following is empty"),
         (prepare(place=(3.0, 0.0, 1.0)), "x: 3 m is outside the flight volume -1.2 .. 1.2 m"),
-        (prepare(Following(leader="h9")), "h9 cannot follow itself"),
+        (prepare(LeaderLink(leader="h9")), "h9 cannot follow itself"),
     ],
 )
 def test_senseless_changes_are_refused_before_anything_is_prepared(

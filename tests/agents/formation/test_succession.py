@@ -6,54 +6,58 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.formation.succession import (
-    STANCES,
+    FOLLOWING_MODES,
     Finding,
-    Heir,
+    FollowingMode,
     Policy,
-    Stance,
+    Successor,
     link_to_successor,
     successor_of,
 )
 from agents.formation.topology import cycle, places
-from bus.messages import Following
+from bus.messages import LeaderLink
 
 NAMES = ("h1", "h2", "h3", "h4", "h5")
 
 
-@given(st.sampled_from(Finding), st.sampled_from(Policy), st.sampled_from(Heir))
-def test_every_situation_has_its_stance(finding: Finding, policy: Policy, heir: Heir) -> None:
-    stance = STANCES[finding, policy, heir]
-    assert (stance is Stance.FOLLOW) == (finding is Finding.HERE), "a leader that returns is followed again"
-    assert (stance is Stance.RIDE_OUT) == (finding is Finding.LATE)
+@given(st.sampled_from(Finding), st.sampled_from(Policy), st.sampled_from(Successor))
+def test_every_situation_has_its_stance(finding: Finding, policy: Policy, heir: Successor) -> None:
+    following_mode = FOLLOWING_MODES[finding, policy, heir]
+    assert (following_mode is FollowingMode.FOLLOW) == (finding is Finding.HERE), (
+        "a leader that returns is followed again"
+    )
+    assert (following_mode is FollowingMode.USE_LAST_PLAN) == (finding is Finding.LATE)
     if finding is Finding.GONE:
-        assert stance is Stance.HOLD, "leaders are waited for"
-    if stance in (Stance.LEAD, Stance.FOLLOW_SUCCESSOR):
+        assert following_mode is FollowingMode.HOLD, "leaders are waited for"
+    if following_mode in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
         assert policy is Policy.PROMOTE
-        assert heir is not Heir.NONE
-    assert (stance is Stance.LAND) == (finding is Finding.LOST and policy is Policy.LAND)
+        assert heir is not Successor.NONE
+    assert (following_mode is FollowingMode.LAND) == (finding is Finding.LOST and policy is Policy.LAND)
 
 
 @pytest.mark.parametrize(
-    ("policy", "heir", "stance"),
+    ("policy", "heir", "following_mode"),
     [
-        (Policy.HOLD, Heir.NONE, Stance.HOLD),
-        (Policy.PROMOTE, Heir.SELF, Stance.LEAD),
-        (Policy.PROMOTE, Heir.OTHER, Stance.FOLLOW_SUCCESSOR),
-        (Policy.PROMOTE, Heir.NONE, Stance.HOLD),
-        (Policy.LAND, Heir.NONE, Stance.LAND),
+        (Policy.HOLD, Successor.NONE, FollowingMode.HOLD),
+        (Policy.PROMOTE, Successor.SELF, FollowingMode.LEAD),
+        (Policy.PROMOTE, Successor.OTHER, FollowingMode.FOLLOW_SUCCESSOR),
+        (Policy.PROMOTE, Successor.NONE, FollowingMode.HOLD),
+        (Policy.LAND, Successor.NONE, FollowingMode.LAND),
     ],
 )
-def test_a_lost_leader_is_answered_as_the_fleet_file_says(policy: Policy, heir: Heir, stance: Stance) -> None:
-    assert STANCES[Finding.LOST, policy, heir] is stance
+def test_a_lost_leader_is_answered_as_the_fleet_file_says(
+    policy: Policy, heir: Successor, following_mode: FollowingMode
+) -> None:
+    assert FOLLOWING_MODES[Finding.LOST, policy, heir] is following_mode
 
 
 @st.composite
-def orphans(draw: st.DrawFn) -> dict[str, tuple[Following, ...]]:
+def orphans(draw: st.DrawFn) -> dict[str, tuple[LeaderLink, ...]]:
     """Followers of h1, some of them by way of others as well, with offsets to it."""
     number = st.floats(-2, 2)
     return {
         name: (
-            Following(
+            LeaderLink(
                 leader="h1",
                 offset_m=(draw(number), draw(number), draw(number)),
                 yaw_offset_rad=draw(number),
@@ -66,7 +70,7 @@ def orphans(draw: st.DrawFn) -> dict[str, tuple[Following, ...]]:
 
 @given(orphans(), st.sets(st.sampled_from(NAMES[1:]), min_size=1), st.permutations(NAMES), st.floats(-4, 4))
 def test_all_orphans_agree_and_keep_their_places(
-    links: dict[str, tuple[Following, ...]], ready: set[str], order: list[str], yaw_rad: float
+    links: dict[str, tuple[LeaderLink, ...]], ready: set[str], order: list[str], yaw_rad: float
 ) -> None:
     heirs = {name: successor_of("h1", links, ready | {name}, order) for name in ready}
     assert len(set(heirs.values())) == 1
@@ -84,7 +88,7 @@ def test_all_orphans_agree_and_keep_their_places(
 
 
 def test_only_who_followed_the_lost_leader_succeeds_it() -> None:
-    links = {"h2": (Following(leader="h5"),), "h3": (Following(leader="h1"),)}
+    links = {"h2": (LeaderLink(leader="h5"),), "h3": (LeaderLink(leader="h1"),)}
     assert successor_of("h1", links, {"h2", "h3"}, NAMES) == "h3"
     assert successor_of("h1", links, {"h2"}, NAMES) is None
     assert link_to_successor("h3", "h2", "h1", links, 0.0) is None

@@ -16,13 +16,13 @@ from agents.formation.topology import (
     places,
     roots,
 )
-from bus.messages import Following
+from bus.messages import LeaderLink
 
 NAMES = tuple(f"h{number}" for number in range(1, 8))
 
 
-def link(leader: str, x: float = -0.5, y: float = 0.0, frame: str = "inertial") -> Following:
-    return Following(leader=leader, offset_m=(x, y, 0.0), frame=frame)
+def link(leader: str, x: float = -0.5, y: float = 0.0, frame: str = "inertial") -> LeaderLink:
+    return LeaderLink(leader=leader, offset_m=(x, y, 0.0), frame=frame)
 
 
 CHAIN = {"h1": (), "h2": (link("h1"),), "h3": (link("h2"),), "h4": (link("h3"),)}
@@ -30,15 +30,15 @@ DIAMOND = {"h1": (), "h2": (link("h1"),), "h3": (link("h1"),), "h4": (link("h2")
 
 
 @st.composite
-def graphs(draw: st.DrawFn) -> dict[str, tuple[Following, ...]]:
+def graphs(draw: st.DrawFn) -> dict[str, tuple[LeaderLink, ...]]:
     """Any acyclic graph: everybody follows some of those before it."""
     size = draw(st.integers(2, len(NAMES)))
     number = st.floats(-2, 2)
-    found: dict[str, tuple[Following, ...]] = {}
+    found: dict[str, tuple[LeaderLink, ...]] = {}
     for index, name in enumerate(NAMES[:size]):
         leaders = draw(st.sets(st.sampled_from(NAMES[:index]), max_size=3)) if index else set()
         found[name] = tuple(
-            Following(
+            LeaderLink(
                 leader=leader,
                 offset_m=(draw(number), draw(number), draw(number)),
                 yaw_offset_rad=draw(number),
@@ -52,7 +52,7 @@ def graphs(draw: st.DrawFn) -> dict[str, tuple[Following, ...]]:
 
 
 @st.composite
-def placed(draw: st.DrawFn) -> tuple[dict[str, tuple[Following, ...]], dict[str, np.ndarray]]:
+def placed(draw: st.DrawFn) -> tuple[dict[str, tuple[LeaderLink, ...]], dict[str, np.ndarray]]:
     links = draw(graphs())
     heads = {
         name: np.array(draw(st.tuples(*[st.floats(-3, 3)] * 4))) for name, own in links.items() if not own
@@ -85,7 +85,7 @@ def test_a_cycle_is_found_with_the_line_that_closes_it() -> None:
 
 
 @given(graphs())
-def test_nobody_is_its_own_ancestor_in_an_acyclic_graph(links: dict[str, tuple[Following, ...]]) -> None:
+def test_nobody_is_its_own_ancestor_in_an_acyclic_graph(links: dict[str, tuple[LeaderLink, ...]]) -> None:
     assert cycle(links) == ()
     for name in links:
         assert name not in ancestors(links, name)
@@ -97,7 +97,7 @@ def test_nobody_is_its_own_ancestor_in_an_acyclic_graph(links: dict[str, tuple[F
 
 @given(placed(), st.data())
 def test_everybody_keeps_its_place_when_two_change_roles(
-    formation: tuple[dict[str, tuple[Following, ...]], dict[str, np.ndarray]], data: st.DataObject
+    formation: tuple[dict[str, tuple[LeaderLink, ...]], dict[str, np.ndarray]], data: st.DataObject
 ) -> None:
     links, where = formation
     first, second = data.draw(st.permutations(list(links)))[:2]
@@ -119,7 +119,7 @@ def test_everybody_keeps_its_place_when_two_change_roles(
 
 @given(placed(), st.data())
 def test_changing_roles_twice_gives_the_formation_of_before(
-    formation: tuple[dict[str, tuple[Following, ...]], dict[str, np.ndarray]], data: st.DataObject
+    formation: tuple[dict[str, tuple[LeaderLink, ...]], dict[str, np.ndarray]], data: st.DataObject
 ) -> None:
     links, where = formation
     first, second = data.draw(st.permutations(list(links)))[:2]

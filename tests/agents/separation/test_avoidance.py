@@ -3,25 +3,25 @@
 import numpy as np
 import pytest
 
-from agents.controllers.registry import available_controllers, build_controller
-from agents.estimators.registry import build_estimator
+from agents.controllers.registry import CONTROLLERS
+from agents.estimators.registry import ESTIMATORS
 from agents.flight.guidance import Guidance, LeaderPlan
-from agents.flight.phases import Event
 from agents.formation.topology import places
-from agents.interfaces import KeepsClear, Measurement
-from agents.pilot import Frame, Pilot
+from agents.interfaces import AvoidsObstacles, Measurement
+from agents.phases import Event
+from agents.pilot import Pilot, StampedMeasurement
 from agents.references.trajectory import COLUMNS, Trajectory, hold
-from agents.separation.avoidance import NEAR, Clearance, Neighbour, near
-from agents.separation.clearance_shares import PLACE_SHARE, share_kept_clear
-from bus.messages import Following
+from agents.separation.avoidance import NEAR, Neighbour, SeparationEllipsoid, near
+from agents.separation.ellipsoid_scales import FORMATION_SCALE, ellipsoid_scale
+from bus.messages import LeaderLink
 from vehicles.types import COAXIAL
 
-CLEARANCE = Clearance()
+CLEARANCE = SeparationEllipsoid()
 OWN = np.zeros((30, 3))
 LINKS = {
     "h1": (),
-    "h2": (Following(leader="h1", offset_m=(-0.4, 0.5, 0.0)),),
-    "h3": (Following(leader="h2", offset_m=(-0.3, 0.0, 0.0)),),
+    "h2": (LeaderLink(leader="h1", offset_m=(-0.4, 0.5, 0.0)),),
+    "h3": (LeaderLink(leader="h2", offset_m=(-0.3, 0.0, 0.0)),),
     "h4": (),
 }
 HEADS = {"h1": np.array([0.0, 0, 1, 0]), "h4": np.array([0.2, 0, 1, 0])}
@@ -61,32 +61,32 @@ def test_the_share_shrinks_the_ellipsoid_and_what_counts_as_near() -> None:
 @pytest.mark.parametrize("axes", [(0.0, 0.6), (0.35, -1.0), (6.0, 0.6), (float("nan"), 0.6)])
 def test_half_axes_that_make_no_sense_are_refused(axes: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match=r"_m: .* must be above 0"):
-        Clearance(*axes)
+        SeparationEllipsoid(*axes)
 
 
 def test_a_leader_gives_no_way_to_those_who_follow_it() -> None:
     for follower in ("h2", "h3"):
-        assert share_kept_clear(CLEARANCE, LINKS, WHERE, "h1", follower) == 0.0
-        assert share_kept_clear(CLEARANCE, LINKS, WHERE, follower, "h1") > 0.0
+        assert ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h1", follower) == 0.0
+        assert ellipsoid_scale(CLEARANCE, LINKS, WHERE, follower, "h1") > 0.0
 
 
 def test_chosen_places_closer_than_the_ellipsoid_are_respected() -> None:
-    share = share_kept_clear(CLEARANCE, LINKS, WHERE, "h3", "h2")
-    assert share == pytest.approx(PLACE_SHARE * 0.3 / 0.35)
-    assert share_kept_clear(CLEARANCE, LINKS, WHERE, "h2", "h1") == 1.0
+    share = ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h3", "h2")
+    assert share == pytest.approx(FORMATION_SCALE * 0.3 / 0.35)
+    assert ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h2", "h1") == 1.0
 
 
 def test_strangers_keep_the_whole_ellipsoid_wherever_they_shall_be() -> None:
-    assert share_kept_clear(CLEARANCE, LINKS, WHERE, "h1", "h4") == 1.0
-    assert share_kept_clear(CLEARANCE, LINKS, {}, "h3", "h2") == 1.0
+    assert ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h1", "h4") == 1.0
+    assert ellipsoid_scale(CLEARANCE, LINKS, {}, "h3", "h2") == 1.0
 
 
 def pilot_with(controller: str) -> Pilot:
     """In the air at one metre, sent straight on."""
-    built = build_controller(controller, COAXIAL, 0.02, {"horizon": 30})
-    estimator = build_estimator("extended_kalman", COAXIAL, 0.02, {})
+    built = CONTROLLERS.build(controller, COAXIAL, 0.02, {"horizon": 30})
+    estimator = ESTIMATORS.build("extended_kalman", COAXIAL, 0.02, {})
     pilot = Pilot(COAXIAL, built, estimator, Guidance(), CLEARANCE)
-    pilot.observe(Frame(1, 1, 0.02, Measurement(np.array([0.0, 0.0, 1.0]), 0.0)))
+    pilot.observe(StampedMeasurement(1, 1, 0.02, Measurement(np.array([0.0, 0.0, 1.0]), 0.0)))
     pilot.note_applied("armed", 0, COAXIAL.hover_input)
     pilot.guidance.go_to(np.array([1.0, 0.0, 1.0]), 0.0)
     return pilot
@@ -95,12 +95,12 @@ def pilot_with(controller: str) -> Pilot:
 ACROSS = {"h2": Neighbour(LeaderPlan(hold(np.array([0.3, 0.0, 1.0]), 0.0, 0.02, 30), 0.0), 1.0)}
 
 
-@pytest.mark.parametrize("controller", available_controllers())
+@pytest.mark.parametrize("controller", CONTROLLERS.available())
 def test_a_controller_that_cannot_avoid_says_so(controller: str) -> None:
     pilot = pilot_with(controller)
     for _ in range(3):
         pilot.control({}, ACROSS)
-    if isinstance(pilot.controller, KeepsClear):
+    if isinstance(pilot.controller, AvoidsObstacles):
         assert pilot.avoiding_ticks == 2
         assert pilot.closest_m is not None
         assert 0.0 <= pilot.closest_m < 0.31

@@ -8,19 +8,19 @@ from support.plans import PlanBus, plan_of
 from support.statuses import hovering
 
 from agents.flight.fleet_clock import FleetClock
-from agents.separation.avoidance import Clearance
+from agents.separation.avoidance import SeparationEllipsoid
 from agents.separation.traffic import MOST, PATIENCE, TEND_EVERY_TICKS, Traffic, way
-from bus.messages import AgentStatus, Following, SetPoint
+from bus.messages import AgentStatus, LeaderLink, SetPoint
 
 Three = tuple[float, float, float]
-BESIDE = Following(leader="h1", offset_m=(-0.4, 0.0, 0.0))
+BESIDE = LeaderLink(leader="h1", offset_m=(-0.4, 0.0, 0.0))
 
 
 def status(
     at: Three,
     aim: Three | None = None,
     velocity: Three = (0.0, 0.0, 0.0),
-    following: tuple[Following, ...] = (),
+    following: tuple[LeaderLink, ...] = (),
     phase: str = "flying",
 ) -> AgentStatus:
     set_point = SetPoint(position_m=aim or at, yaw_rad=0.0)
@@ -31,7 +31,7 @@ def status(
 class Road:
     """The traffic of a vehicle h9 on a bus that tests fill."""
 
-    clearance: Clearance | None = field(default_factory=Clearance)
+    clearance: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
     bus: PlanBus = field(default_factory=PlanBus)
 
     def __post_init__(self) -> None:
@@ -67,13 +67,13 @@ def test_a_vehicle_that_is_sent_somewhere_hears_who_is_on_its_way() -> None:
 def test_mates_in_their_places_need_no_plans_of_each_other() -> None:
     road = Road()
     own = status((-0.4, 0.0, 1.0), following=(BESIDE,))
-    h1, mate = status((0.0, 0.0, 1.0)), Following(leader="h1", offset_m=(-0.4, 0.5, 0.0))
+    h1, mate = status((0.0, 0.0, 1.0)), LeaderLink(leader="h1", offset_m=(-0.4, 0.5, 0.0))
     assert road.heard(own, h1=h1, h2=status((-0.4, 0.5, 1.0), following=(mate,))) == []
     assert road.heard(own, h1=h1, h2=status((-0.8, 0.1, 1.0), following=(mate,))) == ["h2"]
 
 
 def test_a_leader_does_not_hear_its_followers() -> None:
-    follower = Following(leader="h9", offset_m=(-0.4, 0.0, 0.0))
+    follower = LeaderLink(leader="h9", offset_m=(-0.4, 0.0, 0.0))
     assert Road().heard(OWN, h2=status((0.2, 0.0, 1.0), following=(follower,))) == []
 
 

@@ -17,7 +17,7 @@ def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
     return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
 
 
-class Leaders:
+class LeaderPlans:
     """Subscriptions to the plans a vehicle needs, re-keyed as its leaders change.
 
     Parameters
@@ -78,7 +78,7 @@ class Leaders:
                 continue
             if self._vehicle in plan.ancestors and plan.frame >= cycles_from_frame:
                 # Two vehicles that began to follow each other at the same moment; none of them moves on.
-                self.rejected["plan.cycle"] += 1
+                self.rejected["plan.leader_cycle"] += 1
                 continue
             found[name] = leader_plan(plan, clock)
         return found

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from agents.controllers.external import ExternalController
-from agents.flight.phases import Phase
+from agents.phases import Phase
 from agents.pilot import Pilot
 from bus.messages import ControlTask, ExternalInput, FloatArray
 from bus.requests import TakeControl
@@ -12,7 +12,7 @@ from bus.subscription import Inbox
 from vehicles.state import Array
 
 
-class External:
+class ExternalControl:
     """Who flies a vehicle from outside, if anybody.
 
     Parameters

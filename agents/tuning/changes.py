@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.configuration import Configuration
-from agents.interfaces import Controller, Estimate, Estimator, Share
+from agents.interfaces import Controller, Estimate, Estimator, LimitScale
 from agents.pilot import Pilot
 from agents.references.trajectory import hold
+from agents.tuning.configuration import Configuration
 from vehicles.model import Model
 from vehicles.state import YAW, Array
 
@@ -44,7 +44,7 @@ def prepare(
     wanted: Configuration,
     model: Model,
     period_s: float,
-    share: Share,
+    share: LimitScale,
     occasion: Occasion,
 ) -> Replacement:
     """Build what differs between two configurations and let it run a few steps.
@@ -92,7 +92,7 @@ class Tuning:
         configuration: Configuration,
         pilot: Pilot,
         period_s: float,
-        share: Share,
+        share: LimitScale,
         wake: Callable[[], None] = lambda: None,
     ) -> None:
         self.configuration = configuration
@@ -112,9 +112,9 @@ class Tuning:
         """Begin to prepare another configuration; only while not `busy`."""
         pilot = self._pilot
         motion = np.zeros(8) if not pilot.clock.started else pilot.estimate.motion.copy()
-        estimate = Estimate(motion, pilot.inputs.newest.copy(), np.zeros(4))
+        estimate = Estimate(motion, pilot.input_history.newest.copy(), np.zeros(4))
         frame_period_s = pilot.clock.period_s or self._period_s
-        occasion = Occasion(estimate, pilot.inputs.newest.copy(), frame_period_s)
+        occasion = Occasion(estimate, pilot.input_history.newest.copy(), frame_period_s)
         self._result = None
         self._thread = threading.Thread(target=self._prepare, args=(wanted, occasion), name="tuning")
         self._thread.start()

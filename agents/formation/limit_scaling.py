@@ -9,13 +9,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from agents.formation.topology import Links, followers, leaders_of, places
-from agents.interfaces import Controller, Share, SharesAuthority
+from agents.formation.topology import FormationGraph, followers, leaders_of, places
+from agents.interfaces import Controller, LimitScale, ScalesLimits
 from agents.references.set_points import TurnLimits
 from vehicles.model import Model
 from vehicles.state import Array
 
-LEADER_SHARE = 0.8
+LEADER_LIMIT_SCALE = 0.8
 """Share of its followers' accelerations a leader plans with."""
 ARM_SPEED_SHARE = 0.8
 ARM_ACCELERATION_SHARE = 0.5
@@ -23,7 +23,7 @@ ARM_ACCELERATION_SHARE = 0.5
 SHORTEST_ARM_M = 0.02
 
 
-def share_of(links: Links, models: Mapping[str, Model], name: str) -> Share:
+def limit_scale_of(links: FormationGraph, models: Mapping[str, Model], name: str) -> LimitScale:
     """Share of its own limits a vehicle may plan with.
 
     Parameters
@@ -38,19 +38,19 @@ def share_of(links: Links, models: Mapping[str, Model], name: str) -> Share:
     return _share(links, models, name, len(links))
 
 
-def _share(links: Links, models: Mapping[str, Model], name: str, levels: int) -> Share:
+def _share(links: FormationGraph, models: Mapping[str, Model], name: str, levels: int) -> LimitScale:
     """Share by the followers of so many levels; there are no more of them, except in a cycle."""
     inputs, rates = np.ones(4), np.ones(4)
     followers = [other for other in links if name in leaders_of(links, other)] if levels else []
     for other in followers:
         below = _share(links, models, other, levels - 1)
         weaker, slower = _compared(models.get(other), models.get(name))
-        inputs = np.minimum(inputs, LEADER_SHARE * weaker * below.inputs)
+        inputs = np.minimum(inputs, LEADER_LIMIT_SCALE * weaker * below.inputs)
         rates = np.minimum(rates, slower * below.rates)
-    return Share(tuple(inputs.tolist()), tuple(rates.tolist()))
+    return LimitScale(tuple(inputs.tolist()), tuple(rates.tolist()))
 
 
-def turn_limits_of(links: Links, models: Mapping[str, Model], name: str) -> TurnLimits | None:
+def turn_limits_of(links: FormationGraph, models: Mapping[str, Model], name: str) -> TurnLimits | None:
     """How fast a vehicle may turn, for those it carries round; None where there are none.
 
     Followers whose offsets turn with the heading fly an arc as their leader turns; those at the end of long
@@ -76,7 +76,7 @@ def turn_limits_of(links: Links, models: Mapping[str, Model], name: str) -> Turn
     return TurnLimits(rate, acceleration) if np.isfinite(rate) else None
 
 
-def arms_of(links: Links, name: str) -> dict[str, float]:
+def arms_of(links: FormationGraph, name: str) -> dict[str, float]:
     """Radii of the circles on which a vehicle carries others round when it turns [m]."""
     turning = {**links, name: ()}
     heads = {other: np.zeros(4) for other, own in turning.items() if not own}
@@ -114,7 +114,7 @@ def _at_any_heading(reach: Array) -> Array:
     return np.array([horizontal, horizontal, *reach[2:]])
 
 
-class Authority:
+class LimitScaling:
     """Keeps a controller's limits in step with the vehicles that follow.
 
     Parameters
@@ -128,9 +128,9 @@ class Authority:
     def __init__(self, vehicle: str, models: Mapping[str, Model]) -> None:
         self._vehicle = vehicle
         self._models = models
-        self._told: tuple[Controller, Share] | None = None
+        self._told: tuple[Controller, LimitScale] | None = None
 
-    def tend(self, controller: Controller, settings: Mapping[str, object], links: Links) -> None:
+    def tend(self, controller: Controller, settings: Mapping[str, object], links: FormationGraph) -> None:
         """Tell the controller its share if that, or the controller, is another one than before.
 
         Parameters
@@ -143,9 +143,9 @@ class Authority:
             Who follows whom; where nobody is heard of, nothing is known and nothing changes.
         """
         fixed = "input_range" in settings
-        if fixed or not isinstance(controller, SharesAuthority) or not links.keys() - {self._vehicle}:
+        if fixed or not isinstance(controller, ScalesLimits) or not links.keys() - {self._vehicle}:
             return
-        share = share_of(links, self._models, self._vehicle)
+        share = limit_scale_of(links, self._models, self._vehicle)
         if self._told is None or self._told[0] is not controller or self._told[1] != share:
-            controller.set_share(share)
+            controller.set_limit_scale(share)
             self._told = (controller, share)

@@ -4,26 +4,26 @@ import numpy as np
 import pytest
 from support.flight import NotedController
 
-from agents.formation.authority import (
+from agents.formation.limit_scaling import (
     ARM_ACCELERATION_SHARE,
     ARM_SPEED_SHARE,
-    LEADER_SHARE,
-    Authority,
+    LEADER_LIMIT_SCALE,
+    LimitScaling,
     arms_of,
-    share_of,
+    limit_scale_of,
     turn_limits_of,
 )
 from agents.formation.topology import exchanged, places
-from agents.interfaces import Share
-from bus.messages import Following
+from agents.interfaces import LimitScale
+from bus.messages import LeaderLink
 from vehicles.quadrotor import QUADROTOR
 from vehicles.types import COAXIAL
 
 TREE = {
     "h1": (),
-    "h2": (Following(leader="h1", offset_m=(0.5, 0, 0)),),
-    "h3": (Following(leader="h2", offset_m=(0.5, 0, 0)),),
-    "h4": (Following(leader="h1", offset_m=(-0.5, 0, 0)),),
+    "h2": (LeaderLink(leader="h1", offset_m=(0.5, 0, 0)),),
+    "h3": (LeaderLink(leader="h2", offset_m=(0.5, 0, 0)),),
+    "h4": (LeaderLink(leader="h1", offset_m=(-0.5, 0, 0)),),
 }
 
 
@@ -32,17 +32,17 @@ class Sharing(NotedController):
         super().__init__(np.zeros((1, 4)))
         self.shares: list[float] = []
 
-    def set_share(self, share: Share) -> None:
+    def set_limit_scale(self, share: LimitScale) -> None:
         assert len(set(share.inputs)) == 1
         self.shares.append(share.inputs[0])
 
 
 def test_every_level_of_followers_below_takes_a_share() -> None:
     for models in ({}, dict.fromkeys(TREE, COAXIAL), dict.fromkeys(TREE, QUADROTOR)):
-        shares = {name: share_of(TREE, models, name) for name in TREE}
+        shares = {name: limit_scale_of(TREE, models, name) for name in TREE}
         assert {name: share.rates for name, share in shares.items()} == dict.fromkeys(TREE, 4 * (1.0,))
         inputs = {name: share.inputs for name, share in shares.items()}
-        steps = {"h1": LEADER_SHARE**2, "h2": LEADER_SHARE, "h3": 1.0, "h4": 1.0}
+        steps = {"h1": LEADER_LIMIT_SCALE**2, "h2": LEADER_LIMIT_SCALE, "h3": 1.0, "h4": 1.0}
         assert inputs == {name: pytest.approx(4 * (share,)) for name, share in steps.items()}
 
 
@@ -50,60 +50,60 @@ def test_a_leader_does_no_more_than_its_weakest_follower_can() -> None:
     """Whoever leads: what is left of accelerations and speeds, at any heading, is within the other's."""
     for leader, follower in ((QUADROTOR, COAXIAL), (COAXIAL, QUADROTOR)):
         models = {"h1": leader, "h2": follower, "h3": leader, "h4": leader}
-        share = share_of(TREE, models, "h1")
+        share = limit_scale_of(TREE, models, "h1")
         for axis, part in enumerate(share.inputs):
             strongest = min(1.0, part) * leader.b[axis] * (leader.u_max - leader.hover_input)[axis]
             weakest = follower.b * np.minimum(
                 follower.u_max - follower.hover_input, follower.hover_input - follower.u_min
             )
             limit = weakest[:2].min() if axis < 2 else weakest[axis]
-            assert strongest <= LEADER_SHARE * limit * (1.06 if axis < 2 else 1.0) + 1e-9
+            assert strongest <= LEADER_LIMIT_SCALE * limit * (1.06 if axis < 2 else 1.0) + 1e-9
         speeds = np.array(share.rates) * leader.state_max[3:]
         assert (speeds <= np.maximum(follower.state_max[3:], 1e-9) + 1e-9).all()
-    assert share_of(TREE, {"h1": QUADROTOR, "h2": COAXIAL}, "h1").inputs[0] == pytest.approx(
-        LEADER_SHARE**2 * 2.0 / QUADROTOR.b[0]
+    assert limit_scale_of(TREE, {"h1": QUADROTOR, "h2": COAXIAL}, "h1").inputs[0] == pytest.approx(
+        LEADER_LIMIT_SCALE**2 * 2.0 / QUADROTOR.b[0]
     )
 
 
 def test_a_cycle_is_survived() -> None:
-    circle = {"h1": (Following(leader="h2"),), "h2": (Following(leader="h1"),)}
-    assert share_of(circle, {}, "h1").inputs == pytest.approx(4 * (LEADER_SHARE**2,))
+    circle = {"h1": (LeaderLink(leader="h2"),), "h2": (LeaderLink(leader="h1"),)}
+    assert limit_scale_of(circle, {}, "h1").inputs == pytest.approx(4 * (LEADER_LIMIT_SCALE**2,))
 
 
 def test_the_share_changes_with_the_leader_and_is_told_once() -> None:
-    authority, controller = Authority("h4", {}), Sharing()
+    authority, controller = LimitScaling("h4", {}), Sharing()
     authority.tend(controller, {}, TREE)
     authority.tend(controller, {}, TREE)
     promoted = TREE | exchanged(TREE, places(TREE, {"h1": np.zeros(4)}), "h1", "h4")
     authority.tend(controller, {}, promoted)
-    assert controller.shares == pytest.approx([1.0, LEADER_SHARE**2])
+    assert controller.shares == pytest.approx([1.0, LEADER_LIMIT_SCALE**2])
 
 
 def test_another_controller_is_told_too() -> None:
-    authority, first, second = Authority("h2", {}), Sharing(), Sharing()
+    authority, first, second = LimitScaling("h2", {}), Sharing(), Sharing()
     authority.tend(first, {}, TREE)
     authority.tend(second, {}, TREE)
-    assert first.shares == second.shares == pytest.approx([LEADER_SHARE])
+    assert first.shares == second.shares == pytest.approx([LEADER_LIMIT_SCALE])
 
 
 def test_a_fixed_range_and_an_unknown_formation_change_nothing() -> None:
     controller = Sharing()
-    Authority("h1", {}).tend(controller, {"input_range": 0.5}, TREE)
-    Authority("h1", {}).tend(controller, {}, {"h1": ()})
-    Authority("h1", {}).tend(NotedController(np.zeros((1, 4))), {}, TREE)
+    LimitScaling("h1", {}).tend(controller, {"input_range": 0.5}, TREE)
+    LimitScaling("h1", {}).tend(controller, {}, {"h1": ()})
+    LimitScaling("h1", {}).tend(NotedController(np.zeros((1, 4))), {}, TREE)
     assert controller.shares == []
 
 
 def test_arms_are_the_circles_on_which_a_leader_carries_others_round() -> None:
-    abreast = Following(leader="h1", offset_m=(0.0, 0.6, 0.3), frame="heading", yaw_offset_rad=np.pi / 2)
+    abreast = LeaderLink(leader="h1", offset_m=(0.0, 0.6, 0.3), frame="heading", yaw_offset_rad=np.pi / 2)
     links = {
         "h1": (),
         "h2": (abreast,),
-        "h3": (Following(leader="h2", offset_m=(0.5, 0.0, 0.0)),),
-        "h4": (Following(leader="h2", offset_m=(0.8, 0.0, 0.0), frame="heading"),),
-        "h5": (Following(leader="h1", offset_m=(0.4, 0.0, 0.0)),),
-        "h6": (abreast, Following(leader="h5", offset_m=(0.0, 0.6, 0.0))),
-        "h7": (Following(leader="h8", offset_m=(0.0, 0.6, 0.0), frame="heading"),),
+        "h3": (LeaderLink(leader="h2", offset_m=(0.5, 0.0, 0.0)),),
+        "h4": (LeaderLink(leader="h2", offset_m=(0.8, 0.0, 0.0), frame="heading"),),
+        "h5": (LeaderLink(leader="h1", offset_m=(0.4, 0.0, 0.0)),),
+        "h6": (abreast, LeaderLink(leader="h5", offset_m=(0.0, 0.6, 0.0))),
+        "h7": (LeaderLink(leader="h8", offset_m=(0.0, 0.6, 0.0), frame="heading"),),
         "h8": (),
     }
     arms = {"h2": 0.6, "h3": 0.6, "h4": 1.4, "h6": 0.3}
@@ -115,7 +115,7 @@ def test_arms_are_the_circles_on_which_a_leader_carries_others_round() -> None:
 
 def test_the_longest_arm_and_the_weakest_follower_limit_a_turn() -> None:
     links = {
-        f"h{number}": (Following(leader="h1", offset_m=(x, 0.0, 0.0), frame="heading"),)
+        f"h{number}": (LeaderLink(leader="h1", offset_m=(x, 0.0, 0.0), frame="heading"),)
         for number, x in ((2, 0.3), (3, 0.6))
     }
     models = dict.fromkeys(("h1", "h2", "h3"), COAXIAL)

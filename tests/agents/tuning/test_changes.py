@@ -6,10 +6,10 @@ from itertools import permutations
 import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
-from agents.configuration import Configuration
-from agents.flight.phases import Event
-from agents.interfaces import WHOLE
-from agents.tuning import Tuning
+from agents.interfaces import FULL_LIMITS
+from agents.phases import Event
+from agents.tuning.changes import Tuning
+from agents.tuning.configuration import Configuration
 
 BUMP = 0.3
 """Largest step of any input at a switch, of a range from -1 to 1; gusts alone make steps of 0.1."""
@@ -109,7 +109,7 @@ def test_on_the_floor_a_change_takes_over_before_the_take_off() -> None:
 
 def test_the_loop_is_woken_when_a_change_is_ready() -> None:
     flight, woken = HoveringFlight("cascade"), threading.Event()
-    tuning = Tuning(flight.tuning.configuration, flight.pilot, PERIOD_S, WHOLE, woken.set)
+    tuning = Tuning(flight.tuning.configuration, flight.pilot, PERIOD_S, FULL_LIMITS, woken.set)
     for weight, kind in ((2.0, str), (-1.0, ValueError)):
         woken.clear()
         tuning.begin(tuning.configuration.changed(None, {"soft_weight": weight}, None, {}))

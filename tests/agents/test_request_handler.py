@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from support.desk import UP, Office, follow, follow_at, go_to, say
 from support.plans import plan_of
+from support.request_handling import UP, Office, follow, follow_at, go_to, say
 from support.statuses import flying_status, hovering
 
-from agents.flight.phases import Phase
-from agents.following.links import following_of, link_of
+from agents.following.links import followed_leader, present_link
+from agents.phases import Phase
 from agents.references.path_shapes import through
-from bus.messages import FloatArray, Following, SetPoint
+from bus.messages import FloatArray, LeaderLink, SetPoint
 from bus.requests import (
     Disarm,
     Fly,
@@ -106,8 +106,8 @@ def test_set_points_of_followers_are_refused_and_the_leader_named(office: Office
 
 @pytest.mark.parametrize("frame", ["inertial", "heading"])
 def test_links_survive_the_way_through_messages(frame: str) -> None:
-    following = Following(leader="h1", offset_m=(0.1, 0.2, 0.3), yaw_offset_rad=0.4, frame=frame, weight=2.0)
-    assert following_of(link_of(following), 0.0) == following
+    following = LeaderLink(leader="h1", offset_m=(0.1, 0.2, 0.3), yaw_offset_rad=0.4, frame=frame, weight=2.0)
+    assert present_link(followed_leader(following), 0.0) == following
 
 
 def test_a_restarted_agent_goes_on_to_the_set_point(office: Office) -> None:
@@ -119,23 +119,23 @@ def test_a_restarted_agent_goes_on_to_the_set_point(office: Office) -> None:
 
 def test_a_restarted_agent_goes_on_following(office: Office) -> None:
     office.fly()
-    followed = Following(leader="h2", offset_m=(0.4, 0.0, 0.1))
+    followed = LeaderLink(leader="h2", offset_m=(0.4, 0.0, 0.1))
     office.desk.resume(flying_status(following=(followed,)))
-    (link,) = office.pilot.guidance.links
+    (link,) = office.pilot.guidance.followed
     assert (link.leader, tuple(link.target.position_m)) == ("h2", (0.4, 0.0, 0.1))
     assert office.plan_bus.open_names() == ["h2"]
 
 
 def test_a_restarted_agent_goes_on_landing_and_does_not_fly_into_the_floor(office: Office) -> None:
     office.fly()
-    office.desk.resume(flying_status(phase="landing", following=(Following(leader="h2"),)))
+    office.desk.resume(flying_status(phase="landing", following=(LeaderLink(leader="h2"),)))
     assert office.pilot.guidance.phase is Phase.LANDING
     assert not office.pilot.guidance.follows
 
 
 def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(office: Office) -> None:
     office.fly()
-    say(office, "h2", hovering((0.7, 0.2, 1.0), Following(leader="h9", offset_m=(0.6, 0.0, 0.0))))
+    say(office, "h2", hovering((0.7, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
     words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
     assert office.ask(go_to(0.8, 0.0, 1.0)).refusal == words
     assert office.pilot.guidance.set_point()[0] == pytest.approx(UP)
@@ -144,7 +144,7 @@ def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(off
 
 def test_turning_does_not_swing_a_follower_out_of_the_volume(office: Office) -> None:
     office.fly()
-    abreast = Following(leader="h9", offset_m=(0.0, 0.6, 0.0), frame="heading")
+    abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame="heading")
     say(office, "h2", hovering((0.8, 0.6, 1.0), abreast))
     turned = GoTo(set_point=SetPoint(position_m=(0.8, 0.0, 1.0), yaw_rad=-np.pi / 2))
     words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
@@ -154,7 +154,7 @@ def test_turning_does_not_swing_a_follower_out_of_the_volume(office: Office) -> 
 
 def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(office: Office) -> None:
     office.fly()
-    say(office, "h2", hovering((0.7, 0.2, 1.0), Following(leader="h9", offset_m=(0.6, 0.0, 0.0))))
+    say(office, "h2", hovering((0.7, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
     wide, narrow = (
         Fly(knots=FloatArray.of(through([(0.0, *UP, 0.0), (6.0, x, 0.2, 1.0, 0.0)]).knots))
         for x in (0.9, 0.4)
@@ -200,7 +200,7 @@ def test_without_avoidance_set_points_at_the_places_of_others_are_refused(office
     """The controller of these tests avoids nobody."""
     office.fly()
     say(office, "h2", hovering((0.5, 0.5, 1.0)))
-    say(office, "h1", hovering((0.1, 0.6, 1.0), Following(leader="h9", offset_m=(0.0, 0.4, 0.0))))
+    say(office, "h1", hovering((0.1, 0.6, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.4, 0.0))))
     words = "h9 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"
     assert office.ask(go_to(0.4, 0.5, 1.0)).refusal == words
     words = "h1 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"
@@ -212,7 +212,7 @@ def test_a_leader_turns_slowly_enough_for_those_it_carries_round(office: Office)
     office.fly()
     turned = GoTo(set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=1.5))
     for frame, step_rad in (("inertial", 1.5), ("heading", 0.0)):
-        abreast = Following(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
+        abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
         say(office, "h2", hovering((0.0, 0.6, 1.0), abreast))
         office.ask(go_to(0.0, 0.0, 1.0))
         office.pilot.guidance.go_to(np.array([0.0, 0.0, 1.0]), 0.0)

@@ -4,19 +4,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from agents.desk import Desk
-from agents.external import External
+from agents.external_control import ExternalControl
 from agents.flight.guidance import Guidance
-from agents.flight.phases import Event
-from agents.following.leaders import Leaders
-from agents.following.neighbours import Neighbours
-from agents.interfaces import WHOLE, Measurement
-from agents.pilot import Frame, Pilot
+from agents.following.leader_plans import LeaderPlans
+from agents.following.peers import PeerStatuses
+from agents.interfaces import FULL_LIMITS, Measurement
+from agents.phases import Event
+from agents.pilot import Pilot, StampedMeasurement
+from agents.request_handler import RequestHandler
 from agents.settings import AgentSettings
-from agents.tuning import Tuning
+from agents.tuning.changes import Tuning
 from bus import channels
 from bus.codec import encode
-from bus.messages import AgentStatus, Following, Plan, SetPoint
+from bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from bus.requests import Follow, GoTo, Reply, Request
 from bus.session import BusAddress
 from bus.subscription import Inbox
@@ -65,16 +65,18 @@ class Office:
         self.plan_bus = PlanBus()
         controller = NotedController(np.zeros((1, 4)))
         self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance())
-        self.leaders = Leaders("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
+        self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
-        neighbours = Neighbours("h9", self.statuses, self.clock)
-        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, WHOLE)
-        external = External("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
-        self.desk = Desk(SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, external, self.clock)
+        neighbours = PeerStatuses("h9", self.statuses, self.clock)
+        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, FULL_LIMITS)
+        external = ExternalControl("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
+        self.desk = RequestHandler(
+            SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, external, self.clock
+        )
         self.frame = 10
 
     def see(self, position_m: tuple[float, float, float] = UP) -> None:
-        self.pilot.observe(Frame(1, self.frame, 0.02, Measurement(np.array(position_m), 0.0)))
+        self.pilot.observe(StampedMeasurement(1, self.frame, 0.02, Measurement(np.array(position_m), 0.0)))
         self.frame += 1
 
     def fly(self) -> None:
@@ -96,7 +98,7 @@ def go_to(x: float, y: float, z: float) -> GoTo:
 
 
 def follow(*names: str, **options: float) -> Follow:
-    return Follow(following=tuple(Following(leader=name, offset_m=(0.5, 0, 0)) for name in names), **options)
+    return Follow(following=tuple(LeaderLink(leader=name, offset_m=(0.5, 0, 0)) for name in names), **options)
 
 
 def say(office: Office, name: str, status: AgentStatus) -> None:
@@ -108,7 +110,7 @@ def follow_at(
     office: Office, offset_m: tuple[float, float, float], plan: Plan | None = None, leader: str = "h1"
 ) -> Asked:
     """Ask to follow, and let the leader's plan arrive."""
-    asked = office.ask(Follow(following=(Following(leader=leader, offset_m=offset_m),)))
+    asked = office.ask(Follow(following=(LeaderLink(leader=leader, offset_m=offset_m),)))
     if not asked.answers:
         office.plan_bus.deliver(plan_of(leader) if plan is None else plan)
         office.desk.leading.settle_waiting()

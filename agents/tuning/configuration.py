@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from agents.controllers.registry import build_controller
-from agents.estimators.registry import build_estimator
-from agents.interfaces import Controller, Estimator, Share, SharesAuthority
+from agents.controllers.registry import CONTROLLERS
+from agents.estimators.registry import ESTIMATORS
+from agents.interfaces import Controller, Estimator, LimitScale, ScalesLimits
 from vehicles.model import Model
 
 
@@ -57,7 +57,7 @@ class Configuration:
             estimator_settings={**kept_by_estimator, **estimator_settings},
         )
 
-    def controller_for(self, model: Model, period_s: float, share: Share) -> Controller:
+    def controller_for(self, model: Model, period_s: float, share: LimitScale) -> Controller:
         """Build the controller.
 
         Parameters
@@ -74,9 +74,9 @@ class Configuration:
         ValueError
             Unknown controller, or a setting it does not accept.
         """
-        built = build_controller(self.controller, model, period_s, self.controller_settings)
-        if isinstance(built, SharesAuthority) and "input_range" not in self.controller_settings:
-            built.set_share(share)
+        built = CONTROLLERS.build(self.controller, model, period_s, self.controller_settings)
+        if isinstance(built, ScalesLimits) and "input_range" not in self.controller_settings:
+            built.set_limit_scale(share)
         return built
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:
@@ -87,4 +87,4 @@ class Configuration:
         ValueError
             Unknown estimator, or a setting it does not accept.
         """
-        return build_estimator(self.estimator, model, period_s, self.estimator_settings)
+        return ESTIMATORS.build(self.estimator, model, period_s, self.estimator_settings)

@@ -4,7 +4,7 @@ import pytest
 from support.plans import PlanBus, plan_of
 
 from agents.flight.fleet_clock import FleetClock
-from agents.following.leaders import Leaders
+from agents.following.leader_plans import LeaderPlans
 
 
 @pytest.fixture
@@ -13,8 +13,8 @@ def plan_bus() -> PlanBus:
 
 
 @pytest.fixture
-def leaders(plan_bus: PlanBus) -> Leaders:
-    return Leaders("h9", plan_bus.subscribe)  # type: ignore[arg-type]  # an inbox without a bus
+def leaders(plan_bus: PlanBus) -> LeaderPlans:
+    return LeaderPlans("h9", plan_bus.subscribe)  # type: ignore[arg-type]  # an inbox without a bus
 
 
 def clock_at(frame: int, epoch: int = 1, coasted: int = 0) -> FleetClock:
@@ -25,7 +25,7 @@ def clock_at(frame: int, epoch: int = 1, coasted: int = 0) -> FleetClock:
     return clock
 
 
-def test_exactly_the_wanted_plans_are_subscribed_to(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_exactly_the_wanted_plans_are_subscribed_to(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.keep(["h1", "h2"])
     first = {inbox.name: inbox for inbox in plan_bus.opened}
     leaders.keep(["h2", "h3"])
@@ -41,7 +41,7 @@ def test_exactly_the_wanted_plans_are_subscribed_to(leaders: Leaders, plan_bus: 
     [(10, 0.02, -0.02), (9, 0.02, 0.0), (10, 0.0, 0.0), (7, 0.02, 0.04), (11, 0.02, -0.04)],
 )
 def test_plans_are_aligned_by_the_difference_of_frames_and_their_own_delay(
-    leaders: Leaders, plan_bus: PlanBus, plan_frame: int, start_s: float, ahead_s: float
+    leaders: LeaderPlans, plan_bus: PlanBus, plan_frame: int, start_s: float, ahead_s: float
 ) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", plan_frame, start_s=start_s, position_m=(1.0, 2.0, 3.0)))
@@ -52,13 +52,13 @@ def test_plans_are_aligned_by_the_difference_of_frames_and_their_own_delay(
     assert plan.followable
 
 
-def test_frames_that_were_coasted_count(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_frames_that_were_coasted_count(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", 10, start_s=0.0))
     assert leaders.plans(clock_at(13, coasted=3))["h1"].ahead_s == pytest.approx(0.06)
 
 
-def test_plans_of_another_epoch_are_left_out_and_counted(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_plans_of_another_epoch_are_left_out_and_counted(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.keep(["h1", "h2"])
     plan_bus.deliver(plan_of("h1", epoch=7))
     plan_bus.deliver(plan_of("h2"))
@@ -66,14 +66,14 @@ def test_plans_of_another_epoch_are_left_out_and_counted(leaders: Leaders, plan_
     assert leaders.counts() == {"plan.epoch": 1}
 
 
-def test_a_leader_on_the_floor_says_so(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_a_leader_on_the_floor_says_so(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", airborne=False))
     assert not leaders.plans(clock_at(10))["h1"].followable
 
 
 def test_plans_are_complete_when_every_leaders_plan_of_this_frame_is_here(
-    leaders: Leaders, plan_bus: PlanBus
+    leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
     clock = clock_at(10)
     assert leaders.complete(clock, plan_bus.open_names())
@@ -90,7 +90,7 @@ def test_plans_are_complete_when_every_leaders_plan_of_this_frame_is_here(
 
 
 def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
-    leaders: Leaders, plan_bus: PlanBus
+    leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", ancestors=("h2", "h3")))
@@ -102,7 +102,7 @@ def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
     assert leaders.ancestors(["h4"]) == ("h4", "h3", "h5")
 
 
-def test_a_line_that_leads_back_is_found(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_a_line_that_leads_back_is_found(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.keep(["h1"])
     assert leaders.cycle_through("h1") is None
     plan_bus.deliver(plan_of("h1", ancestors=("h2", "h9", "h3")))
@@ -113,15 +113,17 @@ def test_a_line_that_leads_back_is_found(leaders: Leaders, plan_bus: PlanBus) ->
 
 
 def test_plans_of_a_cycle_that_began_unnoticed_are_left_out_and_counted(
-    leaders: Leaders, plan_bus: PlanBus
+    leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", ancestors=("h9",)))
     assert leaders.plans(clock_at(10)) == {}
-    assert leaders.counts() == {"plan.cycle": 1}
+    assert leaders.counts() == {"plan.leader_cycle": 1}
 
 
-def test_refused_plans_stay_counted_after_the_leader_has_changed(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_refused_plans_stay_counted_after_the_leader_has_changed(
+    leaders: LeaderPlans, plan_bus: PlanBus
+) -> None:
     leaders.keep(["h1"])
     plan_bus.opened[0].store(b"garbage", 0.0)
     assert leaders.newest("h1") is None
@@ -133,7 +135,7 @@ def test_refused_plans_stay_counted_after_the_leader_has_changed(leaders: Leader
 
 
 def test_the_age_is_that_of_the_oldest_plan_and_unknown_while_one_is_missing(
-    leaders: Leaders, plan_bus: PlanBus
+    leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
     assert leaders.plan_age_s(100.0, []) is None
     leaders.keep(["h1", "h2"])
@@ -144,14 +146,14 @@ def test_the_age_is_that_of_the_oldest_plan_and_unknown_while_one_is_missing(
     assert leaders.newest("h7") is None
 
 
-def test_a_leader_that_takes_off_or_lands_is_not_flown_by(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_a_leader_that_takes_off_or_lands_is_not_flown_by(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", followable=False))
     assert not leaders.plans(clock_at(10))["h1"].followable
 
 
 def test_plans_of_frames_before_a_change_of_leaders_may_tell_of_the_old_line(
-    leaders: Leaders, plan_bus: PlanBus
+    leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", 10, ancestors=("h9",)))
@@ -159,7 +161,7 @@ def test_plans_of_frames_before_a_change_of_leaders_may_tell_of_the_old_line(
     assert leaders.plans(clock_at(11), cycles_from_frame=10) == {}
 
 
-def test_a_silent_leader_has_no_fresh_plan(leaders: Leaders, plan_bus: PlanBus) -> None:
+def test_a_silent_leader_has_no_fresh_plan(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.keep(["h1"])
     assert leaders.fresh("h1", 100.0) is None
     plan_bus.deliver(plan_of("h1"), 100.0)

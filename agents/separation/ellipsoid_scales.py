@@ -8,21 +8,22 @@ each other, as in traffic without right of way; who passes on which side is sett
 from collections.abc import Mapping
 from typing import Final
 
-from agents.formation.topology import Links, ancestors, roots
-from agents.separation.avoidance import Clearance
+from agents.formation.topology import FormationGraph, ancestors, roots
+from agents.separation.avoidance import SeparationEllipsoid
 from vehicles.state import Array
 
-PLACE_SHARE: Final = 0.9
+FORMATION_SCALE: Final = 0.9
 """Share of the distance of two places in a formation that its vehicles keep."""
 
 
-def share_kept_clear(
-    clearance: Clearance, links: Links, places: Mapping[str, Array], name: str, other: str
+def ellipsoid_scale(
+    clearance: SeparationEllipsoid, links: FormationGraph, places: Mapping[str, Array], name: str, other: str
 ) -> float:
     """Share of the ellipsoid that a vehicle keeps clear of another one.
 
     Nothing of its followers, whose plans are made from its own: a leader gives no way to them. Places in a
-    formation that an operator has chosen are respected: mates keep at most `PLACE_SHARE` of their distance.
+    formation that an operator has chosen are respected: mates keep at most `FORMATION_SCALE` of their
+    distance.
 
     Parameters
     ----------
@@ -46,4 +47,4 @@ def share_kept_clear(
     if not mates or name not in places or other not in places:
         return 1.0
     gap_m = places[name][:3] - places[other][:3]
-    return min(1.0, PLACE_SHARE * float(clearance.normalised(gap_m)))
+    return min(1.0, FORMATION_SCALE * float(clearance.normalised(gap_m)))

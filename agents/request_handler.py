@@ -5,21 +5,22 @@ from typing import Any
 
 import numpy as np
 
-from agents.configuration import Configuration
-from agents.external import External
-from agents.flight.phases import Phase
-from agents.following.leaders import Leaders
-from agents.following.links import following_at_rest, link_of
-from agents.following.neighbours import Neighbours, formation_of
+from agents.external_control import ExternalControl
+from agents.following.leader_plans import LeaderPlans
+from agents.following.links import followed_leader, target_link
+from agents.following.peers import PeerStatuses
 from agents.following.requests import LeaderRequests, reply_of
-from agents.formation.authority import turn_limits_of
+from agents.formation.limit_scaling import turn_limits_of
 from agents.formation.placement import Room, move_problem, take_off_problem
-from agents.formation.topology import Links, followers, places
-from agents.interfaces import KeepsClear
+from agents.formation.present import formation_of
+from agents.formation.topology import FormationGraph, followers, places
+from agents.interfaces import AvoidsObstacles
+from agents.phases import Phase
 from agents.pilot import Pilot
 from agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from agents.settings import AgentSettings
-from agents.tuning import Tuning
+from agents.tuning.changes import Tuning
+from agents.tuning.configuration import Configuration
 from bus.messages import AgentStatus
 from bus.requests import (
     CommitLeaders,
@@ -49,7 +50,7 @@ CHECKED_EVERY_S = 0.1
 _NEEDS_POSE = (TakeOff, Land, GoTo, Fly)
 
 
-class Desk:
+class RequestHandler:
     """Requests of one agent.
 
     Parameters
@@ -71,10 +72,10 @@ class Desk:
         self,
         settings: AgentSettings,
         pilot: Pilot,
-        leaders: Leaders,
-        neighbours: Neighbours,
+        leaders: LeaderPlans,
+        neighbours: PeerStatuses,
         tuning: Tuning,
-        external: External,
+        external: ExternalControl,
         clock: Callable[[], float],
     ) -> None:
         self._settings = settings
@@ -135,7 +136,9 @@ class Desk:
         """Take over the task of an earlier process of this agent."""
         self._restore(status)
         guidance = self._pilot.guidance
-        guidance.assigned = tuple(link_of(following) for following in status.assigned or status.following)
+        guidance.assigned = tuple(
+            followed_leader(following) for following in status.assigned or status.following
+        )
         # An offset on its way to its target begins its way anew, from where the vehicle is then.
         guidance.follow_instead(guidance.assigned)
         self.leading.keep_leaders()
@@ -187,7 +190,7 @@ class Desk:
             self._settings.vehicle,
             self._pilot.estimate.motion[:3],
             request.height_m,
-            tuple(following_at_rest(link) for link in guidance.assigned),
+            tuple(target_link(link) for link in guidance.assigned),
             self._neighbours.statuses(),
             self._room,
         )
@@ -228,7 +231,7 @@ class Desk:
         guidance.fly(path, time_s)
         return None, f"{path.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
 
-    def _formation(self) -> tuple[Links, dict[str, Array]]:
+    def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
         """Who follows whom, and where heads are, by what the others say of themselves."""
         return formation_of(self._neighbours.statuses(), flying=(self._settings.vehicle,))
 
@@ -237,7 +240,7 @@ class Desk:
         own = self._settings.vehicle
         links, heads = self._formation()
         strangers = {}
-        if self._settings.clearance is None or not isinstance(self._pilot.controller, KeepsClear):
+        if self._settings.clearance is None or not isinstance(self._pilot.controller, AvoidsObstacles):
             moved = {own, *followers(links, own)}
             strangers = {name: at for name, at in places(links, heads).items() if name not in moved}
         return move_problem(own, samples, links, self._room, strangers)

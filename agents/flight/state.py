@@ -1,0 +1,32 @@
+"""What the parts of an agent that decide about flight see of its pilot."""
+
+from typing import Protocol
+
+from agents.flight.fleet_clock import FleetClock
+from agents.flight.guidance import Guidance
+from agents.interfaces import Estimate
+from vehicles.model import Model
+
+
+class FlightState(Protocol):
+    """A flying vehicle: what it is, where it is, what time it is for it, and what it is to do."""
+
+    @property
+    def model(self) -> Model:
+        """Nominal model of the vehicle."""
+        ...
+
+    @property
+    def clock(self) -> FleetClock:
+        """The fleet's time."""
+        ...
+
+    @property
+    def estimate(self) -> Estimate:
+        """Present estimate."""
+        ...
+
+    @property
+    def guidance(self) -> Guidance:
+        """Phase and task."""
+        ...

@@ -1,0 +1,39 @@
+"""The newest status of every other vehicle of the fleet."""
+
+import math
+from collections.abc import Callable, Mapping
+
+from bus.messages import AgentStatus
+from bus.subscription import Inbox
+
+
+class PeerStatuses:
+    """Newest statuses of the other vehicles.
+
+    Parameters
+    ----------
+    vehicle
+        Own name.
+    inboxes
+        Statuses by vehicle, filled by the bus.
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(
+        self, vehicle: str, inboxes: Mapping[str, Inbox[AgentStatus]], clock: Callable[[], float]
+    ) -> None:
+        self._vehicle = vehicle
+        self._inboxes = inboxes
+        self._clock = clock
+
+    def statuses(self, within_s: float = math.inf) -> dict[str, AgentStatus]:
+        """Statuses of those who are not silent, and have said something in the last so many seconds."""
+        now_s = self._clock()
+        found = {}
+        for name, inbox in tuple(self._inboxes.items()):
+            if name != self._vehicle and inbox.alive(now_s):
+                received = inbox.latest()
+                if received is not None and now_s - received.arrived_s <= within_s:
+                    found[name] = received.message
+        return found

@@ -1,0 +1,48 @@
+"""The formation as the vehicles report it: who follows whom now, and where those that lead will be."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from agents.formation.topology import FormationGraph
+from agents.phases import Phase
+from bus.messages import AgentStatus, LeaderLink
+from vehicles.state import Array
+
+AT_WORK = (Phase.TAKEOFF, Phase.FLYING)
+"""Phases in which a vehicle is at its place in the formation, or on the way there."""
+
+
+def formation_of(
+    statuses: Mapping[str, AgentStatus], flying: Iterable[str] = ()
+) -> tuple[FormationGraph, dict[str, Array]]:
+    """Formation graph of the vehicles at work, and the places of those that keep one of their own.
+
+    A vehicle on the floor or on its way there keeps its place, and so does one whose leaders are not at work.
+
+    Parameters
+    ----------
+    statuses
+        What vehicles say of themselves.
+    flying
+        Others that are at work as well.
+
+    Returns
+    -------
+    links, heads
+        As `agents.formation.topology.places` takes them.
+    """
+    at_work = {name for name, status in statuses.items() if status.phase in AT_WORK} | set(flying)
+    links: dict[str, tuple[LeaderLink, ...]] = {}
+    heads: dict[str, Array] = {}
+    for name, status in statuses.items():
+        led = status.assigned if status.following_mode == "follow" else status.following
+        led = led if name in at_work else ()
+        links[name] = led if all(link.leader in at_work for link in led) else ()
+        if links[name]:
+            continue
+        place = status.set_point.position_m if name in at_work else status.position_m
+        yaw_rad = status.set_point.yaw_rad if name in at_work else status.yaw_rad
+        if place is not None:
+            heads[name] = np.array([*place, yaw_rad or 0.0])
+    return links, heads

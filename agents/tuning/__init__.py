@@ -1,0 +1,1 @@
+"""Which controller and estimator fly a vehicle, with what settings, and how these change in flight."""
