@@ -8,6 +8,8 @@ from typing import Any, Final
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 
+COAXIAL_PLANTS: Final = ("first_order", "helicopter", "drawn_helicopter")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
@@ -47,8 +49,15 @@ class Conditions:
     volume_min_m: Three = (-2.5, -2.5, -0.1)
     volume_max_m: Three = (2.5, 2.5, 3.0)
     """Corners of the flight volume. Leaving it is flagged and has no other effect."""
+    coaxial_plant: str = "first_order"
+    """What flies as a coaxial vehicle, of `COAXIAL_PLANTS`: equation (1) with its mismatches; the helicopter
+    with stabilizer bar in the middle of its family; or one drawn from the family for each vehicle. The latter
+    two ignore `actuator_lag`, `lag_mismatch`, `parameter_mismatch` and `trim_offset`."""
+    downwash_m_s2: float = 0.0
+    """Downward acceleration of a vehicle that flies 0.3 m or less below another; above that it falls with
+    1 / distance, and to the sides within 0.15 m."""
     substep_s: float = 0.002
-    """Longest integration step, at most 2 ms."""
+    """Longest integration step, at most 4 ms."""
 
     def __post_init__(self) -> None:
         for name in ("lag_mismatch", "parameter_mismatch", "battery_sag"):
@@ -57,7 +66,11 @@ class Conditions:
             _require_between(name, getattr(self, name), 0.0, 1.0)
         _require_between("turbulence_correlation_s", self.turbulence_correlation_s, 1e-3, 1e3)
         _require_between("battery_endurance_s", self.battery_endurance_s, 1.0, 1e6)
-        _require_between("substep_s", self.substep_s, 1e-5, 0.002)
+        _require_between("substep_s", self.substep_s, 1e-5, 0.004)
+        _require_between("downwash_m_s2", self.downwash_m_s2, 0.0, 10.0)
+        if self.coaxial_plant not in COAXIAL_PLANTS:
+            allowed = ", ".join(COAXIAL_PLANTS)
+            raise ValueError(f"coaxial_plant: unknown plant {self.coaxial_plant!r}; allowed: {allowed}")
         if self.transport_delay_s is not None:
             _require_between("transport_delay_s", self.transport_delay_s, 0.0, 1.0)
         if not isinstance(self.actuator_lag, bool):
@@ -94,9 +107,23 @@ LABORATORY: Final = Conditions(
     position_noise_m=0.0003,
     angle_noise_rad=0.002,
 )
-"""The laboratory that figures are stated for: turbulence, mismatch of b, k and lags, trim, noise."""
+"""Turbulence, noise, and vehicles of equation (1) with mismatch of b, k and lags, and trim."""
 
-PRESETS: Final = MappingProxyType({"ideal": IDEAL, "laboratory": LABORATORY})
+HELICOPTER: Final = replace(
+    LABORATORY,
+    coaxial_plant="helicopter",
+    battery_sag=0.15,
+    downwash_m_s2=1.0,
+    substep_s=0.004,
+)
+"""Weather of the laboratory, and coaxial vehicles that are helicopters: each the middle of their family."""
+
+HELICOPTERS: Final = replace(HELICOPTER, coaxial_plant="drawn_helicopter")
+"""The same with coaxial vehicles drawn from the family, by seed and name."""
+
+PRESETS: Final = MappingProxyType(
+    {"ideal": IDEAL, "laboratory": LABORATORY, "helicopter": HELICOPTER, "helicopters": HELICOPTERS}
+)
 """Conditions by name."""
 
 

@@ -8,9 +8,37 @@ from collections.abc import Mapping, Sequence
 
 from simulator.conditions import Conditions
 from simulator.disturbance import NOISE, NormalSource, random_stream
+from simulator.downwash import set_downwash
+from simulator.first_order_plant import FirstOrderPlant
+from simulator.helicopter import Helicopter, helicopter_of
 from simulator.plant import Plant, Pose
 from vehicles.model import Model
 from vehicles.state import Array
+from vehicles.types import COAXIAL
+
+
+def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
+    """Plant of a vehicle: a helicopter if it is coaxial and the conditions say so, else equation (1).
+
+    Parameters
+    ----------
+    name, model, conditions, seed, start
+        See `Plant`.
+
+    Returns
+    -------
+    Plant
+        The vehicle at time 0.
+
+    Raises
+    ------
+    ValueError
+        If the start pose is not finite or below the floor.
+    """
+    if model.kind == COAXIAL.kind and conditions.coaxial_plant != "first_order":
+        parameters = helicopter_of(name, conditions, seed)
+        return Helicopter(name, model, conditions, seed, start, parameters)
+    return FirstOrderPlant(name, model, conditions, seed, start)
 
 
 class Laboratory:
@@ -50,7 +78,7 @@ class Laboratory:
     def reset(self) -> None:
         """Begin anew at time 0: the same inputs then lead to exactly the same flight."""
         self._plants = {
-            name: Plant(name, model, self._conditions, self._seed, self._start[name])
+            name: plant_of(name, model, self._conditions, self._seed, self._start[name])
             for name, model in self._models.items()
         }
         self._noise = {name: NormalSource(random_stream(self._seed, name, NOISE)) for name in self._models}
@@ -81,7 +109,8 @@ class Laboratory:
             raise ValueError(f"laboratory: no vehicle {name!r}; there are: {allowed}") from None
 
     def advance(self, duration_s: float) -> None:
-        """Let all vehicles fly on for a duration that is not negative."""
+        """Let all vehicles fly on for a duration that is not negative, under the downwash of its start."""
+        set_downwash(self._plants.values(), self._conditions.downwash_m_s2)
         for plant in self._plants.values():
             plant.advance(duration_s)
         self._time_s += duration_s
@@ -95,12 +124,12 @@ class Laboratory:
         self.plant(name).stop_motors()
 
     def true_pose(self, name: str) -> Pose:
-        """Pose of vehicle `name` without measurement noise, yaw unwrapped."""
+        """Pose of the body of vehicle `name`, yaw unwrapped."""
         return self.plant(name).pose
 
     def measured_pose(self, name: str) -> Pose:
-        """Pose of vehicle `name` as the Tracker measures it now: with fresh noise, yaw wrapped."""
-        pose = self.plant(name).pose
+        """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""
+        pose = self.plant(name).marker_pose
         noise = self._noise[name]
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
         x, y, z = pose.position_m

@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.conditions import IDEAL, LABORATORY, Conditions, conditions_from
+from simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions, conditions_from
 
 
 def test_presets_are_reachable_by_name() -> None:
     assert conditions_from("ideal") == IDEAL
     assert conditions_from("laboratory") == LABORATORY
+    assert conditions_from("helicopter") == HELICOPTER
+    assert conditions_from("helicopters") == HELICOPTERS
 
 
 def test_laboratory_has_the_numbers_that_results_are_stated_for() -> None:
@@ -31,7 +33,7 @@ def test_overrides_change_only_what_they_name() -> None:
 
 
 def test_unknown_preset_and_field_are_refused_with_what_is_allowed() -> None:
-    with pytest.raises(ValueError, match=r"'storm'; allowed: ideal, laboratory"):
+    with pytest.raises(ValueError, match=r"'storm'; allowed: ideal, laboratory, helicopter, helicopters"):
         conditions_from("storm")
     with pytest.raises(ValueError, match=r"unknown field 'turbulence'; allowed: turbulence_rms, "):
         conditions_from("ideal", {"turbulence": 1.0})
@@ -40,7 +42,7 @@ def test_unknown_preset_and_field_are_refused_with_what_is_allowed() -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("substep_s", 0.003),
+        ("substep_s", 0.005),
         ("substep_s", 0.0),
         ("parameter_mismatch", -0.1),
         ("lag_mismatch", 1.0),
@@ -52,6 +54,8 @@ def test_unknown_preset_and_field_are_refused_with_what_is_allowed() -> None:
         ("turbulence_rms", (1.0, 1.0)),
         ("turbulence_rms", 1.0),
         ("turbulence_rms", (0.1, 0.1, -0.1, 0.1)),
+        ("coaxial_plant", "airship"),
+        ("downwash_m_s2", -1.0),
         ("volume_max_m", (1.0, 1.0, -2.0)),
     ],
 )

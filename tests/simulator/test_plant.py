@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from simulator.conditions import IDEAL, LABORATORY, Conditions
-from simulator.plant import Plant, Pose
+from simulator.first_order_plant import FirstOrderPlant
+from simulator.plant import Pose
 from vehicles.model import Model, motion_derivative
 from vehicles.quadrotor import QUADROTOR
 from vehicles.state import ZD_BODY, Array
@@ -23,12 +24,12 @@ PROMPT = replace(IDEAL, transport_delay_s=0.0)
 sticks = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.3, 0.8), st.floats(-0.4, 0.4))
 
 
-def flying(model: Model = COAXIAL, conditions: Conditions = PROMPT, height_m: float = 1.0) -> Plant:
-    return Plant("h1", model, conditions, 0, Pose((0.0, 0.0, height_m), 0.3))
+def flying(model: Model = COAXIAL, conditions: Conditions = PROMPT, height_m: float = 1.0) -> FirstOrderPlant:
+    return FirstOrderPlant("h1", model, conditions, 0, Pose((0.0, 0.0, height_m), 0.3))
 
 
-def standing(conditions: Conditions = PROMPT) -> Plant:
-    return Plant("h1", COAXIAL, conditions, 0, Pose((0.0, 0.0, 0.0), 0.3))
+def standing(conditions: Conditions = PROMPT) -> FirstOrderPlant:
+    return FirstOrderPlant("h1", COAXIAL, conditions, 0, Pose((0.0, 0.0, 0.0), 0.3))
 
 
 def fine_integration(model: Model, start: Array, actuator: Array, target: Array, duration_s: float) -> Array:
@@ -98,7 +99,7 @@ def test_inputs_take_effect_after_the_transport_delay() -> None:
 
 
 def test_without_a_stated_delay_the_delay_of_the_model_acts() -> None:
-    plant = Plant("h1", replace(COAXIAL, delay_s=0.03), IDEAL, 0, Pose((0.0, 0.0, 1.0)))
+    plant = FirstOrderPlant("h1", replace(COAXIAL, delay_s=0.03), IDEAL, 0, Pose((0.0, 0.0, 1.0)))
     plant.set_input((1.0, 0.0, HOVER[2], 0.0))
     plant.advance(0.03)
     assert plant.motion[4] == 0.0
@@ -161,7 +162,7 @@ def test_battery_sag_takes_thrust_over_time() -> None:
 def test_parameters_are_drawn_within_the_stated_fractions() -> None:
     draws = []
     for seed in range(30):
-        plant = Plant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
+        plant = FirstOrderPlant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
         draws.append(plant.model.b / COAXIAL.b - 1)
         assert np.all(np.abs(draws[-1]) <= 0.08)
         assert np.all(np.abs(plant.model.k - COAXIAL.k) <= 0.08 * np.abs(COAXIAL.k))
@@ -178,7 +179,7 @@ def test_ideal_specimen_is_the_model() -> None:
 
 def test_same_seed_repeats_the_flight_exactly_and_another_does_not() -> None:
     def flight(seed: int) -> tuple[float, ...]:
-        plant = Plant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
+        plant = FirstOrderPlant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
         plant.advance(1.0)
         return plant.motion
 
@@ -228,7 +229,7 @@ def test_quaternion_is_the_rotation_by_yaw_pitch_roll(yaw: float, pitch: float, 
 @settings(max_examples=20, deadline=None)
 @given(commands=st.lists(st.one_of(sticks, st.none()), min_size=1, max_size=20), seed=st.integers(0, 99))
 def test_flight_stays_finite_and_above_the_floor(commands: list[tuple[float, ...] | None], seed: int) -> None:
-    plant = Plant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 0.2)))
+    plant = FirstOrderPlant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 0.2)))
     for command in commands:
         if command is None:
             plant.stop_motors()

@@ -1,0 +1,193 @@
+"""The vehicle that equation (1) describes: sticks become accelerations through first-order lags.
+
+A quadrotor in attitude mode departs from it by the geometry of its tilt.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from simulator.conditions import Conditions, Four
+from simulator.disturbance import PARAMETERS, random_stream
+from simulator.plant import CALM, Plant, Pose, four
+from vehicles.model import Model
+from vehicles.quadrotor import QUADROTOR, thrust_acceleration, tilt_limit_rad
+
+
+def specimen(model: Model, conditions: Conditions, generator: np.random.Generator) -> tuple[Model, Four]:
+    """Draw the true parameters of one vehicle of a type.
+
+    Parameters
+    ----------
+    model
+        Nominal parameters.
+    conditions
+        Mismatch fractions, trim offset, and whether there are lags at all.
+    generator
+        Source of randomness; the same amount is drawn whatever is switched on.
+
+    Returns
+    -------
+    tuple
+        The model with true b, k and lags, and the trim offset of each input.
+    """
+    b, k, lag, trim = generator.uniform(-1.0, 1.0, (4, 4))
+    lag_s = model.lag_s * (1 + conditions.lag_mismatch * lag)
+    true = replace(
+        model,
+        input_gain=four(model.b * (1 + conditions.parameter_mismatch * b)),
+        damping=four(model.k * (1 + conditions.parameter_mismatch * k)),
+        lag_s=four(lag_s) if conditions.actuator_lag else CALM,
+    )
+    return true, four(conditions.trim_offset * trim)
+
+
+class FirstOrderPlant(Plant):
+    """A vehicle that obeys equation (1), with parameters drawn around those of its model.
+
+    Public besides what every plant has: `model` and `trim`, the true parameters.
+
+    Parameters
+    ----------
+    name, conditions, seed, start
+        See `Plant`.
+    model
+        Nominal parameters; the true ones are drawn around them.
+
+    Raises
+    ------
+    ValueError
+        If the start pose is not finite or below the floor.
+    """
+
+    def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:
+        self.model, self.trim = specimen(model, conditions, random_stream(seed, name, PARAMETERS))
+        self._tilt_limit_rad = tilt_limit_rad(self.model) if model.kind == QUADROTOR.kind else 0.0
+        self._lag_rates = four([1 / lag if lag > 0 else math.inf for lag in self.model.lag_s])
+        self._set_step(conditions.substep_s)
+        super().__init__(name, model, conditions, seed, start)
+
+    @property
+    def motion(self) -> tuple[float, ...]:
+        """True motion state in the order of `vehicles.state`, eight numbers, yaw unwrapped."""
+        return self._motion
+
+    @property
+    def pose(self) -> Pose:
+        """True pose of the body, yaw unwrapped."""
+        x, y, z, yaw = self._motion[:4]
+        pitch, roll = self._attitude(self._actuator)
+        return Pose((x, y, z), yaw, pitch, roll)
+
+    def _rest(self, pose: Pose) -> None:
+        self._motion = (*pose.position_m, pose.yaw_rad, 0.0, 0.0, 0.0, 0.0)
+        self._actuator = self._target
+
+    def _command(self, sticks: Four | None) -> None:
+        if sticks is None:
+            self._target = CALM
+            return
+        pitch, roll, thrust, yaw = (u + offset for u, offset in zip(sticks, self.trim, strict=True))
+        self._target = (pitch, roll, max(thrust, 0.0), yaw)
+
+    def _set_step(self, step_s: float) -> None:
+        """Compute the exact poles of the actuator lags over half a step and a whole step."""
+        self._step_s = step_s
+        p, r, t, y = self._lag_rates
+        half_s = 0.5 * step_s
+        p, r, t, y = (
+            math.exp(-half_s * p),
+            math.exp(-half_s * r),
+            math.exp(-half_s * t),
+            math.exp(-half_s * y),
+        )
+        self._half = p, r, t, y
+        self._full = p * p, r * r, t * t, y * y
+
+    def _attitude(self, actuator: Four) -> tuple[float, float]:
+        if self._tilt_limit_rad == 0.0 or self.on_floor:
+            return 0.0, 0.0
+        return self._tilt_limit_rad * actuator[0], -self._tilt_limit_rad * actuator[1]
+
+    def _acceleration(self, velocity: Four, actuator: Four, weather: Four) -> Four:
+        """Time derivative of body velocity and yaw rate, equation (1); weather in the heading frame."""
+        xd, yd, zd, yaw_rate = velocity
+        b_x, b_y, b_z, b_yaw = self.model.input_gain
+        k_x, k_y, k_z, k_yaw = self.model.damping
+        thrust = b_z * self._thrust_factor * actuator[2]
+        if self._tilt_limit_rad:
+            forward, left, up = thrust_acceleration(*self._attitude(actuator), thrust)
+        else:
+            forward, left, up = b_x * actuator[0], b_y * actuator[1], thrust
+        return (
+            forward + k_x * xd + yaw_rate * yd + weather[0],
+            left + k_y * yd - yaw_rate * xd + weather[1],
+            up + k_z * zd - self.model.gravity_m_s2 + weather[2],
+            b_yaw * actuator[3] + k_yaw * yaw_rate + weather[3],
+        )
+
+    def _actuate(self, step_s: float) -> Four:
+        """Exact response of the actuators over a substep; returns where they were in its middle."""
+        if step_s != self._step_s:
+            self._set_step(step_s)
+        half, full = self._half, self._full
+        p, r, t, y = self._actuator
+        up, ur, ut, uy = self._target
+        self._actuator = (
+            up + (p - up) * full[0],
+            ur + (r - ur) * full[1],
+            ut + (t - ut) * full[2],
+            uy + (y - uy) * full[3],
+        )
+        return (
+            up + (p - up) * half[0],
+            ur + (r - ur) * half[1],
+            ut + (t - ut) * half[2],
+            uy + (y - uy) * half[3],
+        )
+
+    def _stand(self, step_s: float) -> None:
+        self._actuate(step_s)
+        if self._tilt_limit_rad:
+            self._actuator = (0.0, 0.0, *self._actuator[2:])  # the floor keeps it level
+
+    def _fly(self, step_s: float, weather: Four) -> None:
+        """Explicit midpoint rule for the motion under the exact response of the actuators."""
+        start = self._actuator
+        middle = self._actuate(step_s)
+        x, y, z, yaw, xd, yd, zd, yaw_rate = self._motion
+        half_s = step_s / 2
+        heading = yaw + half_s * yaw_rate
+        c, s = math.cos(heading), math.sin(heading)
+        wx, wy, wz, w_yaw = weather
+        weather = (c * wx + s * wy, c * wy - s * wx, wz, w_yaw)
+        d_xd, d_yd, d_zd, d_rate = self._acceleration((xd, yd, zd, yaw_rate), start, weather)
+        xd_m, yd_m, zd_m, rate_m = (
+            xd + half_s * d_xd,
+            yd + half_s * d_yd,
+            zd + half_s * d_zd,
+            yaw_rate + half_s * d_rate,
+        )
+        d_xd, d_yd, d_zd, d_rate = self._acceleration((xd_m, yd_m, zd_m, rate_m), middle, weather)
+        self._motion = (
+            x + step_s * (c * xd_m - s * yd_m),
+            y + step_s * (s * xd_m + c * yd_m),
+            z + step_s * zd_m,
+            yaw + step_s * rate_m,
+            xd + step_s * d_xd,
+            yd + step_s * d_yd,
+            zd + step_s * d_zd,
+            yaw_rate + step_s * d_rate,
+        )
+
+    def _land(self) -> None:
+        x, y, _, yaw = self._motion[:4]
+        self._motion = (x, y, 0.0, yaw, 0.0, 0.0, 0.0, 0.0)
+
+    def _thrust_m_s2(self) -> float:
+        return self.model.input_gain[2] * self._thrust_factor * self._actuator[2]
+
+    def _whereabouts(self) -> Four:
+        x, y, z, _, _, _, zd, _ = self._motion
+        return x, y, z, zd
