@@ -20,9 +20,10 @@ import numpy as np
 from bus import channels
 from bus.messages import AgentStatus, TransmitterStatus
 from bus.session import Session
-from deploy.fleet import load_fleet
+from deploy.fleet_file.reading import load_fleet
 from deploy.launcher import Launcher
-from deploy.role_settings import bus_address, pilot_of
+from deploy.roles.addresses import bus_address
+from deploy.roles.agent import pilot_of
 from ground_station.fleet import Fleet
 from ground_station.launched import launched
 from ground_station.recorder import Recorder, Recording
@@ -111,7 +112,7 @@ def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:
 def measured_start_up(path: Path, tell: Tell) -> dict[str, float]:
     """What an agent that is not warm spends before it can open the bus [ms], medians of a few runs."""
     tell("start-up of a cold agent")
-    code = "import agents.process, deploy.role_settings"
+    code = "import deploy.roles.agent"
     bare = _median_ms(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True))
     imports = _median_ms(lambda: subprocess.run([sys.executable, "-c", code], check=True))
     file = load_fleet(path)

@@ -5,11 +5,13 @@ programs understand each other. Numbers are finite, names are key-safe, arrays s
 holds what types cannot say. The table of channels is `bus.channels`, the coding `bus.codec`.
 """
 
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 SCHEMA_VERSION = 1
 MAX_STAGES = 200
@@ -47,19 +49,26 @@ class InvalidMessageError(ValueError):
 
 
 class FloatArray(Struct, frozen=True):
-    """A matrix of 64-bit floats as it travels: its shape and its little-endian bytes, row by row."""
+    """A matrix of 64-bit floats as it travels: its shape and its little-endian bytes, row by row.
+
+    numpy is imported on first use: routers and `kill` start without it.
+    """
 
     shape: tuple[int, int]
     data: bytes
 
     @classmethod
-    def of(cls, values: NDArray[np.float64]) -> "FloatArray":
+    def of(cls, values: "NDArray[np.float64]") -> "FloatArray":
         """Pack an array of shape (rows, columns)."""
+        import numpy as np
+
         rows, columns = values.shape
         return cls((rows, columns), np.ascontiguousarray(values, dtype="<f8").tobytes())
 
-    def to_numpy(self) -> NDArray[np.float64]:
+    def to_numpy(self) -> "NDArray[np.float64]":
         """Unpack into a read-only array of `shape`."""
+        import numpy as np
+
         return np.frombuffer(self.data, dtype="<f8").reshape(self.shape)
 
     def check(self, field: str, columns: int, max_rows: int, min_rows: int = 0) -> None:
@@ -70,6 +79,8 @@ class FloatArray(Struct, frozen=True):
         InvalidMessageError
             Names `field` and what is allowed.
         """
+        import numpy as np
+
         rows, actual_columns = self.shape
         if actual_columns != columns or not min_rows <= rows <= max_rows:
             raise InvalidMessageError(

@@ -6,7 +6,6 @@ One table, as for the channels: the verb, who serves it, the request and the rep
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
-import numpy as np
 from msgspec import Meta
 
 from bus.faults import TimedFault
@@ -96,6 +95,8 @@ class Fly(Request, frozen=True, kw_only=True):
 
     def check(self) -> None:
         """See `Message.check`."""
+        import numpy as np
+
         self.knots.check("knots", KNOT_COLUMNS, MAX_KNOTS, 2)
         times = self.knots.to_numpy()[:, 0]
         if times[0] != 0.0 or not (np.diff(times) > 0).all() or times[-1] > MAX_PATH_S:

@@ -10,9 +10,10 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from deploy.fleet import FleetError, load_fleet, parse_fleet
-from deploy.role_settings import calibration_of
-from deploy.shipped import shipped_fleets
+from deploy.fleet_file.reading import load_fleet, parse_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.fleet_file.shipped import shipped_fleets
+from deploy.roles.transmitters import calibration_of
 from transmitter_gateway.calibration import Calibration
 
 CHANNELS = ("pitch", "roll", "throttle", "yaw")

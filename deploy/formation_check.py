@@ -6,12 +6,12 @@ import numpy as np
 
 from agents.formation.topology import FormationGraph, places, roots
 from bus.messages import LeaderLink
-from deploy.fleet import Fleet, FleetError
+from deploy.fleet_file.schema import FleetError, FleetFile
 
 TOLERANCE_M = 1e-6
 
 
-def links_of(fleet: Fleet) -> dict[str, tuple[LeaderLink, ...]]:
+def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
     """Leaders of every vehicle by the file."""
     return {
         name: tuple(
@@ -28,7 +28,7 @@ def links_of(fleet: Fleet) -> dict[str, tuple[LeaderLink, ...]]:
     }
 
 
-def check_formation(fleet: Fleet, minimum_distance_m: float | None) -> None:
+def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
     """Make sure that each formation of the file can be flown, its leader at heading zero.
 
     Raises

@@ -10,20 +10,21 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from bus.session import BusUnreachableError
-from deploy.fleet import Fleet, FleetError
-from deploy.memory import Memory
-from deploy.motion_capture import check_motion_capture, tracker_address
+from deploy.fleet_check import check_fleet
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.membership import MembershipService
 from deploy.processes import processes_of
-from deploy.role_settings import bus_address, check_fleet
+from deploy.recall import RecallService
+from deploy.roles.addresses import bus_address
+from deploy.roles.tracker import check_motion_capture, tracker_address
 from deploy.run_directory import run_directory, serial_path
-from deploy.staffing import Staffing
 from deploy.supervisor import Supervisor
 
 WATCH_S = 0.1
 EVENTS_KEPT = 200
 
 
-def check_resources(fleet: Fleet, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
+def check_resources(fleet: FleetFile, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
     """Make sure that addresses are free and serial devices are there.
 
     A fleet also flies when the device of one of its vehicles is missing; that vehicle joins once it is there.
@@ -71,7 +72,7 @@ def check_resources(fleet: Fleet, host: str, directory: Path, without: Collectio
     return [f"{line}; the others fly without it" for line in missing]
 
 
-def _check_absent(fleet: Fleet, without: Collection[str]) -> None:
+def _check_absent(fleet: FleetFile, without: Collection[str]) -> None:
     for name in without:
         if name not in fleet.vehicles:
             raise FleetError(f"--without: unknown vehicle {name!r}, known are {', '.join(fleet.vehicles)}")
@@ -108,7 +109,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         nothing was started.
     """
 
-    def __init__(self, fleet: Fleet, fleet_path: Path, host: str, without: Collection[str] = ()) -> None:
+    def __init__(self, fleet: FleetFile, fleet_path: Path, host: str, without: Collection[str] = ()) -> None:
         directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = processes_of(fleet, host)
         _check_absent(fleet, without)
@@ -122,8 +123,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._host = host
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
-        self._memory: Memory | None = None
-        self._staffing: Staffing | None = None
+        self._recall: RecallService | None = None
+        self._membership: MembershipService | None = None
 
     def __enter__(self) -> "Launcher":
         self._thread.start()
@@ -136,8 +137,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         ]
         try:
             address = bus_address(self._fleet, self._host)
-            self._memory = Memory(address, agents, transmitters)
-            self._staffing = Staffing(address, self._host, self.supervisor)
+            self._recall = RecallService(address, agents, transmitters)
+            self._membership = MembershipService(address, self._host, self.supervisor)
         except BusUnreachableError:
             self.stop()
             raise
@@ -155,11 +156,11 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def stop(self) -> None:
         """Stop every process; gateways bring down what still flies."""
-        if self._staffing is not None:
-            self._staffing.close()
-            self._staffing = None
-        if self._memory is not None:
-            self._memory.close()
-            self._memory = None
+        if self._membership is not None:
+            self._membership.close()
+            self._membership = None
+        if self._recall is not None:
+            self._recall.close()
+            self._recall = None
         self._stopping.set()
         self._thread.join()

@@ -4,7 +4,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from deploy.fleet import Fleet, FleetError
+from deploy.fleet_file.schema import FleetError, FleetFile
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ProcessSpec:
         return [sys.executable, "-m", "deploy.roles", self.role, self.unit, str(fleet_path)]
 
 
-def processes_of(fleet: Fleet, host: str) -> list[ProcessSpec]:
+def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """Processes of one host in the order they are started.
 
     Raises

@@ -4,7 +4,6 @@ Starting an interpreter and importing numerical libraries takes longer than a ve
 inputs of its last plan; taking over in a warm process does not.
 """
 
-import importlib
 import json
 import os
 import sys
@@ -12,17 +11,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from agents.process import run_agent
-from deploy.fleet import load_fleet
-from deploy.role_settings import pilot_of
-from deploy.roles import end_with_parent, run_reporting, run_role
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.agent import pilot_of
+from deploy.roles.run import end_with_parent, run_reporting, runner
 from deploy.spare_process import READY, Job
-
-MODULES = {
-    "router": "bus.router",
-    "tracker": "vicon_gateway.process",
-    "transmitters": "transmitter_gateway.process",
-}
-"""What a role needs beyond what agents need."""
 
 
 def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | None:
@@ -35,8 +27,7 @@ def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | 
     """
     fleet = load_fleet(fleet_path)
     pilots = {unit: pilot_of(fleet, unit) for role, unit in jobs if role == "agent"}
-    for role in {role for role, _ in jobs} & MODULES.keys():
-        importlib.import_module(MODULES[role])
+    runners = {role: runner(role) for role, _ in jobs}
     os.write(sys.stdout.fileno(), READY)
     line = sys.stdin.readline()
     if not line:
@@ -48,7 +39,7 @@ def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | 
     role, unit = order["role"], order["unit"]
     if role == "agent":
         return lambda: run_agent(*pilots[unit])
-    return lambda: run_role(role, unit, fleet_path)
+    return lambda: runners[role](fleet, unit)
 
 
 def main() -> None:

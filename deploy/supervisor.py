@@ -127,7 +127,7 @@ class Supervisor:
         now = self._clock()
         if all(now - child.started_s > SETTLED_S for child in self.children.values()):
             self._spare.prepare()
-        lines = self._change_crew()
+        lines = self._start_and_stop()
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
         if self._selector.get_map():
@@ -141,7 +141,7 @@ class Supervisor:
                 lines.append(f"{name}: started again (restart {child.restarts})")
         return lines
 
-    def _change_crew(self) -> list[str]:
+    def _start_and_stop(self) -> list[str]:
         """Start what is wanted and was not, end what is not wanted any more."""
         lines = []
         for name, child in self.children.items():
@@ -151,10 +151,10 @@ class Supervisor:
                 lines.append(f"{name}: started")
             elif not child.wanted:
                 child.restart_at_s = 0.0
-                self._see_off(child)
+                self._end_gently(child)
         return lines
 
-    def _see_off(self, child: Child) -> None:
+    def _end_gently(self, child: Child) -> None:
         """Ask a process to end, and end it if it does not."""
         if child.process is None:
             return

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from deploy.fleet import load_fleet
-from deploy.shipped import fleet_path
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.shipped import fleet_path
 from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Say, Wait
 from ground_station.fleet import Fleet

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from bus.messages import Plan
-from deploy.fleet import Fleet as FleetFile
+from deploy.fleet_file.schema import FleetFile
 from ground_station.fleet import Fleet
 from ground_station.launched import launched
 from ground_station.state import VehicleState

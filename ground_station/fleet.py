@@ -12,12 +12,12 @@ from agents.formation.placement import Room, take_off_problem
 from bus import channels
 from bus.messages import Kill
 from bus.session import RequestFailedError
-from deploy.fleet import Fleet as FleetFile
-from deploy.fleet import load_fleet
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetFile
+from deploy.fleet_file.shipped import fleet_path
 from deploy.formation_check import links_of
 from deploy.launcher import Launcher
-from deploy.role_settings import limits_of
-from deploy.shipped import fleet_path
+from deploy.roles.transmitters import limits_of
 from ground_station.observer import Observer
 from ground_station.regroup import RegroupError, head_of, regroup, swapped
 from ground_station.state import AIRBORNE

@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from deploy.fleet import Fleet as FleetFile
-from deploy.fleet import FleetError, load_fleet
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.fleet_file.shipped import fleet_path
 from deploy.launcher import Launcher
-from deploy.shipped import fleet_path
 from ground_station.fleet import Fleet
 
 FIRST_ROUTER_S = 15.0

@@ -12,8 +12,8 @@ from bus import channels
 from bus.messages import AgentStatus, Message, Plan
 from bus.session import Session
 from bus.subscription import Inbox
-from deploy.fleet import Fleet as FleetFile
-from deploy.role_settings import bus_address
+from deploy.fleet_file.schema import FleetFile
+from deploy.roles.addresses import bus_address
 from ground_station.state import VehicleState, tracker_notes, tracker_problems
 from ground_station.waiting import Bell, NotReachedError
 

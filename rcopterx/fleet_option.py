@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from bus.session import BusUnreachableError
-from deploy.fleet import Fleet as FleetFile
-from deploy.fleet import FleetError, load_fleet
-from deploy.shipped import fleet_path
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.fleet_file.shipped import fleet_path
 from ground_station.fleet import Fleet
 from ground_station.vehicle import FLIGHT_ERRORS, lines_of
 

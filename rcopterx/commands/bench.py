@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from deploy.shipped import fleet_path
+from deploy.fleet_file.shipped import fleet_path
 from rcopterx.commands.experiment import check_plot
 from rcopterx.commands.numbers import different_numbers
 from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors

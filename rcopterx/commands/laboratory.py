@@ -13,9 +13,9 @@ from rich.text import Text
 
 from bus.faults import TimedFault, fault_words
 from bus.realtime import request_realtime
-from deploy.fleet import Fleet as FleetFile
-from deploy.fleet import FleetError, load_fleet
-from deploy.shipped import fleet_path
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.fleet_file.shipped import fleet_path
 from ground_station.scenario import (
     FaultRefusedError,
     ScenarioError,

@@ -11,9 +11,9 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
-from deploy.fleet import load_fleet
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.shipped import fleet_path
 from deploy.run_directory import run_directory
-from deploy.shipped import fleet_path
 from ground_station.fleet import Fleet
 from ground_station.launched import processes_up
 from ground_station.table import fleet_table

@@ -14,12 +14,12 @@ from typing import Annotated
 
 import typer
 
-from deploy.fleet import Fleet as FleetFile
-from deploy.fleet import FleetError, load_fleet
 from deploy.fleet_edit import write_calibration
-from deploy.role_settings import calibration_of, gateway_settings
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.fleet_file.shipped import fleet_path
+from deploy.roles.transmitters import calibration_of, gateway_settings
 from deploy.run_directory import run_directory
-from deploy.shipped import fleet_path
 from ground_station.hover_trim import STEADY, HoverError, measured_hover
 from rcopterx.commands.steer import known_vehicles
 from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, running_fleet, user_errors

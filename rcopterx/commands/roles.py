@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
-from deploy.shipped import fleet_path
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.shipped import fleet_path
+from deploy.roles.run import check_unit, run_role
 from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
 
 Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
@@ -13,11 +15,9 @@ Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet fil
 Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
 
 
-def _run(role: str, unit: str, fleet: str, record_raw: Path | None = None) -> None:
-    from deploy.roles import run_role
-
+def _run(role: str, unit: str, fleet: str) -> None:
     with user_errors():
-        run_role(role, unit, fleet_path(fleet), record_raw)
+        run_role(role, unit, load_fleet(fleet_path(fleet)))
 
 
 def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -39,7 +39,13 @@ def tracker(
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Run the Vicon gateway: motion capture to poses."""
-    _run("tracker", host, fleet, record_raw)
+    with user_errors():
+        file = load_fleet(fleet_path(fleet))
+        check_unit(file, "tracker", host)
+        # Only what a role needs is imported.
+        from deploy.roles.tracker import run
+
+        run(file, host, record_raw)
 
 
 def transmitters(

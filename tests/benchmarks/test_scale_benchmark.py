@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from benchmarks import scale
-from deploy.fleet import load_fleet, parse_fleet
-from deploy.role_settings import check_fleet
-from deploy.shipped import fleet_path
+from deploy.fleet_check import check_fleet
+from deploy.fleet_file.reading import load_fleet, parse_fleet
+from deploy.fleet_file.shipped import fleet_path
 from ground_station.vehicle import RefusedError
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from deploy.fleet import Fleet, FleetError, load_fleet, parse_fleet
+from deploy.fleet_check import check_fleet
+from deploy.fleet_file.reading import load_fleet, parse_fleet
+from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.launcher import check_resources
 from deploy.processes import processes_of
-from deploy.role_settings import check_fleet
 
 TRIO = (Path(__file__).parents[2] / "deploy" / "fleets" / "trio.toml").read_text()
 
@@ -100,7 +101,7 @@ def test_missing_serial_device_is_refused_when_flying_hardware(tmp_path: Path) -
         check_resources(free, "main", tmp_path)
 
 
-def on_free_port(fleet: Fleet) -> Fleet:
+def on_free_port(fleet: FleetFile) -> FleetFile:
     """The same fleet with a router on a port that is free."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -4,10 +4,11 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from deploy.fleet import FleetError, load_fleet
 from deploy.fleet_edit import write_calibration
-from deploy.role_settings import calibration_of
-from deploy.shipped import shipped_fleets
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.fleet_file.shipped import shipped_fleets
+from deploy.roles.transmitters import calibration_of
 from transmitter_gateway.calibration import Calibration
 
 

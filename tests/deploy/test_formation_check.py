@@ -3,9 +3,10 @@
 import pytest
 from support.fleets import PAIR
 
-from deploy.fleet import FleetError, parse_fleet
+from deploy.fleet_file.reading import parse_fleet
+from deploy.fleet_file.schema import FleetError
 from deploy.formation_check import check_formation
-from deploy.role_settings import agent_settings
+from deploy.roles.agent import agent_settings
 
 THIRD = """
 [vehicles.h3]

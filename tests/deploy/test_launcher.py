@@ -10,7 +10,8 @@ import pytest
 from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet import FleetError, parse_fleet
+from deploy.fleet_file.reading import parse_fleet
+from deploy.fleet_file.schema import FleetError
 from deploy.launcher import Launcher, check_resources
 from deploy.processes import processes_of
 from deploy.run_directory import router_socket, run_directory, serial_path

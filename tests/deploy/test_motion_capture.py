@@ -3,8 +3,9 @@
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet import FleetError, parse_fleet
-from deploy.motion_capture import brand_of
+from deploy.fleet_file.reading import parse_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.roles.tracker import brand_of
 from vicon_gateway.settings import BrandSettings
 
 

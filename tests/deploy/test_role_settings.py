@@ -9,20 +9,15 @@ from support.fleets import HARDWARE_PAIR, PAIR
 from agents.formation.limit_scaling import LEADER_LIMIT_SCALE
 from agents.interfaces import FULL_LIMITS
 from agents.separation.avoidance import SeparationEllipsoid
-from deploy.fleet import FleetError, parse_fleet
-from deploy.motion_capture import tracker_address
-from deploy.role_settings import (
-    Priority,
-    agent_settings,
-    check_fleet,
-    conditions_of,
-    gateway_settings,
-    limits_of,
-    model_of,
-    protocol_of,
-    simulator_settings,
-    tracker_settings,
-)
+from deploy.fleet_check import check_fleet
+from deploy.fleet_file.reading import parse_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.roles.agent import agent_settings
+from deploy.roles.priorities import Priority
+from deploy.roles.simulator import conditions_of, simulator_settings
+from deploy.roles.tracker import tracker_address, tracker_settings
+from deploy.roles.transmitters import gateway_settings, limits_of, protocol_of
+from deploy.roles.vehicle_models import model_of
 from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
 from vehicles.types import COAXIAL, QUADROTOR
 

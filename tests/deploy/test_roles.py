@@ -9,8 +9,9 @@ import pytest
 from support.bus import free_port
 from support.fleets import PAIR
 
-from deploy.fleet import FleetError
-from deploy.roles import EXIT_UNREACHABLE, EXIT_USAGE, run_role
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.roles.run import EXIT_UNREACHABLE, EXIT_USAGE, run_role
 
 
 @pytest.fixture
@@ -47,13 +48,13 @@ def role(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
 )
 def test_unknown_roles_and_units_are_refused(fleet_path: Path, name: str, unit: str, words: str) -> None:
     with pytest.raises(FleetError, match=words):
-        run_role(name, unit, fleet_path)
+        run_role(name, unit, load_fleet(fleet_path))
 
 
 def test_a_wrong_controller_is_refused_by_its_field_in_the_agents_process_too(fleet_path: Path) -> None:
     fleet_path.write_text(PAIR + 'control = { controller = "x" }')
     with pytest.raises(FleetError, match=r"^vehicles\.h2\.control: no controller is called 'x'"):
-        run_role("agent", "h2", fleet_path)
+        run_role("agent", "h2", load_fleet(fleet_path))
 
 
 def test_a_wrong_fleet_file_ends_a_process_with_a_line_and_the_usage_code(fleet_path: Path) -> None:
@@ -72,6 +73,20 @@ def test_a_recording_that_cannot_be_created_is_a_wrong_field_of_the_file(
     assert done.returncode == EXIT_USAGE
     reason = f"{tmp_path}/nowhere/a.raw cannot be created: No such file or directory"
     assert done.stderr == f"tracker.record_raw: {reason}\n"
+
+
+def test_a_router_starts_without_numerical_libraries() -> None:
+    code = """
+import sys
+import deploy.roles.__main__
+from deploy.roles.run import runner
+runner("router")
+print(sorted({"numpy", "scipy", "osqp", "agents", "transmitter_gateway", "simulator"} & sys.modules.keys()))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout == "[]\n"
 
 
 def test_wrong_arguments_show_the_usage() -> None:

@@ -17,7 +17,7 @@ from bus.codec import encode
 from bus.messages import LaboratoryState, LaboratoryVehicle
 from bus.requests import GoTo
 from bus.session import BusAddress, Session
-from deploy.fleet import parse_fleet
+from deploy.fleet_file.reading import parse_fleet
 from experiments.checks import Check, always, latency_checks
 from experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
 from experiments.manoeuvre import Manoeuvre

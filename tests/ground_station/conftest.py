@@ -8,7 +8,7 @@ from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
 from bus.session import BusAddress, Session
-from deploy.fleet import parse_fleet
+from deploy.fleet_file.reading import parse_fleet
 from ground_station.fleet import Fleet
 
 

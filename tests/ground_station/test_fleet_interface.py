@@ -15,7 +15,7 @@ from bus import channels
 from bus.messages import LeaderLink
 from bus.requests import Arm, Follow, GoTo, Land, TakeOff
 from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
-from deploy.fleet import parse_fleet
+from deploy.fleet_file.reading import parse_fleet
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.table import COLUMNS, fleet_table

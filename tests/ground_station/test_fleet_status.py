@@ -12,7 +12,7 @@ from support.waiting import wait_for
 
 from bus.messages import LeaderLink, SubjectState, TrackerStatus
 from bus.session import BusAddress, Session
-from deploy.fleet import parse_fleet
+from deploy.fleet_file.reading import parse_fleet
 from ground_station.fleet import Fleet
 from ground_station.state import VehicleState, tracker_notes, tracker_problems
 from ground_station.status import fleet_check, fleet_status, readable

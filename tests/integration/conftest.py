@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from integration_support import Flying, fleet_text, free_port
 
-from deploy.fleet import load_fleet
+from deploy.fleet_file.reading import load_fleet
 from deploy.launcher import Launcher
 from ground_station.fleet import Fleet
 

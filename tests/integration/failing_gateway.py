@@ -8,7 +8,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from deploy.roles import run_role
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.run import run_role
 from transmitter_gateway.station import Station
 
 FAULT = "a fault on request"
@@ -30,4 +31,4 @@ def break_on_request() -> None:
 
 if __name__ == "__main__":
     break_on_request()
-    run_role("transmitters", "transmitters", Path(sys.argv[1]))
+    run_role("transmitters", "transmitters", load_fleet(Path(sys.argv[1])))

@@ -226,7 +226,8 @@ def test_cycles_and_unknown_leaders_are_refused_with_the_reason(launch: Launch) 
 def test_second_fleet_on_the_same_addresses_is_refused_and_the_first_is_undisturbed(
     launch: Launch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from deploy.fleet import FleetError, load_fleet
+    from deploy.fleet_file.reading import load_fleet
+    from deploy.fleet_file.schema import FleetError
     from deploy.launcher import Launcher
 
     flying = launch()

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from integration_support import fleet_text, free_port
 
-from deploy.shipped import fleet_path
+from deploy.fleet_file.shipped import fleet_path
 from ground_station.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]

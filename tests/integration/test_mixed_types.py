@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from integration_support import Flying, fleet_text, free_port
 
-from deploy.fleet import load_fleet
-from deploy.role_settings import model_of
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.vehicle_models import model_of
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
 

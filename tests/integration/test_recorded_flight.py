@@ -17,8 +17,8 @@ from support.waiting import wait_for
 from bus import channels
 from bus.messages import Pose
 from bus.session import BusUnreachableError, Session
-from deploy.fleet import load_fleet
-from deploy.role_settings import bus_address
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.addresses import bus_address
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 

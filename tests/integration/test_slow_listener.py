@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from integration_support import NAMES, Flying, Truth, transmitter_state
 
-from deploy.role_settings import bus_address
+from deploy.roles.addresses import bus_address
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 

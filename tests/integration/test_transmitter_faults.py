@@ -27,8 +27,9 @@ from bus import channels
 from bus.faults import BreakRadio, Recover
 from bus.messages import Command, FloatArray
 from bus.session import Session
-from deploy.fleet import load_fleet
-from deploy.role_settings import bus_address, calibration_of
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.addresses import bus_address
+from deploy.roles.transmitters import calibration_of
 from ground_station.scenario import inject_faults
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]

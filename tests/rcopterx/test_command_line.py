@@ -17,8 +17,9 @@ from typer.testing import CliRunner
 from bus import channels
 from bus.requests import Follow, GoTo, TakeOff
 from bus.session import Session
-from deploy.fleet import FleetError, load_fleet
-from deploy.shipped import fleet_path, shipped_fleets
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.fleet_file.shipped import fleet_path, shipped_fleets
 from experiments.manoeuvres import MANOEUVRES
 from ground_station.fleet import Fleet
 from rcopterx.cli import COMMANDS, app

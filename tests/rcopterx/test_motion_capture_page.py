@@ -9,8 +9,8 @@ from support.fleets import HARDWARE_PAIR
 
 import ground_station
 from bus.faults import FAULTS
-from deploy.fleet import parse_fleet
-from deploy.motion_capture import BRAND_NAMES, brand_of
+from deploy.fleet_file.reading import parse_fleet
+from deploy.roles.tracker import BRAND_NAMES, brand_of
 from ground_station.scenario import fault_from, field_from, read_scenario
 
 PAGE = (Path(ground_station.__file__).parents[1] / "docs" / "motion_capture.md").read_text(encoding="utf-8")

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
-from deploy.fleet import load_fleet
-from deploy.role_settings import calibration_of, protocol_of
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.transmitters import calibration_of, protocol_of
 from deploy.run_directory import run_directory, serial_path
 from simulator.radio import RadioLink, RadioPty
 from simulator.radio_kinds import module_of

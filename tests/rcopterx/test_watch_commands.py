@@ -17,7 +17,7 @@ from support.bus import free_port, own_address
 from support.scripted import ScriptedVehicle, fleet_file_text
 from typer.testing import CliRunner
 
-from deploy.fleet import Fleet as FleetFile
+from deploy.fleet_file.schema import FleetFile
 from ground_station.fleet import Fleet
 from rcopterx.cli import app
 

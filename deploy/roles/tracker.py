@@ -1,12 +1,16 @@
-"""What the fleet file says of the motion capture: address, brand, recording."""
+"""The role of the Vicon gateway: address, brand and recording of the motion capture from the fleet file."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from deploy.fleet import Fleet, FleetError
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.roles.addresses import bus_address
+from deploy.roles.priorities import Priority
 from vicon_gateway.brands import LibraryMissingError, check_brand, check_library
+from vicon_gateway.process import run_tracker_gateway
 from vicon_gateway.recording_file import RecordingFileError, check_creatable
-from vicon_gateway.settings import BrandSettings
+from vicon_gateway.settings import BrandSettings, TrackerSettings
 
 OWN_CLIENT: Final = "vicon"
 BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")
@@ -19,7 +23,46 @@ USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
 VICON_ADDRESS: Final = "127.0.0.1:801"
 
 
-def tracker_address(fleet: Fleet) -> tuple[str, int]:
+def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
+    """Publish what the motion capture sees.
+
+    Parameters
+    ----------
+    record_raw
+        Where the raw stream is recorded, instead of what the file says.
+
+    Raises
+    ------
+    FleetError
+        The recording cannot be created, or the library of the brand is missing.
+    """
+    settings = tracker_settings(fleet)
+    if record_raw is not None and settings.brand is not None:
+        raise FleetError("--record-raw: only the stream of brand 'vicon' can be recorded")
+    field = "tracker.record_raw" if record_raw is None else "--record-raw"
+    try:
+        run_tracker_gateway(replace(settings, record_raw=record_raw or settings.record_raw))
+    except RecordingFileError as error:
+        raise FleetError(f"{field}: {error}") from None
+    except LibraryMissingError as error:
+        raise FleetError(f"tracker.brand: {error}") from None
+
+
+def tracker_settings(fleet: FleetFile) -> TrackerSettings:
+    """Settings of the Vicon gateway process."""
+    host, port = tracker_address(fleet)
+    return TrackerSettings(
+        bus=bus_address(fleet, fleet.tracker.host),
+        host=host,
+        port=port,
+        subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},
+        brand=brand_of(fleet),
+        record_raw=raw_recording(fleet),
+        realtime_priority=Priority.GATEWAY.of(fleet),
+    )
+
+
+def tracker_address(fleet: FleetFile) -> tuple[str, int]:
     """Host and port of the Tracker.
 
     Raises
@@ -33,7 +76,7 @@ def tracker_address(fleet: Fleet) -> tuple[str, int]:
     return host, int(port)
 
 
-def brand_of(fleet: Fleet) -> BrandSettings | None:
+def brand_of(fleet: FleetFile) -> BrandSettings | None:
     """Motion capture of another brand; None for a Vicon Tracker, which our own client reads.
 
     Raises
@@ -85,13 +128,13 @@ def _addressed(brand: str, host: str, port: int) -> dict[str, str]:
             return {}
 
 
-def raw_recording(fleet: Fleet) -> Path | None:
+def raw_recording(fleet: FleetFile) -> Path | None:
     """Where the Tracker's stream is recorded, None for nowhere."""
     record_raw = fleet.tracker.record_raw
     return None if record_raw is None else Path(record_raw).expanduser()
 
 
-def check_motion_capture(fleet: Fleet) -> None:
+def check_motion_capture(fleet: FleetFile) -> None:
     """Make sure that this computer can run the gateway: the library is there, the recording can be created.
 
     Raises

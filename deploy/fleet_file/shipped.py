@@ -3,7 +3,7 @@
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from deploy.fleet import FleetError
+from deploy.fleet_file.schema import FleetError
 
 
 def shipped_fleets() -> dict[str, Path]:

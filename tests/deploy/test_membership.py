@@ -1,4 +1,4 @@
-"""Promises of the launcher's staffing: vehicles come and go by request, never out of the air."""
+"""Promises of the launcher's membership service: vehicles come and go by request, never out of the air."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,8 +11,8 @@ from bus import channels
 from bus.messages import LauncherStatus
 from bus.requests import StartVehicle, StopVehicle
 from bus.session import BusAddress, Session
+from deploy.membership import MembershipService
 from deploy.processes import ProcessSpec
-from deploy.staffing import Staffing
 from deploy.supervisor import Supervisor
 
 Join = Callable[..., Session]
@@ -26,10 +26,10 @@ def supervisor(tmp_path: Path) -> Supervisor:
 
 
 @pytest.fixture
-def staffing(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[Staffing]:
-    staffing = Staffing(bus_address, "main", supervisor)
-    yield staffing
-    staffing.close()
+def membership(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[MembershipService]:
+    service = MembershipService(bus_address, "main", supervisor)
+    yield service
+    service.close()
 
 
 def told(session: Session, condition: Callable[[LauncherStatus], bool]) -> LauncherStatus:
@@ -46,7 +46,7 @@ def told(session: Session, condition: Callable[[LauncherStatus], bool]) -> Launc
     return statuses[0]
 
 
-def test_the_launcher_says_who_takes_part(staffing: Staffing, join: Join) -> None:
+def test_the_launcher_says_who_takes_part(membership: MembershipService, join: Join) -> None:
     status = told(join(), lambda _: True)
     assert (status.running, status.absent) == (("h1",), ("h2",))
     assert status.restarts == {"router": 0, "agent-h1": 0, "agent-h2": 0}
@@ -54,7 +54,7 @@ def test_the_launcher_says_who_takes_part(staffing: Staffing, join: Join) -> Non
 
 
 def test_a_vehicle_takes_part_and_leaves_by_request(
-    staffing: Staffing, supervisor: Supervisor, join: Join
+    membership: MembershipService, supervisor: Supervisor, join: Join
 ) -> None:
     session = join()
     reply = session.request("h2", StartVehicle(), patience_s=10.0)
@@ -68,7 +68,9 @@ def test_a_vehicle_takes_part_and_leaves_by_request(
     told(session, lambda status: status.absent == ("h2",))
 
 
-def test_a_vehicle_in_the_air_keeps_its_agent(staffing: Staffing, supervisor: Supervisor, join: Join) -> None:
+def test_a_vehicle_in_the_air_keeps_its_agent(
+    membership: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
     session = join()
 
     def refused() -> bool:

@@ -1,4 +1,4 @@
-"""Lets vehicles of a host take part or leave while the others fly, and says who takes part."""
+"""Lets vehicles of a host take part or leave while the others fly, and reports who takes part."""
 
 import threading
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ REPORT_PERIOD_S = 0.5
 IN_THE_AIR = ("takeoff", "flying", "landing", "emergency")
 
 
-class Staffing:
+class MembershipService:
     """Answers `start_vehicle` and `stop_vehicle` for the vehicles of a host in a thread of its own.
 
     Parameters
@@ -38,7 +38,7 @@ class Staffing:
         self._statuses = self._session.subscribe_all(channels.AGENT_STATUS, waking=False)
         for vehicle in self._agents:
             self._session.serve(vehicle, ["start_vehicle", "stop_vehicle"])
-        self._thread = threading.Thread(target=self._run, name="staffing", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="membership", daemon=True)
         self._thread.start()
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""The launcher remembers what agents last said and gateways last wrote, for their successors."""
+"""Keeps what agents last reported and gateways last wrote, for the processes that replace them."""
 
 import threading
 from typing import TypeVar
@@ -16,7 +16,7 @@ FIRST_ROUTER_S = 30.0
 """All processes of a fleet start at once; the router of a large one takes its time on a small computer."""
 
 
-class Memory:
+class RecallService:
     """Answers `recall` and `recall_transmitter` for the vehicles of a host in a thread of its own.
 
     Parameters
@@ -43,7 +43,7 @@ class Memory:
             self._session.serve(vehicle, ["recall"])
         for vehicle in transmitters:
             self._session.serve(vehicle, ["recall_transmitter"])
-        self._thread = threading.Thread(target=self._run, name="memory", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="recall", daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
@@ -59,7 +59,7 @@ class Memory:
     def _recall(self, vehicle: str) -> RecallReply:
         received = self._statuses[vehicle].latest()
         if received is None:
-            return RecallReply(accepted=False, reason=f"{vehicle} has not said anything yet")
+            return RecallReply(accepted=False, reason=f"{vehicle} has not reported anything yet")
         age_s = max(0.0, self._session.clock() - received.arrived_s)
         return RecallReply(accepted=True, status=received.message, age_s=age_s)
 
@@ -76,7 +76,7 @@ class Memory:
         )
 
     def close(self) -> None:
-        """Forget."""
+        """Answer no more."""
         self._stopping = True
         self._wake.set()
         self._thread.join()

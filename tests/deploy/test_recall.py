@@ -1,4 +1,4 @@
-"""Promises of the launcher's memory: an agent that restarts learns what its predecessor last said."""
+"""Promises of the launcher's recall: an agent that restarts learns what its predecessor last said."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from bus import channels
 from bus.messages import LeaderLink, SetPoint
 from bus.requests import Recall, RecallReply
 from bus.session import BusAddress, Session
-from deploy.memory import Memory
+from deploy.recall import RecallService
 
 STATUS = flying_status(
     frame=100,
@@ -21,7 +21,7 @@ STATUS = flying_status(
 def test_recall_gives_the_last_status_of_each_vehicle_and_its_age(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    memory = Memory(bus_address, ["h1", "h2"], ["h1"])
+    service = RecallService(bus_address, ["h1", "h2"], ["h1"])
     agent = join()
 
     def recalled() -> RecallReply:
@@ -32,7 +32,7 @@ def test_recall_gives_the_last_status_of_each_vehicle_and_its_age(
     try:
         first = recalled()
         assert not first.accepted
-        assert first.reason == "h1 has not said anything yet"
+        assert first.reason == "h1 has not reported anything yet"
 
         def remembered() -> bool:
             agent.publish(channels.AGENT_STATUS, "h1", STATUS)
@@ -45,4 +45,4 @@ def test_recall_gives_the_last_status_of_each_vehicle_and_its_age(
         other = agent.request("h2", Recall())
         assert not other.accepted
     finally:
-        memory.close()
+        service.close()

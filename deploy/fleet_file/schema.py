@@ -1,0 +1,195 @@
+"""What a fleet file may say: its tables as types, with defaults, units and limits.
+
+A file without a `[simulator]` table flies hardware: that table, the Tracker's address and the serial ports
+are the only difference.
+"""
+
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct, field
+
+from bus import channels
+from bus.messages import Four, Name, Three
+
+Positive = Annotated[float, Meta(gt=0)]
+Text = Annotated[str, Meta(min_length=1)]
+
+DEFAULT_HOST = "main"
+RESERVED_UNITS = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
+"""Units of the bus that are no vehicles."""
+RESERVED_PROCESSES = ("router", "simulator", "tracker", "spare")
+"""Names of processes that are no transmitter gateways."""
+
+
+class FleetError(ValueError):
+    """The fleet file cannot be used; names the file, the field and what is allowed."""
+
+
+class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the fleet file."""
+
+
+class VolumeConfig(Table, frozen=True, kw_only=True):
+    """Flight volume in the inertial frame."""
+
+    min_m: Three = (-1.2, -1.2, 0.0)
+    max_m: Three = (1.2, 1.2, 2.0)
+
+
+class TrackerConfig(Table, frozen=True, kw_only=True):
+    """The motion capture."""
+
+    host: Name = DEFAULT_HOST
+    """Host that runs the gateway."""
+    address: str = "127.0.0.1:801"
+    """Address and port of the Tracker's data stream, or of the motion capture of another brand."""
+    brand: str = "vicon"
+    """`vicon` is read by our own client, the others (`vicon_sdk` too) by the library `motioncapture`."""
+    rate_hz: Annotated[float, Meta(gt=0, le=2000)] | None = None
+    """Capture rate of a motion capture that does not tell it."""
+    latency_s: Annotated[float, Meta(ge=0, le=1)] | None = None
+    """From capture to arrival, of a motion capture that does not tell it."""
+    settings: dict[str, str] = field(default_factory=dict)
+    """Further settings of the library, spelt as it spells them."""
+    record_raw: Text | None = None
+    """File to record the raw stream into; relative to where the gateway is started."""
+
+
+class SimulatorConfig(Table, frozen=True, kw_only=True):
+    """The fake laboratory. Leave this table out to fly hardware."""
+
+    host: Name = DEFAULT_HOST
+    rate_hz: Annotated[float, Meta(ge=20, le=400)] = 50.0
+    profile: Literal["tracker1", "tracker2", "tracker3"] = "tracker3"
+    seed: Annotated[int, Meta(ge=0)] = 0
+    conditions: str = "laboratory"
+    """Name of a preset: `ideal` or `laboratory`."""
+    condition_overrides: dict[str, Any] = {}
+    """Single values that differ from the preset."""
+    start: dict[Name, Four] = {}
+    """Where vehicles stand at first: x, y, z [m], yaw [rad]. Default: their place in the formation."""
+
+
+class HostConfig(Table, frozen=True, kw_only=True):
+    """A computer that runs part of the fleet."""
+
+    address: str = "127.0.0.1"
+    """Where other hosts reach it."""
+    router_port: Annotated[int, Meta(ge=1, le=65535)] = 7447
+
+
+class BusConfig(Table, frozen=True, kw_only=True):
+    """How processes talk and how they are scheduled."""
+
+    namespace: Name | None = None
+    """Keeps fleets of tests apart; leave it out in a laboratory."""
+    realtime_priority: Annotated[int, Meta(ge=0, le=90)] = 20
+    """SCHED_FIFO priority where the operating system permits it; 0 for none."""
+
+
+class GatewayConfig(Table, frozen=True, kw_only=True):
+    """A transmitter gateway process."""
+
+    host: Name = DEFAULT_HOST
+
+
+class TransmitterConfig(Table, frozen=True, kw_only=True):
+    """A vehicle's transmitter."""
+
+    port: Text
+    """Serial device; with a `[simulator]` a relative path is created in the fleet's run directory."""
+    gateway: Name = "transmitters"
+    protocol: Literal["multi", "dsm2_serial", "dsmp", "ppm"] = "multi"
+    model_match: Annotated[int, Meta(ge=0, le=63)] = 0
+    low_power: bool = False
+    """Ask the radio for low power."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Settings of the protocol."""
+    calibration: dict[str, Any] = field(default_factory=dict)
+    """From normalised input to pulse width, by channel."""
+
+
+class ControlConfig(Table, frozen=True, kw_only=True):
+    """Controller and estimator of a vehicle."""
+
+    controller: str = "cascade"
+    estimator: str = "extended_kalman"
+    horizon: Annotated[int, Meta(ge=2, le=200)] = 50
+    period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.02
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Settings of the controller: weights, constraints, options."""
+    estimator_settings: dict[str, Any] = field(default_factory=dict)
+    leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.002
+    """How long after its own pose a follower waits for the leader's plan of the same frame."""
+
+
+class LeaderConfig(Table, frozen=True, kw_only=True):
+    """Whom a vehicle follows from the start."""
+
+    leader: Name
+    offset_m: Three
+    yaw_offset_rad: float = 0.0
+    frame: Literal["inertial", "heading"] = "inertial"
+    weight: Positive = 1.0
+
+
+class LeaderLostConfig(Table, frozen=True, kw_only=True):
+    """What a follower does when its leaders are lost, after it has ridden out their last plans."""
+
+    then: Literal["hold", "promote", "land"] = "hold"
+    """Keep the place; follow a successor or become it; or land."""
+    after_s: Annotated[float, Meta(ge=0.5, le=60)] = 2.0
+    """How long leaders are waited for; until then the place is kept."""
+
+
+class VehicleConfig(Table, frozen=True, kw_only=True):
+    """One vehicle."""
+
+    transmitter: TransmitterConfig
+    type: str = "coaxial"
+    host: Name = DEFAULT_HOST
+    subject: Text
+    """Name of the vehicle's subject in the Tracker."""
+    control: ControlConfig = field(default_factory=ControlConfig)
+    follow: list[LeaderConfig] = field(default_factory=list)
+    leader_lost: LeaderLostConfig = field(default_factory=LeaderLostConfig)
+    successors: list[Name] = field(default_factory=list)
+    """Who leads the followers of this vehicle when it is lost, the first one first; then the others that may,
+    in the order of the file."""
+    model: dict[str, Any] = field(default_factory=dict)
+    """Parameters that differ from those of the type."""
+
+
+class AvoidanceConfig(Table, frozen=True, kw_only=True):
+    """Vehicles keep clear of each other's plans."""
+
+    enabled: bool = True
+    horizontal_m: Annotated[float, Meta(gt=0, le=5)] = 0.35
+    """Half axes of the ellipsoid around a vehicle that no other one enters; rotor wash makes it tall."""
+    vertical_m: Annotated[float, Meta(gt=0, le=5)] = 0.6
+
+
+class SafetyConfig(Table, frozen=True, kw_only=True):
+    """Limits the transmitter gateway enforces by itself."""
+
+    geofence: bool = True
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+class FleetFile(Table, frozen=True, kw_only=True):
+    """The whole fleet."""
+
+    name: Name
+    hosts: dict[Name, HostConfig] = field(default_factory=lambda: {DEFAULT_HOST: HostConfig()})
+    bus: BusConfig = field(default_factory=BusConfig)
+    volume: VolumeConfig = field(default_factory=VolumeConfig)
+    tracker: TrackerConfig = field(default_factory=TrackerConfig)
+    simulator: SimulatorConfig | None = None
+    gateways: dict[Name, GatewayConfig] = field(default_factory=lambda: {"transmitters": GatewayConfig()})
+    avoidance: AvoidanceConfig = field(default_factory=AvoidanceConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+    vehicles: dict[Name, VehicleConfig]
+
+    def endpoint(self, host: str) -> str:
+        """Zenoh endpoint at which other hosts reach the router of a host."""
+        return f"tcp/{self.hosts[host].address}:{self.hosts[host].router_port}"

@@ -1,0 +1,16 @@
+"""Where the processes of a fleet find the bus."""
+
+from bus.session import BusAddress
+from deploy.fleet_file.schema import FleetFile
+from deploy.run_directory import router_socket, run_directory
+
+
+def bus_address(fleet: FleetFile, host: str) -> BusAddress:
+    """Where processes of a host find their router: its socket, or its address if that is not there."""
+    return BusAddress(tuple(router_endpoints(fleet, host)), fleet.name, fleet.bus.namespace)
+
+
+def router_endpoints(fleet: FleetFile, host: str) -> list[str]:
+    """Endpoints the router of a host listens on, the fastest first."""
+    local = router_socket(host, run_directory(fleet.name, fleet.bus.namespace))
+    return [fleet.endpoint(host)] if local is None else [local, fleet.endpoint(host)]

@@ -1,0 +1,98 @@
+"""The role of a vehicle's agent: its settings and its pilot from the fleet file."""
+
+from agents.formation.limit_scaling import limit_scale_of
+from agents.formation.succession import Succession
+from agents.pilot import Pilot
+from agents.process import build_pilot, run_agent
+from agents.separation.avoidance import SeparationEllipsoid
+from agents.settings import AgentSettings
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.formation_check import links_of
+from deploy.roles.addresses import bus_address
+from deploy.roles.priorities import Priority
+from deploy.roles.transmitters import limits_of
+from deploy.roles.vehicle_models import model_of
+
+
+def run(fleet: FleetFile, vehicle: str) -> None:
+    """Fly a vehicle."""
+    run_agent(*pilot_of(fleet, vehicle))
+
+
+def pilot_of(fleet: FleetFile, name: str) -> tuple[AgentSettings, Pilot]:
+    """Settings and pilot of a vehicle's agent.
+
+    Raises
+    ------
+    FleetError
+        A field of the vehicle is wrong; controllers and estimators check their settings when they are built.
+    """
+    settings = agent_settings(fleet, name)
+    try:
+        return settings, build_pilot(settings)
+    except ValueError as error:
+        raise FleetError(f"vehicles.{name}.control: {error}") from None
+
+
+def agent_settings(fleet: FleetFile, name: str) -> AgentSettings:
+    """Settings of the agent of a vehicle."""
+    vehicle = fleet.vehicles[name]
+    control = vehicle.control
+    links = links_of(fleet)
+    models = {other: model_of(fleet, other) for other in fleet.vehicles}
+    return AgentSettings(
+        bus=bus_address(fleet, vehicle.host),
+        vehicle=name,
+        vehicles=tuple(fleet.vehicles),
+        model=models[name],
+        volume_min_m=fleet.volume.min_m,
+        volume_max_m=fleet.volume.max_m,
+        controller=control.controller,
+        estimator=control.estimator,
+        horizon=control.horizon,
+        period_s=control.period_s,
+        controller_settings=control.settings,
+        estimator_settings=control.estimator_settings,
+        leader_wait_s=control.leader_wait_s,
+        following=links[name],
+        share=limit_scale_of(links, models, name),
+        models=models,
+        succession=succession_of(fleet, name),
+        minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
+        clearance=clearance_of(fleet),
+        realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
+    )
+
+
+def clearance_of(fleet: FleetFile) -> SeparationEllipsoid | None:
+    """What vehicles keep clear of each other; None for no avoidance."""
+    avoidance = fleet.avoidance
+    return SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None
+
+
+def succession_of(fleet: FleetFile, name: str) -> Succession:
+    """What a vehicle does about lost leaders, and the order of successors all vehicles agree on."""
+    promotable = [other for other, vehicle in fleet.vehicles.items() if vehicle.leader_lost.then == "promote"]
+    lost = fleet.vehicles[name].leader_lost
+    return Succession(
+        policy=lost.then,
+        after_s=lost.after_s,
+        orders={
+            leader: tuple(dict.fromkeys((*vehicle.successors, *promotable)))
+            for leader, vehicle in fleet.vehicles.items()
+        },
+        promotable=frozenset(promotable),
+    )
+
+
+def check_period(fleet: FleetFile, name: str) -> None:
+    """Agents are paced by their poses, so a control period is a whole number of frames."""
+    if fleet.simulator is None:
+        return
+    period_s = fleet.vehicles[name].control.period_s
+    frames = period_s * fleet.simulator.rate_hz
+    if round(frames) < 1 or abs(frames - round(frames)) > 0.01:
+        raise FleetError(
+            f"vehicles.{name}.control.period_s: {period_s:g} s is no whole number of frames of "
+            f"simulator.rate_hz = {fleet.simulator.rate_hz:g} Hz"
+        )

@@ -1,0 +1,24 @@
+"""Which processes of a fleet run before which others."""
+
+from enum import IntEnum
+
+from deploy.fleet_file.schema import FleetFile
+
+
+class Priority(IntEnum):
+    """How far processes run above the fleet's real-time priority.
+
+    What others wait for comes first: messages are forwarded at once, and a leader plans before its followers.
+    The simulator computes its helicopters' motion while nobody else needs the processor.
+    """
+
+    ROUTER = 6
+    GATEWAY = 4
+    LEADER = 2
+    FOLLOWER = 1
+    SIMULATOR = 0
+
+    def of(self, fleet: FleetFile) -> int:
+        """SCHED_FIFO priority; 0 if the fleet wants none."""
+        base = fleet.bus.realtime_priority
+        return base + self if base else 0

@@ -1,0 +1,108 @@
+"""Runs one role of a fleet in this process.
+
+Nothing here imports a command-line library, so that an agent that crashed in flight is back quickly.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+from collections.abc import Callable, Mapping
+
+from bus.session import BusUnreachableError
+from deploy.fleet_file.schema import FleetError, FleetFile
+
+ROLES = ("router", "simulator", "tracker", "transmitters", "agent")
+PR_SET_PDEATHSIG = 1
+EXIT_USAGE = 2
+EXIT_UNREACHABLE = 3
+
+
+def end_with_parent() -> None:
+    """Receive SIGTERM when the launcher dies, however it dies; gateways then bring their vehicles down."""
+    parent = os.environ.get("RCOPTERX_PARENT")
+    if parent is None:
+        return
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != int(parent):
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def run_role(role: str, unit: str, fleet: FleetFile) -> None:
+    """Run one role until it is asked to stop.
+
+    Parameters
+    ----------
+    role
+        One of `ROLES`.
+    unit
+        Host of a router, simulator or tracker gateway; gateway name of transmitters; vehicle of an agent.
+    fleet
+        The fleet file.
+
+    Raises
+    ------
+    FleetError
+        The unit is unknown, or a field of the file is wrong for this role.
+    BusUnreachableError
+        No router answers.
+    OSError
+        An address or a device cannot be used.
+    """
+    check_unit(fleet, role, unit)
+    runner(role)(fleet, unit)
+
+
+def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
+    """Refuse roles that do not exist and units that the file does not name.
+
+    Raises
+    ------
+    FleetError
+        Names what is allowed.
+    """
+    known: dict[str, Mapping[str, object]] = {
+        "router": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,
+        "transmitters": fleet.gateways, "agent": fleet.vehicles,
+    }  # fmt: skip
+    if role not in known:
+        raise FleetError(f"role {role!r} is unknown, allowed are {', '.join(ROLES)}")
+    if unit not in known[role]:
+        raise FleetError(f"{role}: unknown unit {unit!r}, known are {', '.join(known[role])}")
+
+
+def runner(role: str) -> Callable[[FleetFile, str], None]:
+    """Import what a role needs, and nothing else: start-up time counts when a process restarts in flight."""
+    match role:
+        case "router":
+            from deploy.roles import router
+
+            return router.run
+        case "simulator":
+            from deploy.roles import simulator
+
+            return simulator.run
+        case "tracker":
+            from deploy.roles import tracker
+
+            return tracker.run
+        case "transmitters":
+            from deploy.roles import transmitters
+
+            return transmitters.run
+        case _:
+            from deploy.roles import agent
+
+            return agent.run
+
+
+def run_reporting(run: Callable[[], None]) -> None:
+    """Run a role; what ends it for a reason somebody can mend becomes a line and an exit code."""
+    try:
+        run()
+    except FleetError as error:
+        print(error, file=sys.stderr)
+        sys.exit(EXIT_USAGE)
+    except (BusUnreachableError, OSError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(EXIT_UNREACHABLE)

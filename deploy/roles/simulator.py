@@ -1,0 +1,96 @@
+"""The role of the simulated laboratory."""
+
+from pathlib import Path
+from typing import Any
+
+from bus.messages import Four
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.roles.addresses import bus_address
+from deploy.roles.priorities import Priority
+from deploy.roles.tracker import tracker_address
+from deploy.roles.transmitters import calibration_of, protocol_of
+from deploy.roles.vehicle_models import model_of
+from deploy.run_directory import run_directory, serial_path
+from simulator.conditions import Conditions, conditions_from
+from simulator.plant import Pose
+from simulator.process import run_simulator
+from simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
+
+
+def run(fleet: FleetFile, _host: str) -> None:
+    """Simulate the laboratory."""
+    run_simulator(simulator_settings(fleet, run_directory(fleet.name, fleet.bus.namespace)))
+
+
+def conditions_of(fleet: FleetFile) -> Conditions:
+    """Conditions of the simulated laboratory.
+
+    Raises
+    ------
+    FleetError
+        No simulator, unknown preset or field.
+    """
+    if fleet.simulator is None:
+        raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
+    low, high = fleet.volume.min_m, fleet.volume.max_m
+    # The radio link is emulated, so its delay must not be simulated a second time.
+    fixed: dict[str, Any] = {
+        "transport_delay_s": 0.0,
+        "volume_min_m": (low[0], low[1], -0.1),
+        "volume_max_m": high,
+    }
+    overrides = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in fleet.simulator.condition_overrides.items()
+    }
+    try:
+        return conditions_from(fleet.simulator.conditions, fixed | overrides)
+    except ValueError as error:
+        raise FleetError(f"simulator.{error}") from None
+
+
+def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
+    """Settings of the simulator process."""
+    conditions = conditions_of(fleet)
+    simulator = fleet.simulator
+    if simulator is None:
+        raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
+    host, port = tracker_address(fleet)
+    return SimulatorSettings(
+        bus=bus_address(fleet, simulator.host),
+        tracker_host=host,
+        tracker_port=port,
+        profile=simulator.profile,
+        rate_hz=simulator.rate_hz,
+        conditions=conditions,
+        seed=simulator.seed,
+        vehicles=tuple(_simulated(fleet, name, directory) for name in fleet.vehicles),
+        realtime_priority=Priority.SIMULATOR.of(fleet),
+    )
+
+
+def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle:
+    vehicle = fleet.vehicles[name]
+    start = {} if fleet.simulator is None else fleet.simulator.start
+    x, y, _, yaw_rad = formation_place(fleet, name)
+    place = start.get(name, (x, y, 0.0, yaw_rad))
+    return SimulatedVehicle(
+        name=name,
+        subject=vehicle.subject,
+        model=model_of(fleet, name),
+        start=Pose(place[:3], place[3]),
+        port=str(serial_path(vehicle.transmitter.port, directory)),
+        radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
+        calibration=calibration_of(vehicle, name),
+    )
+
+
+def formation_place(fleet: FleetFile, name: str) -> Four:
+    """Place of a vehicle in the formation with the first leader at the origin: x, y, z [m], yaw [rad]."""
+    x = y = z = yaw = 0.0
+    while fleet.vehicles[name].follow:
+        link = fleet.vehicles[name].follow[0]
+        x, y, z = x + link.offset_m[0], y + link.offset_m[1], z + link.offset_m[2]
+        yaw += link.yaw_offset_rad
+        name = link.leader
+    return (x, y, z, yaw)

@@ -1,0 +1,29 @@
+"""Models of the vehicles of a fleet file."""
+
+from dataclasses import replace
+
+from deploy.fleet_file.reading import replaced
+from deploy.fleet_file.schema import FleetError, FleetFile
+from vehicles.model import Model
+from vehicles.types import TYPES
+
+
+def model_of(fleet: FleetFile, name: str) -> Model:
+    """Model of a vehicle: its type with the parameters the file changes and the volume's position bounds.
+
+    Raises
+    ------
+    FleetError
+        Unknown type or parameter.
+    """
+    vehicle = fleet.vehicles[name]
+    where = f"vehicles.{name}"
+    if vehicle.type not in TYPES:
+        raise FleetError(f"{where}.type: unknown type {vehicle.type!r}, allowed are {', '.join(TYPES)}")
+    model = replaced(TYPES[vehicle.type], vehicle.model, f"{where}.model")
+    low, high = fleet.volume.min_m, fleet.volume.max_m
+    return replace(
+        model,
+        state_min=(*low, *model.state_min[3:]),
+        state_max=(*high, *model.state_max[3:]),
+    )
