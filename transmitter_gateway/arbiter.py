@@ -17,6 +17,7 @@ from transmitter_gateway.inputs import (
     FLYING,
     NEUTRAL,
     Action,
+    ActionRequest,
     Answer,
     ArbiterOutput,
     CommandInput,
@@ -24,7 +25,6 @@ from transmitter_gateway.inputs import (
     LastWords,
     LinkState,
     PoseInput,
-    Request,
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits
@@ -87,8 +87,9 @@ class Arbiter:
 
     def command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; a rejected one changes nothing but a counter."""
-        # The output stays as it is until the next step: that may follow the command at once.
-        self._pass(now_s)
+        # The next step follows at once and judges the command; before it, time matters only to what is due.
+        if now_s >= self.next_event_s():
+            self._pass(now_s)
         rejection = self._admission.consider(
             command, now_s, pose_epoch=self.surveillance.epoch, holder=self.holder
         )
@@ -102,7 +103,7 @@ class Arbiter:
         """Take the state of port and module; it takes effect with the next step."""
         self._link = link
 
-    def request(self, request: Request, now_s: float) -> Answer:
+    def request(self, request: ActionRequest, now_s: float) -> Answer:
         """Carry out or refuse a request; `permissions` says whose requests count."""
         self.step(now_s)
         problem = refusal(request, self.holder, self.limits.operators)
@@ -113,7 +114,7 @@ class Arbiter:
             return Answer(False, problem)
         return Answer(True, f"{self.state}: {self.reason}")
 
-    def _carry_out(self, request: Request, now_s: float) -> str | None:
+    def _carry_out(self, request: ActionRequest, now_s: float) -> str | None:
         """Apply an allowed request; return why it had no effect, if so."""
         match request.action:
             case Action.HAND_OVER:
@@ -378,6 +379,8 @@ class Arbiter:
             ages = [limits.hold_after_s, limits.descend_after_s, limits.cut_after_s]
             ages += step_ages_s(stream.command.period_s, limits)
             times += [stream.arrival_s + age for age in ages]
+        if self._low_since_s is not None:
+            times.append(self._low_since_s + limits.arm_low_s)
         times.append(self._entered_s + limits.hold_limit_s)
         times.append(self._entered_s + self._descent_s)
         return min((time for time in times if time > self._now_s), default=math.inf)

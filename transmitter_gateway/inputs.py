@@ -101,7 +101,7 @@ class PoseInput(Struct, frozen=True):
     period_s: float | None = None
 
 
-class Request(Struct, frozen=True):
+class ActionRequest(Struct, frozen=True):
     """A request: `by` whom, and for arming and hand-over the `source` that shall command."""
 
     action: Action

@@ -2,10 +2,10 @@
 
 from collections.abc import Collection
 
-from transmitter_gateway.inputs import Action, Request
+from transmitter_gateway.inputs import Action, ActionRequest
 
 
-def refusal(request: Request, holder: str | None, operators: Collection[str]) -> str | None:
+def refusal(request: ActionRequest, holder: str | None, operators: Collection[str]) -> str | None:
     """Why a request is not for the one who asks; None if it is.
 
     Arming is for an operator or the source itself, disarming for the lease holder or an operator, reset
@@ -13,7 +13,7 @@ def refusal(request: Request, holder: str | None, operators: Collection[str]) ->
 
     Parameters
     ----------
-    request : Request
+    request : ActionRequest
         What is asked for, and by whom.
     holder : str or None
         Source with the control lease.

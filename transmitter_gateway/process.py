@@ -12,7 +12,7 @@ from bus.messages import Pose
 from bus.realtime import request_realtime, settle
 from bus.session import Session
 from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, PoseInput, Request
+from transmitter_gateway.inputs import Action, ActionRequest, PoseInput
 from transmitter_gateway.kill_keys import KillKeys
 from transmitter_gateway.settings import GatewaySettings
 from transmitter_gateway.station import Station
@@ -74,9 +74,9 @@ class Gateway:
         commanded = [station for station in self._stations.values() if station.commands_wait]
         for station in commanded:
             station.take_commands(self._clock)
-        # Telling of a write takes as long as the write itself; nobody's command waits for that.
+        # Publishing a write takes as long as the write itself; nobody's command waits for that.
         for station in commanded:
-            station.announce_write()
+            station.publish_writes()
         for kill in self._kill.drain():
             for station in self._stations.values():
                 station.take_kill(kill.message, self._clock())
@@ -87,20 +87,20 @@ class Gateway:
         for station in self._stations.values():
             now_s = self._clock()
             if now_s >= station.transmitter.next_deadline_s():
-                station.transmitter.tick(now_s)
-            station.announce_write()
+                station.tick(now_s)
+            station.publish_writes()
         self._report()
 
     def kill(self, by: str) -> None:
         """Cut the motors of every vehicle of this gateway, latching."""
         for station in self._stations.values():
-            station.transmitter.request(Request(Action.KILL, by=by), self._clock())
+            station.transmitter.request(ActionRequest(Action.KILL, by=by), self._clock())
 
     def shut_down(self, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Bring every vehicle down, end on throttle-low frames, close the ports; kills still count."""
         transmitters = [station.transmitter for station in self._stations.values()]
         for transmitter in transmitters:
-            transmitter.request(Request(Action.SHUTDOWN, by="gateway"), self._clock())
+            transmitter.request(ActionRequest(Action.SHUTDOWN, by="gateway"), self._clock())
         limit_s = self._clock() + SHUTDOWN_LIMIT_S
         while not all(transmitter.finished for transmitter in transmitters) and self._clock() < limit_s:
             self.wait()
@@ -120,7 +120,7 @@ class Gateway:
         working = {name: station.transmitter for name, station in self._stations.items()}
 
         def ask(action: Action) -> None:
-            request = Request(action, by="an error in the gateway")
+            request = ActionRequest(action, by="an error in the gateway")
             _each(working, lambda transmitter: transmitter.request(request, self._clock()))
 
         ask(Action.SHUTDOWN)
@@ -130,9 +130,13 @@ class Gateway:
             pressed = self._wakeup.wait(self._keys.descriptors, BRING_DOWN_PERIOD_S)
             if kill_asked() or (pressed and self._keys.pressed()):
                 ask(Action.KILL)
-            _each(working, lambda transmitter: transmitter.on_readable(self._clock()))
+            _each(working, self._serve)
         for station in self._stations.values():
             station.transmitter.close()
+
+    def _serve(self, transmitter: Transmitter) -> None:
+        transmitter.on_readable(self._clock())
+        transmitter.tick(self._clock())
 
     def _on_pose(self) -> None:
         """Note when poses are to be judged; called on receive threads. Only the first one wakes the loop."""
@@ -159,7 +163,7 @@ class Gateway:
 
 
 def _each(working: dict[str, Transmitter], act: Callable[[Transmitter], object]) -> None:
-    """Do something with every transmitter; one that fails is told of and given up."""
+    """Do something with every transmitter; one that fails is reported and given up."""
     for name, transmitter in list(working.items()):
         try:
             act(transmitter)

@@ -15,10 +15,11 @@ from bus.requests import (
 )
 from bus.session import Incoming, RequestFailedError, Session
 from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, CommandInput, LastWords, PoseInput, Request, State
+from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, LastWords, PoseInput, State
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from transmitter_gateway.settings import TransmitterSettings
-from transmitter_gateway.transmitter import Transmitter, Write
+from transmitter_gateway.snapshot import Write
+from transmitter_gateway.transmitter import Transmitter
 
 RECALL_LIMIT_S = 0.2
 COMMANDS_KEPT = 256
@@ -57,18 +58,16 @@ class Station:
         self._commands: Subscription[Command] = session.subscribe(
             channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT
         )
-        self._announced: Write | None = None
-        self._command_arrived_s: float | None = None
-        self._command_fresh: tuple[int, int] | None = None
+        self._unpublished: list[Applied] = []
+        self._written_command: tuple[int, int] | None = None
         self._accepted_s: float | None = None
         self._last_sequence = 0
         session.serve(self.vehicle, VERBS)
         session.announce(self.vehicle, "transmitter")
 
     def take_commands(self, clock: Callable[[], float]) -> None:
-        """Hand a few of the commands to the arbiter, which writes; the last write is not announced yet."""
+        """Hand a few of the commands to the arbiter; what is written is published by `publish_writes`."""
         for received in self._commands.drain(COMMANDS_AT_ONCE):
-            self.announce_write()
             message = received.message
             command = CommandInput(
                 source=message.source,
@@ -79,10 +78,11 @@ class Station:
                 next_u=message.next_inputs.to_numpy().tolist(),
                 period_s=message.period_s,
             )
-            self._command_arrived_s = received.arrived_s
-            if self.transmitter.on_command(command, clock()).accepted:
+            now_s = clock()
+            if self.transmitter.on_command(command, now_s).accepted:
                 self._accepted_s = received.arrived_s
                 self._last_sequence = message.sequence
+                self.tick(now_s)
 
     @property
     def commands_wait(self) -> bool:
@@ -105,6 +105,12 @@ class Station:
             )
             self.transmitter.recall(words, self._session.clock())
 
+    def tick(self, now_s: float) -> None:
+        """Let the transmitter do what is due; what is written is published by `publish_writes`."""
+        write = self.transmitter.tick(now_s)
+        if write is not None and write.outcome is WriteOutcome.WRITTEN:
+            self._unpublished.append(self._applied(write))
+
     def take_pose(self, pose: PoseInput, now_s: float) -> None:
         """Hand a raw pose of any vehicle to the arbiter."""
         self.transmitter.on_pose(pose, now_s)
@@ -112,19 +118,19 @@ class Station:
     def take_kill(self, kill: Kill, now_s: float) -> None:
         """Obey a kill for this vehicle or for all."""
         if not kill.vehicles or self.vehicle in kill.vehicles:
-            self.transmitter.request(Request(Action.KILL, by=kill.source), now_s)
+            self.transmitter.request(ActionRequest(Action.KILL, by=kill.source), now_s)
 
     def answer(self, incoming: Incoming, now_s: float) -> None:
         """Carry out a request and answer it."""
         request = incoming.request
         if isinstance(request, Arm):
-            action = Request(Action.ARM, by=request.source, source=request.lease)
+            action = ActionRequest(Action.ARM, by=request.source, source=request.lease)
         elif isinstance(request, Disarm):
-            action = Request(Action.DISARM, by=request.source)
+            action = ActionRequest(Action.DISARM, by=request.source)
         elif isinstance(request, KillVehicle):
-            action = Request(Action.KILL, by=request.source)
+            action = ActionRequest(Action.KILL, by=request.source)
         elif isinstance(request, ResetKill):
-            action = Request(Action.RESET, by=request.source)
+            action = ActionRequest(Action.RESET, by=request.source)
         else:
             incoming.answer(
                 Reply(accepted=False, reason=f"a transmitter gateway does not serve {incoming.verb}")
@@ -133,51 +139,48 @@ class Station:
         answer = self.transmitter.request(action, now_s)
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))
 
-    def announce_write(self) -> None:
-        """Publish the newest serial frame if it has not been published."""
-        write = self.transmitter.last_write
-        if write is None or write is self._announced or write.outcome is not WriteOutcome.WRITTEN:
-            return
-        self._announced = write
+    def publish_writes(self) -> None:
+        """Publish the serial frames written since the last call."""
+        for applied in self._unpublished:
+            self._session.publish(channels.APPLIED, self.vehicle, applied)
+        self._unpublished.clear()
+
+    def _applied(self, write: Write) -> Applied:
         cause = write.output.cause
         identity = None if cause is None else (cause.epoch, cause.sequence)
-        fresh = identity is not None and identity != self._command_fresh and not write.output.bridging_step
-        self._command_fresh = identity
-        self._session.publish(
-            channels.APPLIED,
-            self.vehicle,
-            Applied(
-                state=write.output.state.value.lower(),
-                input=write.output.u,
-                pulse_width_us=write.pulses_us,
-                epoch=0 if cause is None else cause.epoch,
-                frame=0 if cause is None else cause.frame,
-                sequence=0 if cause is None else cause.sequence,
-                fresh=fresh,
-                command_arrived_s=self._command_arrived_s if fresh else None,
-                written_s=write.time_s,
-            ),
+        fresh = identity is not None and identity != self._written_command and not write.output.bridging_step
+        self._written_command = identity
+        return Applied(
+            state=write.output.state.value.lower(),
+            input=write.output.u,
+            pulse_width_us=write.pulses_us,
+            epoch=0 if cause is None else cause.epoch,
+            frame=0 if cause is None else cause.frame,
+            sequence=0 if cause is None else cause.sequence,
+            fresh=fresh,
+            command_arrived_s=self._accepted_s if fresh else None,
+            written_s=write.time_s,
         )
 
     def report(self, now_s: float) -> None:
         """Publish the status."""
-        status = self.transmitter.status(now_s)
+        snapshot = self.transmitter.snapshot(now_s)
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
         accepted_s = self._accepted_s
         self._session.publish(
             channels.TRANSMITTER_STATUS,
             self.vehicle,
             TransmitterStatus(
-                state=status.state.value.lower(),
-                reason=status.reason[:400],
-                link=status.link.value,
-                module=status.module[:400],
-                ready=status.link.value == "ready",
-                lease=status.holder,
+                state=snapshot.state.value.lower(),
+                reason=snapshot.reason[:400],
+                link=snapshot.link.value,
+                module=snapshot.module[:400],
+                ready=snapshot.link.value == "ready",
+                lease=snapshot.holder,
                 command_age_s=None if accepted_s is None else max(0.0, now_s - accepted_s),
                 last_sequence=self._last_sequence,
-                bridging=status.bridging_step > 0,
-                counters=dict(status.counters),
+                bridging=snapshot.bridging_step > 0,
+                counters=dict(snapshot.counters),
                 rejected=rejected,
                 realtime=self._realtime,
             ),

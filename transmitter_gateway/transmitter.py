@@ -1,35 +1,34 @@
 """One transmitter: arbiter, calibration, radio protocol and serial port, driven by a single-threaded loop.
 
-The loop calls `on_command`, `on_pose`, `on_readable` and `request` when something arrives and `tick` at the
-latest at `next_deadline_s`. Accepted commands are written on arrival; without one the arbiter's output is
-repeated (dsm2_transmitters.md section 8.2).
+The loop calls `on_command`, `on_pose`, `on_readable` and `request` when something arrives, and `tick` at the
+latest at `next_deadline_s`, which is at once after any of these. Only `tick` decides and writes, and it
+returns what it wrote. Accepted commands are written on arrival; without one the arbiter's output is repeated
+(dsm2_transmitters.md section 8.2).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-
-from msgspec import Struct
+from collections.abc import Sequence
 
 from transmitter_gateway.arbiter import Arbiter
 from transmitter_gateway.calibration import Calibration
 from transmitter_gateway.inputs import (
     FLYING,
     Action,
+    ActionRequest,
     Answer,
     ArbiterOutput,
     CommandInput,
     LastWords,
     LinkState,
     PoseInput,
-    Request,
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits
 from transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError, RadioProtocol
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from transmitter_gateway.snapshot import TransmitterSnapshot, Write
 
 THROTTLE_LOW_FRAMES = 30
 """At least 25 are to arrive."""
@@ -39,62 +38,6 @@ POWER_UP_LIMIT_S = 30.0
 AFTER_BIND_S = 5.0
 FIRST_POSE_S = 0.1
 """How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
-
-
-class Write(Struct, frozen=True):
-    """The newest frame: when it was written, what became of it, what it carried and why.
-
-    Parameters
-    ----------
-    time_s : float
-        Local time of the write [s].
-    outcome : WriteOutcome
-        Whether the frame went out.
-    output : ArbiterOutput
-        Decision behind the frame, with the applied inputs and the command's identity.
-    pulses_us : tuple of float
-        Pulse widths in channel order [us].
-    """
-
-    time_s: float
-    outcome: WriteOutcome
-    output: ArbiterOutput
-    pulses_us: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class TransmitterStatus:
-    """Everything a status message needs.
-
-    Parameters
-    ----------
-    state, reason
-        Of the arbiter.
-    link : LinkState
-        Port and module.
-    module : str
-        The module, or what is wrong with the port, in words.
-    holder : str or None
-        Source with the control lease.
-    binding : bool
-        Bind frames are being sent.
-    bridging_step : int
-        Planned input being played, 0 for none.
-    write : Write or None
-        Newest frame.
-    counters : mapping
-        Every counter of arbiter and port by name.
-    """
-
-    state: State
-    reason: str
-    link: LinkState
-    module: str
-    holder: str | None
-    binding: bool
-    bridging_step: int
-    write: Write | None
-    counters: Mapping[str, int]
 
 
 class Transmitter:
@@ -137,7 +80,6 @@ class Transmitter:
         self.arbiter = Arbiter(vehicle, limits, calibration.throttle.u_hover, calibration.slew_per_s)
         self.protocol = protocol
         self.port = port
-        self.last_write: Write | None = None
         self._calibration = calibration
         self._low_power = low_power
         if low_power and "low_power" not in protocol.offers:
@@ -164,32 +106,33 @@ class Transmitter:
     # What arrives -------------------------------------------------------------------------------------
 
     def on_command(self, command: CommandInput, now_s: float) -> Answer:
-        """Take a command; an accepted one from the lease holder is written at once."""
-        self._deadline_s = None
+        """Take a command; an accepted one from the lease holder is written by the next `tick`."""
         answer = self.arbiter.command(command, now_s)
         if answer.accepted:
-            self._run(now_s, urgent=self.arbiter.holder == command.source)
+            self._decide_at_once(urgent=self.arbiter.holder == command.source)
+        else:
+            self._deadline_s = None
         return answer
 
     def on_pose(self, pose: PoseInput, now_s: float) -> None:
-        """Take a raw pose of any vehicle; the own one is judged at once."""
+        """Take a raw pose of any vehicle; the own one is judged by the next `tick`."""
         self.arbiter.pose(pose, now_s)
         if pose.vehicle == self.vehicle:
-            self._run(now_s)
+            self._decide_at_once()
 
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""
         data = self.port.read_available(now_s)
         if data:
             self.protocol.receive(data, now_s)
-        self._run(now_s)
+        self._decide_at_once()
 
-    def request(self, request: Request, now_s: float) -> Answer:
+    def request(self, request: ActionRequest, now_s: float) -> Answer:
         """Carry out or refuse a request; a shutdown also ends this transmitter, see `finished`."""
         if request.action is Action.SHUTDOWN:
             self._shutdown = True
         answer = self.arbiter.request(request, now_s)
-        self._run(now_s)
+        self._decide_at_once()
         return answer
 
     def recall(self, words: LastWords, now_s: float) -> None:
@@ -199,7 +142,7 @@ class Transmitter:
         until the own pose has been seen, for at most `FIRST_POSE_S`.
         """
         if words.state is State.KILLED:
-            self.arbiter.request(Request(Action.KILL, by="an earlier process"), now_s)
+            self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
         elif words.state in FLYING:
             self._deadline_s = None
             self._words, self._decide_by_s = words, now_s + FIRST_POSE_S
@@ -238,23 +181,22 @@ class Transmitter:
         self._bind_since_s, self._bind_seen = now_s, False
         waits = self.protocol.binds_at_power_up
         self._bind_by_s = now_s + (POWER_UP_LIMIT_S if waits else LONGEST_BIND_S)
-        self._run(now_s, urgent=True)
+        self._decide_at_once(urgent=True)
         return Answer(True, "binding")
 
-    def range_check(self, wanted: bool, now_s: float) -> Answer:
+    def range_check(self, wanted: bool) -> Answer:
         """Switch the reduced range-check power on or off; while it is on, arming is refused."""
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"range check is only possible while DISARMED, not {self.arbiter.state}")
         if "range_check" not in self.protocol.offers:
             return Answer(False, f"{self.protocol.name}: check the range with the radio itself")
         self._range_check = wanted
-        self._run(now_s, urgent=True)
+        self._decide_at_once(urgent=True)
         return Answer(True, "range check on" if wanted else "range check off")
 
     def show(
         self,
         u: Sequence[float] | None,
-        now_s: float,
         *,
         throttle_us: float | None = None,
         until_s: float = math.inf,
@@ -265,8 +207,8 @@ class Transmitter:
         ----------
         u : sequence of float, shape (4,), or None
             Inputs; None ends it. Meanwhile arming is refused.
-        now_s, until_s : float
-            Now, and when it ends by itself [s].
+        until_s : float
+            When it ends by itself [s].
         throttle_us : float, optional
             Throttle pulse width, between throttle low and full throttle of the calibration.
         """
@@ -282,19 +224,43 @@ class Transmitter:
             pulses = list(self._calibration.pulses_us(u, throttle_low=True))
             pulses[throttle.index] = throttle.low_us if throttle_us is None else throttle_us
             self._shown = tuple(pulses)
-        self._run(now_s, urgent=True)
+        self._decide_at_once(urgent=True)
         return Answer(True, "shown")
 
     def busy(self, now_s: float) -> bool:
-        """Whether binding, a range check or a calibration speaks against arming."""
+        """Whether binding, a range check or a calibration blocks arming."""
         binding = self._bind_since_s is not None or now_s < self._settled_s
         return binding or self._range_check or now_s < self._shown_until_s
 
     # Time ---------------------------------------------------------------------------------------------
 
-    def tick(self, now_s: float) -> None:
-        """Do what is due; harmless when nothing is."""
-        self._run(now_s)
+    def _decide_at_once(self, *, urgent: bool = False) -> None:
+        """Let the next `tick` be due now; an urgent frame does not wait for the keep-alive."""
+        self._deadline_s = -math.inf
+        self._pending = self._pending or urgent
+
+    def tick(self, now_s: float) -> Write | None:
+        """Do what is due and return what was written; harmless when nothing is due."""
+        self._deadline_s = None
+        if self._undecided(now_s):
+            return None
+        if self.port.service(now_s):
+            self.protocol.link_opened(now_s)
+            if self.protocol.binds_at_power_up:
+                self._bind_by_s = min(self._bind_by_s, now_s + LONGEST_BIND_S)
+            else:
+                self._bind_since_s = None
+            self._pending = True
+        module = self.protocol.status(now_s)
+        self._follow_bind(module, now_s)
+        self.arbiter.link(self._link(module, now_s))
+        before, self._output = self._output, self.arbiter.step(now_s)
+        changed = before.state is not self._output.state
+        next_planned = self._output.bridging_step > before.bridging_step
+        self._pending = self._pending or changed or next_planned
+        if self.port.is_open and now_s >= self._due_s():
+            return self._write(now_s)
+        return None
 
     def next_deadline_s(self) -> float:
         """When `tick` must be called at the latest [s]."""
@@ -315,34 +281,13 @@ class Transmitter:
         """Close the port."""
         self.port.close()
 
-    def _run(self, now_s: float, *, urgent: bool = False) -> None:
-        self._deadline_s = None
-        if self._undecided(now_s):
-            return
-        if self.port.service(now_s):
-            self.protocol.link_opened(now_s)
-            if self.protocol.binds_at_power_up:
-                self._bind_by_s = min(self._bind_by_s, now_s + LONGEST_BIND_S)
-            else:
-                self._bind_since_s = None
-            urgent = True
-        module = self.protocol.status(now_s)
-        self._follow_bind(module, now_s)
-        self.arbiter.link(self._link(module, now_s))
-        before, self._output = self._output, self.arbiter.step(now_s)
-        changed = before.state is not self._output.state
-        next_planned = self._output.bridging_step > before.bridging_step
-        self._pending = self._pending or urgent or changed or next_planned
-        if self.port.is_open and now_s >= self._due_s():
-            self._write(now_s)
-
     def _due_s(self) -> float:
         if not self.port.is_open:
             return math.inf
         interval_s = self.protocol.minimum_interval_s if self._pending else self.protocol.keepalive_s
         return self._attempt_s + interval_s
 
-    def _write(self, now_s: float) -> None:
+    def _write(self, now_s: float) -> Write:
         output = self._output
         flying = output.state in FLYING
         low = output.throttle_low or (self._shutdown and not flying)
@@ -360,9 +305,9 @@ class Transmitter:
         outcome = self.port.write_frame(frame, now_s)
         self._attempt_s = now_s
         self._pending = outcome is not WriteOutcome.WRITTEN
-        self.last_write = Write(now_s, outcome, output, pulses)
         if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
+        return Write(now_s, outcome, output, pulses)
 
     # Link ---------------------------------------------------------------------------------------------
 
@@ -380,10 +325,10 @@ class Transmitter:
             self._bind_since_s = None
             self._settled_s = now_s + AFTER_BIND_S
 
-    def status(self, now_s: float) -> TransmitterStatus:
+    def snapshot(self, now_s: float) -> TransmitterSnapshot:
         """Everything a status message needs, at `now_s`."""
         module = self.protocol.status(now_s)
-        return TransmitterStatus(
+        return TransmitterSnapshot(
             state=self.arbiter.state,
             reason=self.arbiter.reason,
             link=self._link(module, now_s),
@@ -391,6 +336,5 @@ class Transmitter:
             holder=self.arbiter.holder,
             binding=self._bind_since_s is not None,
             bridging_step=self._output.bridging_step,
-            write=self.last_write,
             counters={str(k): n for k, n in (self.arbiter.counters + self.port.counters).items()},
         )

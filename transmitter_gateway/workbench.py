@@ -56,8 +56,8 @@ class Workbench(AbstractContextManager["Workbench"]):
         )
 
     def __exit__(self, *_: object) -> None:
-        self.transmitter.show(None, self._clock())
-        self.transmitter.range_check(False, self._clock())
+        self.transmitter.show(None)
+        self.transmitter.range_check(False)
         if self.transmitter.port.is_open:
             self.run(FAREWELL_S)
         self.transmitter.close()
@@ -101,14 +101,14 @@ class Workbench(AbstractContextManager["Workbench"]):
             The port cannot be opened or the module is not ready.
         """
         if not self.run(limit_s, self._ready):
-            status = self.transmitter.status(self._clock())
-            used = "lock" in status.module
+            snapshot = self.transmitter.snapshot(self._clock())
+            used = "lock" in snapshot.module
             hint = "; a gateway uses it: land the fleet and stop it first" if used else ""
-            raise WorkbenchError(f"{self.vehicle}: {status.module}{hint}")
-        return self.transmitter.status(self._clock()).module
+            raise WorkbenchError(f"{self.vehicle}: {snapshot.module}{hint}")
+        return self.transmitter.snapshot(self._clock()).module
 
     def _ready(self) -> bool:
-        return self.transmitter.status(self._clock()).link is LinkState.READY
+        return self.transmitter.snapshot(self._clock()).link is LinkState.READY
 
     def bind(self) -> None:
         """Bind: flagged frames until the module is done, then the neutral frames receivers store as failsafe.
@@ -132,7 +132,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         WorkbenchError
             The radio has no reduced power.
         """
-        self._require(self.transmitter.range_check(True, self._clock()))
+        self._require(self.transmitter.range_check(True))
         end_s = self._clock() + seconds
         pitch = 0.5
         while self._clock() < end_s:
@@ -149,9 +149,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         WorkbenchError
             The pulse width cannot be sent.
         """
-        self._require(
-            self.transmitter.show(u, self._clock(), throttle_us=throttle_us, until_s=self._clock() + seconds)
-        )
+        self._require(self.transmitter.show(u, throttle_us=throttle_us, until_s=self._clock() + seconds))
 
     def _require(self, answer: Answer) -> None:
         if not answer.accepted:

@@ -6,6 +6,7 @@ from typing import Any
 from transmitter_gateway.arbiter import Arbiter
 from transmitter_gateway.inputs import (
     Action,
+    ActionRequest,
     Answer,
     ArbiterOutput,
     CommandInput,
@@ -13,7 +14,6 @@ from transmitter_gateway.inputs import (
     LinkState,
     PoseInput,
     Position,
-    Request,
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits
@@ -72,7 +72,7 @@ class Bench:
         return answer
 
     def request(self, action: Action, by: str = "operator", source: str = "") -> Answer:
-        return self.arbiter.request(Request(action, by, source), self.now_s)
+        return self.arbiter.request(ActionRequest(action, by, source), self.now_s)
 
     def run(self, seconds: float, u: Sequence[float] | None = HOVER, **changes: Any) -> ArbiterOutput:
         """Poses and, unless `u` is None, commands for `seconds`."""

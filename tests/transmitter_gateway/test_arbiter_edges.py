@@ -9,12 +9,12 @@ from arbiter_bench import HOVER, IDLE, SLEW, U_HOVER
 from transmitter_gateway.arbiter import Arbiter
 from transmitter_gateway.inputs import (
     Action,
+    ActionRequest,
     Answer,
     CommandInput,
     LinkState,
     PoseInput,
     Position,
-    Request,
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits, SurveillanceLimits
@@ -78,7 +78,7 @@ class Clockwork:
                 self.command(u)
 
     def request(self, action: Action, by: str = "operator", source: str = "agent") -> Answer:
-        return self.arbiter.request(Request(action, by, source), self.now_s)
+        return self.arbiter.request(ActionRequest(action, by, source), self.now_s)
 
     def fly(self) -> "Clockwork":
         self.arbiter.link(LinkState.READY)

@@ -14,12 +14,12 @@ from transmitter_gateway.arbiter import Arbiter
 from transmitter_gateway.inputs import (
     FLYING,
     Action,
+    ActionRequest,
     Answer,
     ArbiterOutput,
     CommandInput,
     LinkState,
     PoseInput,
-    Request,
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
@@ -121,7 +121,7 @@ class ArbiterMachine(RuleBasedStateMachine):
     def request(self, action: Action, by: str, source: str = "") -> Answer:
         self.step()
         self.armed, self.reset = action is Action.ARM, action is Action.RESET and by == "operator"
-        answer = self.arbiter.request(Request(action, by, source), self.now_s)
+        answer = self.arbiter.request(ActionRequest(action, by, source), self.now_s)
         self.step()
         self.armed = self.reset = False
         return answer

@@ -17,14 +17,15 @@ from simulator.radio import RadioLink, RadioPty
 from simulator.radio_multi import MultiModule
 from simulator.radio_receiver import Receiver
 from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.inputs import Action, Request, State
+from transmitter_gateway.inputs import Action, ActionRequest, State
 from transmitter_gateway.kill_keys import KillKeys
 from transmitter_gateway.limits import ArbiterLimits
 from transmitter_gateway.process import POSE_PATIENCE_S, Gateway
 from transmitter_gateway.protocols.base import SerialLine
 from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
-from transmitter_gateway.transmitter import Transmitter, Write
+from transmitter_gateway.snapshot import Write
+from transmitter_gateway.transmitter import Transmitter
 from transmitter_gateway.wakeup import Wakeup
 
 NAMES = ("h1", "h2", "h3")
@@ -80,7 +81,8 @@ class Laboratory(Wakeup):
         self.thrust: float | None = 0.0
         self.throttle_us: dict[str, list[int]] = {name: [] for name in NAMES}
         self._frame = 0
-        self._served: dict[str, Write | None] = dict.fromkeys(NAMES)
+        self.writes: dict[str, list[Write]] = {name: [] for name in NAMES}
+        self._served = dict.fromkeys(NAMES, 0)
         self.radios = {
             name: RadioPty(directory / name, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
             for name in NAMES
@@ -98,6 +100,8 @@ class Laboratory(Wakeup):
         settings = GatewaySettings(BusAddress((), "lab"), "transmitters", tuple(transmitters), NAMES)
         keys = KillKeys(-1)
         self.gateway = Gateway(settings, self.bus, self, keys, realtime=False)  # type: ignore[arg-type]  # no bus
+        for name in NAMES:
+            self._note_writes(name)
 
     def close(self) -> None:
         for name, radio in self.radios.items():
@@ -107,6 +111,18 @@ class Laboratory(Wakeup):
 
     def transmitter(self, name: str) -> Transmitter:
         return self.gateway._stations[name].transmitter
+
+    def _note_writes(self, name: str) -> None:
+        transmitter = self.transmitter(name)
+        tick = transmitter.tick
+
+        def noted(now_s: float) -> Write | None:
+            write = tick(now_s)
+            if write is not None:
+                self.writes[name].append(write)
+            return write
+
+        transmitter.tick = noted  # type: ignore[method-assign]  # listens on the way
 
     def states(self) -> set[State]:
         return {self.transmitter(name).arbiter.state for name in NAMES}
@@ -125,9 +141,8 @@ class Laboratory(Wakeup):
         return super().wait(descriptors, 0.0)
 
     def _serve(self, name: str, radio: RadioPty) -> None:
-        write = self.transmitter(name).last_write
-        if write is not None and write is not self._served[name]:
-            self._served[name] = write
+        if len(self.writes[name]) > self._served[name]:
+            self._served[name] = len(self.writes[name])
             assert select.select([radio.fileno()], [], [], 5.0)[0]
         radio.service(self.bus.now_s)
         self.throttle_us[name] += [round(frame.pulses_us[0]) for frame in radio.link.take_frames()]
@@ -156,7 +171,7 @@ class Laboratory(Wakeup):
     def fly(self) -> None:
         self.run(1.5)
         for name in NAMES:
-            arm = Request(Action.ARM, by=name, source=name)
+            arm = ActionRequest(Action.ARM, by=name, source=name)
             assert self.transmitter(name).request(arm, self.bus.now_s).accepted
         self.thrust = 0.55
         self.run(1.0)
@@ -213,10 +228,8 @@ def test_poses_wait_a_moment_and_commands_do_not(laboratory: Laboratory) -> None
     while laboratory._frame == frame:
         laboratory.turn()
     arrived_s = laboratory.bus.now_s
-    h1 = laboratory.transmitter("h1")
-    assert h1.last_write is not None
-    assert h1.last_write.time_s == arrived_s
-    track = h1.arbiter.surveillance.own_track
+    assert laboratory.writes["h1"][-1].time_s == arrived_s
+    track = laboratory.transmitter("h1").arbiter.surveillance.own_track
     assert track is not None
     while track.frame == frame:
         laboratory.turn()
@@ -235,8 +248,7 @@ def test_flood_of_commands_for_one_vehicle_is_read_in_portions_between_those_of_
         laboratory.bus.arrive("command", "h2", laboratory.command("stranger", 0.5))
     laboratory.bus.arrive("command", "h3", laboratory.command("h3", 0.6))
     laboratory.gateway.step()
-    write = laboratory.transmitter("h3").last_write
-    assert write is not None
+    write = laboratory.writes["h3"][-1]
     assert write.output.cause is not None
     assert write.output.cause.sequence == laboratory._frame
     counters = laboratory.transmitter("h2").arbiter.counters

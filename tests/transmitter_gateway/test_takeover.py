@@ -13,18 +13,19 @@ from transmitter_gateway.arbiter import Arbiter
 from transmitter_gateway.calibration import Calibration
 from transmitter_gateway.inputs import (
     Action,
+    ActionRequest,
     Answer,
     CommandInput,
     LastWords,
     LinkState,
     PoseInput,
-    Request,
     State,
 )
 from transmitter_gateway.limits import ArbiterLimits
 from transmitter_gateway.protocols.base import SerialLine
 from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from transmitter_gateway.serial_port import SerialPort
+from transmitter_gateway.snapshot import Write
 from transmitter_gateway.transmitter import FIRST_POSE_S, Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
@@ -145,6 +146,7 @@ class Restart:
         self.path = path
         self.now_s = 0.0
         self.sequence = 0
+        self.last_write: Write | None = None
         self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
         self.start()
 
@@ -161,16 +163,22 @@ class Restart:
             self.sequence += 1
             if poses:
                 self.transmitter.on_pose(PoseInput("h1", 1, self.sequence, (0.0, 0.0, 0.8), 0.02), self.now_s)
+                self.tick()
             command = CommandInput("agent", 1, self.sequence, self.sequence, (0.0, 0.0, thrust, 0.0))
             self.transmitter.on_command(command, self.now_s)
+            self.tick()
             self.radio.service(self.now_s + 0.005)
             self.transmitter.on_readable(self.now_s + 0.005)
+            self.tick(0.005)
             states.append(self.radio.output(self.now_s).state)
         return states
 
+    def tick(self, later_s: float = 0.0) -> None:
+        self.last_write = self.transmitter.tick(self.now_s + later_s) or self.last_write
+
     def fly(self) -> None:
         self.run(1.5, thrust=0.0)
-        assert self.transmitter.request(Request(Action.ARM, "operator", "agent"), self.now_s).accepted
+        assert self.transmitter.request(ActionRequest(Action.ARM, "operator", "agent"), self.now_s).accepted
         self.run(1.0)
         assert self.state is State.ARMED
 
@@ -179,7 +187,7 @@ class Restart:
         return self.transmitter.arbiter.state
 
     def die(self, silence_s: float) -> LastWords:
-        write = self.transmitter.last_write
+        write = self.last_write
         assert write is not None
         words = LastWords(write.output.state, write.output.u, write.time_s, self.transmitter.arbiter.holder)
         self.transmitter.close()
@@ -248,7 +256,7 @@ def test_nothing_is_written_before_the_own_pose_is_seen_and_only_for_a_moment(re
 
 def test_a_kill_outlives_a_restart_however_long_it_takes(restart: Restart) -> None:
     restart.fly()
-    restart.transmitter.request(Request(Action.KILL, "operator"), restart.now_s)
+    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
     restart.run(0.1)
     words = restart.die(30.0)
     restart.transmitter.recall(words, restart.now_s)
@@ -261,7 +269,7 @@ def test_a_kill_while_it_is_undecided_counts(restart: Restart) -> None:
     words = restart.die(0.3)
     restart.throttle_us()
     restart.transmitter.recall(words, restart.now_s)
-    restart.transmitter.request(Request(Action.KILL, "operator"), restart.now_s)
+    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
     restart.run(0.3)
     assert restart.state is State.KILLED
     assert set(map(round, restart.throttle_us())) == {1100}

@@ -10,13 +10,22 @@ from simulator.radio_module import SerialFrame
 from simulator.radio_multi import MultiModule
 from simulator.radio_receiver import Receiver
 from transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
-from transmitter_gateway.inputs import Action, Answer, CommandInput, LinkState, PoseInput, Request, State
+from transmitter_gateway.inputs import (
+    Action,
+    ActionRequest,
+    Answer,
+    CommandInput,
+    LinkState,
+    PoseInput,
+    State,
+)
 from transmitter_gateway.limits import ArbiterLimits
 from transmitter_gateway.protocols.base import ProtocolError, PulseRangeError, SerialLine
 from transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
 from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from transmitter_gateway.protocols.ppm import PpmGenProtocol
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from transmitter_gateway.snapshot import Write
 from transmitter_gateway.transmitter import Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
@@ -37,7 +46,7 @@ class Bench:
         self.sequence = 0
         self.next_command_s = 0.02
         self.frames: list[SerialFrame] = []
-        self._written_s: float | None = None
+        self.writes: list[Write] = []
 
     def close(self) -> None:
         self.transmitter.close()
@@ -49,21 +58,27 @@ class Bench:
 
     def exchange(self) -> None:
         """Let what was written arrive and what is answered be read."""
-        write = self.transmitter.last_write
-        written = write is not None and write.outcome is WriteOutcome.WRITTEN
-        if written and write is not None and write.time_s != self._written_s and self.radio.is_open:
-            self._written_s = write.time_s
-            assert select.select([self.radio.fileno()], [], [], 5.0)[0]
+        self._tick()
         self.radio.service(self.now_s)
         self.frames += self.radio.link.take_frames()
         descriptor = self.port.fileno()
         if descriptor is not None and select.select([descriptor], [], [], 0)[0]:
             self.transmitter.on_readable(self.now_s)
+            self._tick()
+
+    def _tick(self) -> None:
+        write = self.transmitter.tick(self.now_s)
+        if write is None or write.outcome is not WriteOutcome.WRITTEN:
+            return
+        self.writes.append(write)
+        if self.radio.is_open:
+            assert select.select([self.radio.fileno()], [], [], 5.0)[0]
 
     def command(self, u: tuple[float, ...] = HOVER) -> Answer:
         self.sequence += 1
         pose = PoseInput("h1", 1, self.sequence, (0.0, 0.0, 1.0), 0.02)
         self.transmitter.on_pose(pose, self.now_s)
+        self._tick()
         answer = self.transmitter.on_command(
             CommandInput("agent", 1, self.sequence, self.sequence, u), self.now_s
         )
@@ -71,7 +86,6 @@ class Bench:
         return answer
 
     def tick(self) -> None:
-        self.transmitter.tick(self.now_s)
         self.exchange()
 
     def run(self, seconds: float, u: tuple[float, ...] | None = HOVER, period_s: float = 0.02) -> None:
@@ -96,7 +110,7 @@ class Bench:
         self.run(0.005, None)
 
     def request(self, action: Action) -> Answer:
-        answer = self.transmitter.request(Request(action, "operator", "agent"), self.now_s)
+        answer = self.transmitter.request(ActionRequest(action, "operator", "agent"), self.now_s)
         self.exchange()
         return answer
 
@@ -129,7 +143,7 @@ def test_frames_are_kept_alive_before_anybody_commands(bench: Bench) -> None:
     bench.run(2.0, None)
     assert intervals(bench.frames) == pytest.approx([0.025] * (len(bench.frames) - 1), abs=1e-4)
     assert set(bench.received()) == {1100}
-    status = bench.transmitter.status(bench.now_s)
+    status = bench.transmitter.snapshot(bench.now_s)
     assert (status.state, status.link, status.binding) == (State.DISARMED, LinkState.READY, False)
     assert status.module == "module 1.3.4.72 ready, DSM 2 1F"
 
@@ -142,9 +156,7 @@ def test_accepted_commands_are_written_on_arrival(bench: Bench) -> None:
     commands = bench.sequence - first
     assert len(bench.frames) == commands
     assert intervals(bench.frames) == pytest.approx([0.02] * (commands - 1), abs=1e-6)
-    write = bench.transmitter.last_write
-    assert write is not None
-    assert write.outcome is WriteOutcome.WRITTEN
+    write = bench.writes[-1]
     assert write.output.u == HOVER
     assert write.output.cause is not None
     assert write.output.cause.sequence == bench.sequence
@@ -156,9 +168,7 @@ def test_commands_of_50_hz_with_2_ms_of_jitter_are_never_delayed_by_a_keepalive(
     for n in range(50):
         bench.next_command_s = bench.now_s + 0.02 + (0.002 if n % 2 else -0.002)
         bench.run(bench.next_command_s + 0.001 - bench.now_s)
-        write = bench.transmitter.last_write
-        assert write is not None
-        assert write.time_s == pytest.approx(bench.now_s - 0.001)
+        assert bench.writes[-1].time_s == pytest.approx(bench.now_s - 0.001)
 
 
 def test_frames_never_come_closer_than_the_receiver_needs(bench: Bench) -> None:
@@ -180,7 +190,7 @@ def test_rejected_commands_write_nothing_and_feed_nothing(bench: Bench) -> None:
         assert not bench.transmitter.on_command(bad, bench.now_s).accepted
         bench.exchange()
     assert bench.state is State.CUT
-    assert bench.transmitter.status(bench.now_s).counters["command not finite"] == 100
+    assert bench.transmitter.snapshot(bench.now_s).counters["command not finite"] == 100
 
 
 def test_silent_commands_hold_descend_and_cut_on_the_wire(bench: Bench) -> None:
@@ -255,7 +265,7 @@ def test_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_and_ar
     bench.radio.unplug()
     bench.run(0.1)
     assert bench.state is State.DISARMED
-    status = bench.transmitter.status(bench.now_s)
+    status = bench.transmitter.snapshot(bench.now_s)
     assert status.link is LinkState.LOST
     assert "h1" in status.module
     bench.run(0.5)
@@ -263,7 +273,7 @@ def test_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_and_ar
     bench.received()
     bench.run(0.17, IDLE)
     assert bench.port.is_open
-    assert bench.transmitter.status(bench.now_s).link is LinkState.UP
+    assert bench.transmitter.snapshot(bench.now_s).link is LinkState.UP
     assert (
         bench.request(Action.ARM).reason
         == "missing: commanded thrust low long enough; missing: transmitter ready"
@@ -283,13 +293,13 @@ def test_binding_ends_when_the_module_is_done_and_settles_for_5_s(bench: Bench) 
     started_s = bench.now_s
     bench.run(0.2, IDLE)
     assert bench.frames[-1].bind
-    assert bench.transmitter.status(bench.now_s).binding
-    while bench.transmitter.status(bench.now_s).binding:
+    assert bench.transmitter.snapshot(bench.now_s).binding
+    while bench.transmitter.snapshot(bench.now_s).binding:
         bench.run(0.1, IDLE)
         assert bench.now_s < started_s + 7.5
     assert bench.now_s - started_s == pytest.approx(6.03, abs=0.6)
     assert receiver.model_match == 3
-    assert bench.transmitter.status(bench.now_s).link is LinkState.UP
+    assert bench.transmitter.snapshot(bench.now_s).link is LinkState.UP
     assert not bench.request(Action.ARM).accepted
     bench.run(0.1, IDLE)
     assert not bench.frames[-1].bind
@@ -302,15 +312,15 @@ def test_bind_is_given_up_after_7_s_when_the_module_never_says_it_is_done(bench:
     bench.transmitter.bind(bench.now_s)
     bench.radio.link.module._send_status = lambda now_s: None  # type: ignore[attr-defined]  # its answers stop
     bench.run(6.9, IDLE)
-    assert bench.transmitter.status(bench.now_s).binding
+    assert bench.transmitter.snapshot(bench.now_s).binding
     bench.run(0.2, IDLE)
-    assert not bench.transmitter.status(bench.now_s).binding
+    assert not bench.transmitter.snapshot(bench.now_s).binding
 
 
 def test_binding_and_range_check_are_refused_in_flight_and_without_a_port(bench: Bench) -> None:
     bench.fly()
     assert bench.transmitter.bind(bench.now_s).reason == "binding is only possible while DISARMED, not ARMED"
-    refused = bench.transmitter.range_check(True, bench.now_s)
+    refused = bench.transmitter.range_check(True)
     assert refused.reason == "range check is only possible while DISARMED, not ARMED"
     bench.radio.unplug()
     bench.run(0.1)
@@ -319,13 +329,13 @@ def test_binding_and_range_check_are_refused_in_flight_and_without_a_port(bench:
 
 def test_range_check_reduces_the_power_and_forbids_arming(bench: Bench) -> None:
     bench.run(1.5, IDLE)
-    assert bench.transmitter.range_check(True, bench.now_s).reason == "range check on"
+    assert bench.transmitter.range_check(True).reason == "range check on"
     bench.run(0.1, IDLE)
     bench.radio.link.receiver.in_range_check_reach = False
     bench.run(2.0, IDLE)
     assert bench.radio.output(bench.now_s).state == "failsafe"
     assert bench.request(Action.ARM).reason == "missing: transmitter ready"
-    bench.transmitter.range_check(False, bench.now_s)
+    bench.transmitter.range_check(False)
     bench.run(0.1, IDLE)
     assert bench.radio.output(bench.now_s).state == "linked"
     assert bench.request(Action.ARM).accepted
@@ -368,7 +378,7 @@ def test_wishes_the_radio_does_not_offer_are_refused() -> None:
         make(PpmGenProtocol(), low_power=True)
     transmitter = make(PpmGenProtocol())
     assert transmitter.bind(0.0).reason == "ppm: bind with the radio itself"
-    assert transmitter.range_check(True, 0.0).reason == "ppm: check the range with the radio itself"
+    assert transmitter.range_check(True).reason == "ppm: check the range with the radio itself"
 
 
 def test_poses_of_others_are_not_acted_on_before_the_own_turn(bench: Bench) -> None:
