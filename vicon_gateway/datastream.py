@@ -4,7 +4,6 @@ Bytes and the time of their arrival go in, frames and bytes to send come out. No
 """
 
 import statistics
-import struct
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,8 +12,16 @@ from typing import NamedTuple
 from vicon_gateway.carry_over import CarryOver
 from vicon_gateway.control_objects import ObjectEnums, ObjectType, Ping, RequestFrame, packet
 from vicon_gateway.frame import Frame, Position, Quaternion, SubjectPose
-from vicon_gateway.objects import ApplicationInfo, LatencyInfo, StreamInfo, SubjectInfo
+from vicon_gateway.objects import (
+    ApplicationInfo,
+    FrameInfo,
+    LatencyInfo,
+    ObjectQuality,
+    StreamInfo,
+    SubjectInfo,
+)
 from vicon_gateway.rotations import quaternion_from_matrix, z_up_from_y_up
+from vicon_gateway.segment_objects import GlobalSegments, Segment
 from vicon_gateway.wire import PacketReader, WireError, split_objects
 
 REQUIRED_TYPES = {
@@ -52,11 +59,6 @@ _GLOBAL_SEGMENTS = int(ObjectType.GLOBAL_SEGMENTS)
 _LATENCY_INFO = int(ObjectType.LATENCY_INFO)
 _APPLICATION_INFO = int(ObjectType.APPLICATION_INFO)
 _OBJECT_QUALITY = int(ObjectType.OBJECT_QUALITY)
-
-_U32 = struct.Struct("<I")
-_SUBJECT_AND_COUNT = struct.Struct("<II")
-_SEGMENT = struct.Struct("<I12d")
-_QUALITY = struct.Struct("<Id")
 
 
 @dataclass(slots=True)
@@ -119,7 +121,7 @@ class DataStreamSession:
         self._pending: tuple[int, float] | None = None
         self._decoded: dict[int, list[bytes]] = {}
         self._subjects: tuple[_Subject, ...] = ()
-        self._segments: dict[int, bytes] = {}
+        self._segments: dict[int, tuple[Segment, ...]] = {}
         self._qualities: dict[int, float] = {}
         self._latency_samples: tuple[tuple[str, float], ...] = ()
         self._y_up = False
@@ -248,32 +250,20 @@ class DataStreamSession:
 
     def _update_qualities(self, payloads: list[bytes]) -> None:
         self._qualities = {}
-        for payload in payloads:
-            if len(payload) < _QUALITY.size:
-                raise WireError(f"ObjectQuality of {len(payload)} bytes, {_QUALITY.size} are needed")
-            subject, quality = _QUALITY.unpack_from(payload)
-            if 0.0 <= quality <= 1.0:
-                self._qualities[subject] = quality
+        for rated in map(ObjectQuality.parse, payloads):
+            if 0.0 <= rated.quality <= 1.0:
+                self._qualities[rated.subject] = rated.quality
             else:
                 self.counters.rejected += 1
 
     def _update_segments(self, payloads: list[bytes]) -> None:
-        self._segments = {}
-        for payload in payloads:
-            if len(payload) < _SUBJECT_AND_COUNT.size:
-                raise WireError(f"GlobalSegments of {len(payload)} bytes, at least 8 are needed")
-            subject, number = _SUBJECT_AND_COUNT.unpack_from(payload)
-            if _SUBJECT_AND_COUNT.size + number * _SEGMENT.size > len(payload):
-                raise WireError(f"GlobalSegments claims {number} segments in {len(payload)} bytes")
-            self._segments[subject] = payload
+        self._segments = {poses.subject: poses.segments for poses in map(GlobalSegments.parse, payloads)}
 
     def _update_frame(self, payloads: list[bytes] | None, now_s: float) -> None:
         if payloads is None:
             self.counters.rejected += 1
             return
-        if len(payloads[0]) < _U32.size:
-            raise WireError(f"FrameInfo of {len(payloads[0])} bytes, 4 are needed")
-        frame: int = _U32.unpack_from(payloads[0])[0]
+        frame = FrameInfo.parse(payloads[0]).frame
         if frame == _NO_FRAME_ID or self.period_s is None:
             self.counters.rejected += 1
             return
@@ -293,26 +283,15 @@ class DataStreamSession:
 
     def _subject_pose(self, subject: _Subject) -> SubjectPose:
         quality = self._qualities.get(subject.id)
-        values = self._root_segment(subject)
-        if values is None:
+        segments = self._segments.get(subject.id, ())
+        root = next((segment for segment in segments if segment.id == subject.root_segment), None)
+        if root is None:
             return SubjectPose(subject.name, True, None, None, quality)
-        pose = _pose(values, self._y_up)
+        pose = _pose(root, self._y_up)
         if pose is None:
             self.counters.rejected += 1
             return SubjectPose(subject.name, True, None, None, quality)
         return SubjectPose(subject.name, False, *pose, quality)
-
-    def _root_segment(self, subject: _Subject) -> tuple[float, ...] | None:
-        """Return translation and rotation of the root segment, None for a subject not in this frame."""
-        payload = self._segments.get(subject.id)
-        if payload is None:
-            return None
-        number: int = _SUBJECT_AND_COUNT.unpack_from(payload)[1]
-        for start in range(8, 8 + number * _SEGMENT.size, _SEGMENT.size):
-            values = _SEGMENT.unpack_from(payload, start)
-            if values[0] == subject.root_segment:
-                return values[1:]
-        return None
 
     def _ping(self, now_s: float) -> None:
         if self.offer is None or _PING not in self.offer or now_s < self._ping_due_s:
@@ -328,13 +307,13 @@ class DataStreamSession:
             self._ping_sent_s = None
 
 
-def _pose(values: tuple[float, ...], y_up: bool) -> tuple[Position, Quaternion] | None:
+def _pose(segment: Segment, y_up: bool) -> tuple[Position, Quaternion] | None:
     """Convert translation in mm and rotation matrix to metres and a quaternion, Z up; None for no pose."""
-    x, y, z = values[:3]
+    x, y, z = segment.translation_mm
     limit = MAX_POSITION_MM
     if not (-limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit):
         return None
-    quaternion = quaternion_from_matrix(values[3:])
+    quaternion = quaternion_from_matrix(segment.rotation)
     if quaternion is None:
         return None
     position = (x / 1000.0, y / 1000.0, z / 1000.0)
