@@ -6,9 +6,8 @@ One table, as for the channels: the verb, who serves it, the request and the rep
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
-from msgspec import Meta
+from msgspec import Meta, Struct
 
-from bus.faults import TimedFault
 from bus.messages import (
     KNOT_COLUMNS,
     MAX_KNOTS,
@@ -31,6 +30,9 @@ REST_TOLERANCE: Final = 1e-6
 
 MAX_FAULTS: Final = 200
 """In one request."""
+MAX_FAULT_FIELDS: Final = 8
+FieldName = Annotated[str, Meta(max_length=40)]
+FaultField = bool | int | float | Text | tuple[float, ...] | None
 
 
 class Request(Message, frozen=True, kw_only=True):
@@ -197,10 +199,19 @@ class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
     """Source whose commands it accepted."""
 
 
+class InjectedFault(Struct, frozen=True, forbid_unknown_fields=True):
+    """One fault of the simulated laboratory, and when it begins."""
+
+    at_s: Annotated[float, Meta(ge=0, le=86_400)]
+    """Counted from the arrival of the request."""
+    fault: Annotated[dict[FieldName, FaultField], Meta(max_length=MAX_FAULT_FIELDS)]
+    """Its `kind` and its fields; docs/motion_capture.md lists them; the simulator refuses others."""
+
+
 class Inject(Request, frozen=True, kw_only=True):
     """Let the simulated laboratory show faults: its Tracker or its radio modules, now or later."""
 
-    faults: Annotated[tuple[TimedFault, ...], Meta(min_length=1, max_length=MAX_FAULTS)]
+    faults: Annotated[tuple[InjectedFault, ...], Meta(min_length=1, max_length=MAX_FAULTS)]
     """All of them, or none if one is refused."""
 
 

@@ -2,7 +2,6 @@
 
 from typing import Final
 
-from bus.faults import Occlude
 from experiments import steps
 from experiments.checks import (
     agents_started_again,
@@ -17,6 +16,7 @@ from experiments.checks import (
 from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Say, Step, Wait, go_to, in_order, pause
 from ground_station.fleet import Fleet
+from simulator.faults import Occlude
 
 
 def _broken(process: str) -> Step:

@@ -8,12 +8,12 @@ from contextlib import suppress
 from typing import Final
 
 from agents.references.paths import FlightPath
-from bus.faults import Fault, fault_words
 from bus.messages import LeaderLink
 from ground_station.fleet import Fleet
 from ground_station.scenario import inject_faults
 from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
+from simulator.faults import Fault, fault_words
 
 Say = Callable[[str], None]
 Wait = Callable[[float], None]

@@ -9,9 +9,9 @@ from typing import Any
 import msgspec
 
 from bus.channels import SIMULATOR_UNIT
-from bus.faults import FAULTS, Fault, TimedFault
 from bus.requests import MAX_FAULTS, Inject
 from bus.session import Session
+from simulator.faults import FAULTS, Fault, TimedFault, injected_faults
 
 
 class ScenarioError(ValueError):
@@ -28,7 +28,7 @@ def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
     Parameters
     ----------
     kind
-        One of `bus.faults.FAULTS`, with hyphens or underscores.
+        One of `simulator.faults.FAULTS`, with hyphens or underscores.
     values
         Its fields; texts are read as numbers where numbers are needed.
 
@@ -126,7 +126,7 @@ def inject_faults(session: Session, faults: Fault | Sequence[TimedFault]) -> Non
         There is no simulator.
     """
     lines = tuple(faults) if isinstance(faults, Sequence) else (TimedFault(0.0, faults),)
-    reply = session.request(SIMULATOR_UNIT, Inject(faults=lines))
+    reply = session.request(SIMULATOR_UNIT, Inject(faults=injected_faults(lines)))
     if not reply.accepted:
         raise FaultRefusedError(reply.reason)
 

@@ -6,16 +6,15 @@ import signal
 import time
 
 from bus import channels
-from bus.faults import fault_words
 from bus.messages import LaboratoryState, LaboratoryVehicle
 from bus.realtime import request_realtime, settle
 from bus.requests import Inject, Reply
 from bus.session import Incoming, Session
+from simulator.faults import FaultError, fault_words, timed_faults
 from simulator.radio_faults import RadioFaults
 from simulator.room import Room
 from simulator.settings import SimulatedVehicle, SimulatorSettings
 from simulator.tracker import TrackerServer
-from simulator.tracker_faults import FaultError
 from vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
 STEP_S = 0.004
@@ -67,11 +66,12 @@ class Simulator:
         if not isinstance(request, Inject):
             return Reply(accepted=False, reason=f"the simulator does not serve {incoming.verb}")
         try:
-            self._radio_faults.check(request.faults)
-            self._tracker.schedule(request.faults)
+            table = timed_faults(request.faults)
+            self._radio_faults.check(table)
+            self._tracker.schedule(table)
         except FaultError as error:
             return Reply(accepted=False, reason=str(error)[:400])
-        self._radio_faults.schedule(request.faults, now_s)
+        self._radio_faults.schedule(table, now_s)
         return Reply(accepted=True)
 
     def close(self) -> None:

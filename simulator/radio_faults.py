@@ -5,10 +5,9 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping
 
-from bus.faults import BreakRadio, Fault, Recover, TimedFault
+from simulator.faults import BreakRadio, Fault, FaultError, Recover, TimedFault
 from simulator.radio import RadioPty
 from simulator.radio_kinds import condition_refused, set_condition
-from simulator.tracker_faults import FaultError
 
 
 class RadioFaults:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Self
 
-from bus.faults import (
+from simulator.faults import (
     Burst,
     Close,
     Delay,

@@ -1,6 +1,7 @@
 """Faults of the Tracker emulator (vicon_datastream.md section 11.9), on request or by a time table.
 
-What the faults are is in `bus.faults`. Those with `duration_s` end by themselves; None lasts until `Recover`.
+What the faults are is in `simulator.faults`. Those with `duration_s` end by themselves, others last until
+`Recover`.
 """
 
 import heapq
@@ -10,12 +11,13 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
-from bus.faults import (
+from simulator.faults import (
     AddSubject,
     BreakRadio,
     Burst,
     Delay,
     Dribble,
+    FaultError,
     Freeze,
     FreezePose,
     LastingFault,
@@ -35,10 +37,6 @@ from simulator.tracker_frame import TrackedBody, TrackerFrame
 from vicon_gateway.control_objects import ObjectType
 
 MAX_FRAME_ID = 0xFFFFFFFE
-
-
-class FaultError(ValueError):
-    """A fault request that cannot be carried out; the text says what is allowed."""
 
 
 class _Active(NamedTuple):

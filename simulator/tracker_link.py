@@ -5,7 +5,7 @@ import socket
 import struct
 from collections import deque
 
-from bus.faults import Dribble
+from simulator.faults import Dribble
 from simulator.tracker_session import TrackerConnection
 
 RECEIVE_BYTES = 64 * 1024

@@ -11,7 +11,6 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from bus.faults import TimedFault, fault_words
 from bus.realtime import request_realtime
 from deploy.fleet_file.reading import load_fleet
 from deploy.fleet_file.schema import FleetError, FleetFile
@@ -26,6 +25,7 @@ from ground_station.scenario import (
     read_scenario,
 )
 from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, running_fleet, user_errors
+from simulator.faults import TimedFault, fault_words
 from simulator.tracker_replay import ReplayProgress, TrackerReplay
 from vicon_gateway.recording import RecordedConnection, RecordingError, connections, read_records
 

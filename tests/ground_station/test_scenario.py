@@ -4,8 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from bus.faults import FAULTS, AddSubject, BreakRadio, Burst, Occlude, SwapSubjects, TimedFault, fault_words
 from ground_station.scenario import ScenarioError, fault_from, fault_list, field_from, read_scenario
+from simulator.faults import (
+    FAULTS,
+    AddSubject,
+    BreakRadio,
+    Burst,
+    Occlude,
+    SwapSubjects,
+    TimedFault,
+    fault_words,
+)
 
 
 def scenario(tmp_path: Path, text: str) -> Path:

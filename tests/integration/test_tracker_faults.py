@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 import pytest
 from integration_support import GENTLE_M_S, NAMES, Flying, Truth, counter, transmitter_state
 
-from bus import faults
-from bus.faults import Fault, fault_words
 from bus.messages import TrackerStatus
 from ground_station.scenario import inject_faults
+from simulator import faults
+from simulator.faults import Fault, fault_words
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

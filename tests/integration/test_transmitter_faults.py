@@ -24,13 +24,13 @@ from integration_support import (
 )
 
 from bus import channels
-from bus.faults import BreakRadio, Recover
 from bus.messages import Command, FloatArray
 from bus.session import Session
 from deploy.fleet_file.reading import load_fleet
 from deploy.roles.addresses import bus_address
 from deploy.roles.transmitters import calibration_of
 from ground_station.scenario import inject_faults
+from simulator.faults import BreakRadio, Recover
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -16,10 +16,10 @@ from support.waiting import wait_for
 from typer.testing import CliRunner
 
 from bus.channels import SIMULATOR_UNIT
-from bus.faults import AddSubject, BreakRadio, Occlude, Silence, SwapSubjects, TimedFault
 from bus.requests import Inject, Reply
 from bus.session import BusAddress, Session
 from rcopterx.cli import app
+from simulator.faults import AddSubject, BreakRadio, Occlude, Silence, SwapSubjects, TimedFault, timed_faults
 from vicon_gateway.client import DataStreamClient
 from vicon_gateway.recording import FILE_MAGIC
 
@@ -100,7 +100,7 @@ class ScriptedSimulator:
         while not self._stopping.wait(0.01):
             for incoming in self._session.pending():
                 assert isinstance(incoming.request, Inject)
-                self.faults += incoming.request.faults
+                self.faults += timed_faults(incoming.request.faults)
                 incoming.answer(Reply(accepted=not self.refusal, reason=self.refusal))
 
     def close(self) -> None:

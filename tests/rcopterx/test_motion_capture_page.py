@@ -8,10 +8,10 @@ import pytest
 from support.fleets import HARDWARE_PAIR
 
 import ground_station
-from bus.faults import FAULTS
 from deploy.fleet_file.reading import parse_fleet
 from deploy.roles.tracker import BRAND_NAMES, brand_of
 from ground_station.scenario import fault_from, field_from, read_scenario
+from simulator.faults import FAULTS
 
 PAGE = (Path(ground_station.__file__).parents[1] / "docs" / "motion_capture.md").read_text(encoding="utf-8")
 TABLE = PAGE.split("<!-- faults: begin -->")[1].split("<!-- faults: end -->")[0]

@@ -1,7 +1,7 @@
 import msgspec
 import pytest
 
-from bus.faults import (
+from simulator.faults import (
     AddSubject,
     BreakRadio,
     Burst,
@@ -9,6 +9,7 @@ from bus.faults import (
     Delay,
     Dribble,
     Fault,
+    FaultError,
     Freeze,
     FreezePose,
     Occlude,
@@ -25,7 +26,7 @@ from bus.faults import (
     WrongMagic,
     YUp,
 )
-from simulator.tracker_faults import FaultError, TrackerFaults
+from simulator.tracker_faults import TrackerFaults
 from simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
 
 H1, H2 = TrackedBody("h1", (1.0, 0.0, 0.0)), TrackedBody("h2", (2.0, 0.0, 0.0))

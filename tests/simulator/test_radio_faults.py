@@ -7,13 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.faults import BreakRadio, Close, Recover, TimedFault
+from simulator.faults import BreakRadio, Close, FaultError, Recover, TimedFault
 from simulator.radio import RadioLink, RadioPty
 from simulator.radio_faults import RadioFaults
 from simulator.radio_kinds import module_of
 from simulator.radio_receiver import Receiver
 from simulator.settings import SimulatedRadio
-from simulator.tracker_faults import FaultError
 from transmitter_gateway.protocols.registry import create_protocol
 
 

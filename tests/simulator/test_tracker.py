@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from bus.faults import Delay, Occlude, Recover, ResetFrameId, Silence, TimedFault
+from simulator.faults import Delay, FaultError, Occlude, Recover, ResetFrameId, Silence, TimedFault
 from simulator.tracker import TrackerServer
-from simulator.tracker_faults import FaultError
 from simulator.tracker_frame import TrackedBody, TrackerFrame
 from vicon_gateway.control_objects import ObjectEnums, Ping, RequestFrame, WireObject, packet
 from vicon_gateway.objects import FrameInfo, decode_body

@@ -11,7 +11,7 @@ import pytest
 from datastream_strategies import float32
 from tracker_bench import BODIES
 
-from bus.faults import Close, Occlude, Silence
+from simulator.faults import Close, Occlude, Silence
 from simulator.tracker import TrackerServer
 from simulator.tracker_frame import TrackerFrame
 from vicon_gateway.brands import BrandClient

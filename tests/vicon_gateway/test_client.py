@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from tracker_bench import BODIES, DEADLINE_S, PATIENT, QUICK, Bench
 
-from bus.faults import Close
+from simulator.faults import Close
 from simulator.tracker_frame import PROFILES
 from vicon_gateway.client import ClientLimits, DataStreamClient
 from vicon_gateway.control_objects import offer_packet

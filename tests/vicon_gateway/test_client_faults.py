@@ -3,7 +3,7 @@
 import pytest
 from tracker_bench import BODIES, PATIENT, QUICK, Bench
 
-from bus import faults
+from simulator import faults
 from simulator.tracker import TrackerServer
 from vicon_gateway.client import MAX_DRAIN_BYTES
 from vicon_gateway.datastream import NETWORK_LATENCY

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tracker_bench import PATIENT, QUICK, Bench
 
-from bus.faults import Close
+from simulator.faults import Close
 from simulator.tracker import TrackerServer
 from simulator.tracker_frame import TrackerFrame
 from vicon_gateway.client import DataStreamClient

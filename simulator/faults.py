@@ -1,16 +1,23 @@
-"""Faults of the simulated laboratory, as they travel and as scenario files tell them.
+"""Faults of the simulated laboratory, as scenario files tell them and as requests carry them.
 
 A fault is a small message with a `kind`. Faults with `duration_s` end by themselves; without one they last
 until `recover`. Source: vicon_datastream.md section 11.9.
 """
 
+from collections.abc import Iterable
 from typing import Annotated, Final, get_args
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, ValidationError, convert, to_builtins
 from msgspec.structs import asdict
+
+from bus.requests import InjectedFault
 
 RadioCondition = Annotated[str, Meta(pattern="^(unplugged|off|refusing)$")]
 Subject = Annotated[str, Meta(min_length=1, max_length=400)]
+
+
+class FaultError(ValueError):
+    """A fault that cannot be carried out; the text says what is allowed."""
 
 
 class FaultRequest(Struct, frozen=True, tag_field="kind", forbid_unknown_fields=True):
@@ -195,6 +202,29 @@ class TimedFault(Struct, frozen=True, forbid_unknown_fields=True):
     at_s: Annotated[float, Meta(ge=0, le=86_400)]
     """When it begins, counted from the arrival of the request."""
     fault: Fault
+
+
+def injected_faults(table: Iterable[TimedFault]) -> tuple[InjectedFault, ...]:
+    """Lines of a scenario as a request carries them."""
+    return tuple(InjectedFault(line.at_s, to_builtins(line.fault)) for line in table)
+
+
+def timed_faults(lines: Iterable[InjectedFault]) -> tuple[TimedFault, ...]:
+    """Lines of a request as faults.
+
+    Raises
+    ------
+    FaultError
+        No such kind or field, or a value of the wrong type.
+    """
+    table: list[TimedFault] = []
+    for line in lines:
+        kind = line.fault.get("kind")
+        try:
+            table.append(TimedFault(line.at_s, convert(line.fault, Fault)))
+        except ValidationError as error:
+            raise FaultError(f"{kind}: {error}") from None
+    return tuple(table)
 
 
 def fault_words(fault: FaultRequest) -> str:
