@@ -207,7 +207,7 @@ def _link(kind: type) -> str:
 
 
 def _type(kind: Any, structures: dict[str, type]) -> str:
-    """A field's type in words."""
+    """A field's type as text."""
     match kind:
         case types.BoolType():
             return "boolean"
@@ -233,7 +233,7 @@ def _type(kind: Any, structures: dict[str, type]) -> str:
             if not issubclass(kind.cls, Message):
                 structures[kind.cls.__name__] = kind.cls
             return _link(kind.cls)
-    raise TypeError(f"no words for {kind}")
+    raise TypeError(f"no text for {kind}")
 
 
 def _text(kind: types.StrType) -> str:

@@ -190,7 +190,7 @@ class RecallTransmitter(Request, frozen=True, kw_only=True):
 
 
 class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
-    """Last words of the previous gateway process."""
+    """What the previous gateway process wrote last."""
 
     applied: Applied | None = None
     age_s: Seconds = 0.0

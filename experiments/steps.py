@@ -13,7 +13,7 @@ from ground_station.fleet import Fleet
 from ground_station.scenario import inject_faults
 from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
-from simulator.faults import Fault, fault_words
+from simulator.faults import Fault, fault_text
 
 Say = Callable[[str], None]
 Wait = Callable[[float], None]
@@ -266,7 +266,7 @@ def injected(fault: Fault) -> Step:
     """Let the simulated laboratory go wrong."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"laboratory: {fault_words(fault)}")
+        say(f"laboratory: {fault_text(fault)}")
         inject_faults(fleet.session, fault)
 
     return fly

@@ -227,7 +227,7 @@ def timed_faults(lines: Iterable[InjectedFault]) -> tuple[TimedFault, ...]:
     return tuple(table)
 
 
-def fault_words(fault: FaultRequest) -> str:
+def fault_text(fault: FaultRequest) -> str:
     """Return the kind of a fault and its fields, for people."""
     fields = ", ".join(f"{name} {value}" for name, value in asdict(fault).items() if value is not None)
     kind = str(fault.__struct_config__.tag)

@@ -10,7 +10,7 @@ from bus.messages import LaboratoryState, LaboratoryVehicle
 from bus.realtime import request_realtime, settle
 from bus.requests import Inject, Reply
 from bus.session import Incoming, Session
-from simulator.faults import FaultError, fault_words, timed_faults
+from simulator.faults import FaultError, fault_text, timed_faults
 from simulator.radio_faults import RadioFaults
 from simulator.room import Room
 from simulator.settings import SimulatedVehicle, SimulatorSettings
@@ -86,7 +86,7 @@ class Simulator:
             sent_s=sent_s,
             vehicles=vehicles,
             faults=tuple(
-                fault_words(fault)[:400]
+                fault_text(fault)[:400]
                 for fault in (*self._tracker.lasting_faults, *self._radio_faults.active)
             ),
             refused_faults=tuple(reason[:400] for reason in self._tracker.refused_faults),

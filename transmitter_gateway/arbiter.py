@@ -22,7 +22,7 @@ from transmitter_gateway.inputs import (
     ArbiterOutput,
     CommandInput,
     Input,
-    LastWords,
+    LastApplied,
     LinkState,
     PoseInput,
     State,
@@ -153,17 +153,17 @@ class Arbiter:
         )
         return "; ".join(missing + present)
 
-    def take_over(self, words: LastWords, now_s: float) -> Answer:
+    def take_over(self, last: LastApplied, now_s: float) -> Answer:
         """Go on with the flight of an earlier process, or say why not and stay as after any start.
 
         The vehicle is taken over descending; fresh commands of the source that had the lease then count
         again. A descent goes on to its end, because why it was begun is not known any more.
         """
         self.step(now_s)
-        problem = self._take_over_problem(words, now_s)
+        problem = self._take_over_problem(last, now_s)
         if problem is None:
-            self.holder = words.holder if words.state in (State.ARMED, State.HOLD) else None
-            self._u = words.u
+            self.holder = last.holder if last.state in (State.ARMED, State.HOLD) else None
+            self._u = last.u
             self._take(Condition.TAKE_OVER, "this gateway", now_s)
             if self.state is State.DESCEND:
                 return Answer(True, f"{self.state}: {self.reason}")
@@ -173,14 +173,14 @@ class Arbiter:
         self.reason = f"not taken over: {problem}"
         return Answer(False, problem)
 
-    def _take_over_problem(self, words: LastWords, now_s: float) -> str | None:
+    def _take_over_problem(self, last: LastApplied, now_s: float) -> str | None:
         limits = self.limits
         track = self.surveillance.own_track
-        if self.state is not State.DISARMED or words.state not in FLYING:
-            return f"{words.state} before, {self.state} now"
-        if now_s >= words.written_s + limits.take_over_s:
-            return f"no frames for {now_s - words.written_s:.2f} s, longer than {limits.take_over_s:g} s"
-        if not words.u[THRUST] > limits.low_thrust:
+        if self.state is not State.DISARMED or last.state not in FLYING:
+            return f"{last.state} before, {self.state} now"
+        if now_s >= last.written_s + limits.take_over_s:
+            return f"no frames for {now_s - last.written_s:.2f} s, longer than {limits.take_over_s:g} s"
+        if not last.u[THRUST] > limits.low_thrust:
             return "the thrust was low"
         if track is None or track.position_m is None:
             return "own pose not seen"

@@ -109,7 +109,7 @@ class ActionRequest(Struct, frozen=True):
     source: str = ""
 
 
-class LastWords(Struct, frozen=True):
+class LastApplied(Struct, frozen=True):
     """What an earlier process of this gateway wrote last.
 
     Parameters
@@ -131,7 +131,7 @@ class LastWords(Struct, frozen=True):
 
 
 class Answer(Struct, frozen=True):
-    """Whether a request or a command was accepted, and why in words."""
+    """Whether a request or a command was accepted, and why."""
 
     accepted: bool
     reason: str

@@ -43,7 +43,7 @@ class TransmitterSnapshot:
     link : LinkState
         Port and module.
     module : str
-        The module, or what is wrong with the port, in words.
+        The module, or what is wrong with the port, as text.
     holder : str or None
         Source with the control lease.
     binding : bool

@@ -15,7 +15,7 @@ from bus.requests import (
 )
 from bus.session import Incoming, RequestFailedError, Session
 from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, LastWords, PoseInput, State
+from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, LastApplied, PoseInput, State
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from transmitter_gateway.settings import TransmitterSettings
 from transmitter_gateway.snapshot import Write
@@ -100,10 +100,10 @@ class Station:
             return
         if isinstance(reply, RecallTransmitterReply) and reply.applied is not None:
             applied = reply.applied
-            words = LastWords(
+            last = LastApplied(
                 State(applied.state.upper()), applied.input, asked_s - reply.age_s, holder=reply.lease
             )
-            self.transmitter.recall(words, self._session.clock())
+            self.transmitter.recall(last, self._session.clock())
 
     def tick(self, now_s: float) -> None:
         """Let the transmitter do what is due; what is written is published by `publish_writes`."""

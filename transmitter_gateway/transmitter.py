@@ -20,7 +20,7 @@ from transmitter_gateway.inputs import (
     Answer,
     ArbiterOutput,
     CommandInput,
-    LastWords,
+    LastApplied,
     LinkState,
     PoseInput,
     State,
@@ -100,7 +100,7 @@ class Transmitter:
         self._low_frames = 0
         self._shown: tuple[float, ...] = ()
         self._shown_until_s = -math.inf
-        self._words: LastWords | None = None
+        self._last: LastApplied | None = None
         self._decide_by_s = -math.inf
 
     # What arrives -------------------------------------------------------------------------------------
@@ -135,36 +135,36 @@ class Transmitter:
         self._decide_at_once()
         return answer
 
-    def recall(self, words: LastWords, now_s: float) -> None:
+    def recall(self, last: LastApplied, now_s: float) -> None:
         """Hear what an earlier process wrote last, before the first `tick`.
 
         A kill stays a kill. A flight goes on if it can: nothing is written, and so nothing switched off,
         until the own pose has been seen, for at most `FIRST_POSE_S`.
         """
-        if words.state is State.KILLED:
+        if last.state is State.KILLED:
             self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
-        elif words.state in FLYING:
+        elif last.state in FLYING:
             self._deadline_s = None
-            self._words, self._decide_by_s = words, now_s + FIRST_POSE_S
+            self._last, self._decide_by_s = last, now_s + FIRST_POSE_S
 
     def _undecided(self, now_s: float) -> bool:
         """Whether it is still open if the vehicle flies; decides it when the own pose is there."""
-        words = self._words
-        if words is None:
+        last = self._last
+        if last is None:
             return False
         track = self.arbiter.surveillance.own_track
         seen = track is not None and track.position_m is not None
         if not seen and now_s < self._decide_by_s and self.arbiter.state is State.DISARMED:
             return True
-        self._words = None
+        self._last = None
         if self.port.service(now_s):
             # Only with a ready module a vehicle was armed or held.
-            recent = now_s < words.written_s + self.arbiter.limits.take_over_s
-            was_ready = recent and words.state in (State.ARMED, State.HOLD)
+            recent = now_s < last.written_s + self.arbiter.limits.take_over_s
+            was_ready = recent and last.state in (State.ARMED, State.HOLD)
             open_link = self.protocol.link_resumed if was_ready else self.protocol.link_opened
             open_link(now_s)
         self.arbiter.link(self._link(self.protocol.status(now_s), now_s))
-        self.arbiter.take_over(words, now_s)
+        self.arbiter.take_over(last, now_s)
         return False
 
     def bind(self, now_s: float) -> Answer:
@@ -265,7 +265,7 @@ class Transmitter:
     def next_deadline_s(self) -> float:
         """When `tick` must be called at the latest [s]."""
         if self._deadline_s is None:
-            if self._words is not None:
+            if self._last is not None:
                 self._deadline_s = self._decide_by_s
             else:
                 self._deadline_s = min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())

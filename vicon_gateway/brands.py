@@ -31,7 +31,7 @@ import msgspec
 
 from vicon_gateway.client import ClientLimits, ClientState, StateName
 from vicon_gateway.datastream import MAX_POSITION_MM, StreamCounters
-from vicon_gateway.frame import Frame, SubjectPose
+from vicon_gateway.frame import CapturedFrame, SubjectPose
 
 BRANDS: Mapping[str, tuple[str, ...]] = {
     "optitrack": ("hostname", "interface_ip", "port_command"),
@@ -224,7 +224,7 @@ class BrandClient:
         """Process id of the child, None while there is none."""
         return None if self._child is None else self._child.pid
 
-    def next_frame(self, timeout_s: float) -> Frame | None:
+    def next_frame(self, timeout_s: float) -> CapturedFrame | None:
         """Wait for the next frame and return the newest; None when `timeout_s` is over."""
         give_up_s = self._clock() + timeout_s
         while self._name != "closed":
@@ -250,7 +250,7 @@ class BrandClient:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _step(self, give_up_s: float) -> Frame | None:
+    def _step(self, give_up_s: float) -> CapturedFrame | None:
         timeout_s = max(0.0, min(give_up_s, self._deadline_s) - self._clock())
         if self._child is None:
             if timeout_s > 0.0:
@@ -277,7 +277,7 @@ class BrandClient:
         self._deadline_s = self._clock() + self._limits.connect_s
         self._child = _Child(self._brand, self._settings)
 
-    def _frame(self, seen: list[Seen], now_s: float) -> Frame:
+    def _frame(self, seen: list[Seen], now_s: float) -> CapturedFrame:
         self._counters.frames += 1
         self._counters.skipped += len(seen) - 1
         for message in seen:
@@ -285,7 +285,9 @@ class BrandClient:
         bodies = {body.name: body for body in seen[-1].bodies}
         poses = tuple(self._pose(name, bodies.get(name)) for name in self._subjects)
         latency_s = sum((seconds for _, seconds in self._samples), 0.0)
-        return Frame(seen[-1].frame, self._starts, self._period_s, now_s, latency_s, self._samples, poses)
+        return CapturedFrame(
+            seen[-1].frame, self._starts, self._period_s, now_s, latency_s, self._samples, poses
+        )
 
     def _pose(self, name: str, body: Body | None) -> SubjectPose:
         if body is None:

@@ -16,7 +16,7 @@ from dataclasses import asdict
 from typing import Literal, NamedTuple, Self
 
 from vicon_gateway.datastream import DataStreamSession, StreamCounters
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import CapturedFrame
 from vicon_gateway.recording import RawRecorder, Sink
 from vicon_gateway.wire import WireError
 
@@ -144,7 +144,7 @@ class DataStreamClient:
             recording_error=None if self._recorder is None else self._recorder.error,
         )
 
-    def next_frame(self, timeout_s: float) -> Frame | None:
+    def next_frame(self, timeout_s: float) -> CapturedFrame | None:
         """Wait for the next frame and return the newest; None when `timeout_s` is over.
 
         Older frames that arrived meanwhile are counted as skipped. Connecting happens in here, too.
@@ -169,7 +169,7 @@ class DataStreamClient:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _step(self, give_up_s: float) -> Frame | None:
+    def _step(self, give_up_s: float) -> CapturedFrame | None:
         """Wait for one event at most until `give_up_s` and handle it."""
         try:
             if self._name == "waiting":
@@ -228,7 +228,7 @@ class DataStreamClient:
         if self._recorder is not None:
             self._recorder.opened()
 
-    def _exchange(self, give_up_s: float) -> Frame | None:
+    def _exchange(self, give_up_s: float) -> CapturedFrame | None:
         assert self._socket is not None
         events = select.POLLIN | (select.POLLOUT if self._unsent else 0)
         _poll(self._socket, events, self._timeout_s(give_up_s))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from vicon_gateway.carry_over import CarryOver
 from vicon_gateway.control_objects import ObjectEnums, ObjectType, Ping, RequestFrame, packet
-from vicon_gateway.frame import Frame, Position, Quaternion, SubjectPose
+from vicon_gateway.frame import CapturedFrame, Position, Quaternion, SubjectPose
 from vicon_gateway.objects import (
     ApplicationInfo,
     FrameInfo,
@@ -162,7 +162,7 @@ class DataStreamSession:
         while (body := self._next_body()) is not None:
             self._accept(body, now_s)
 
-    def take_frame(self) -> Frame | None:
+    def take_frame(self) -> CapturedFrame | None:
         """Return the newest frame not delivered yet; older ones have been counted as skipped."""
         if self._pending is None or self.period_s is None:
             return None
@@ -174,7 +174,7 @@ class DataStreamSession:
             samples = (*samples, (NETWORK_LATENCY, network))
         latency_s = sum((seconds for _, seconds in samples), 0.0)
         subjects = tuple(self._subject_pose(subject) for subject in self._subjects)
-        return Frame(frame, self._connection, self.period_s, received_s, latency_s, samples, subjects)
+        return CapturedFrame(frame, self._connection, self.period_s, received_s, latency_s, samples, subjects)
 
     def _next_body(self) -> bytes | None:
         try:

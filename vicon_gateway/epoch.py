@@ -6,7 +6,7 @@ or the Tracker was started again, a new epoch begins.
 
 from typing import NamedTuple
 
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import CapturedFrame
 
 GAP_TOLERANCE_S = 0.25
 """How far frame numbers and elapsed time may disagree: bursts, late delivery, reconnects."""
@@ -35,9 +35,9 @@ class EpochCounter:
     def __init__(self) -> None:
         self.epochs = 0
         self._epoch = 0
-        self._last: Frame | None = None
+        self._last: CapturedFrame | None = None
 
-    def stamp(self, frame: Frame, wall_clock_s: float) -> Stamp | None:
+    def stamp(self, frame: CapturedFrame, wall_clock_s: float) -> Stamp | None:
         """Return the stamp of a frame; None for a capture that has been stamped before.
 
         A frame number that goes on keeps the epoch, on a new connection too, when the gap agrees with the
@@ -47,7 +47,7 @@ class EpochCounter:
 
         Parameters
         ----------
-        frame : Frame
+        frame : CapturedFrame
         wall_clock_s : float
             Wall clock (Unix time) now; its value matters only where a new epoch begins.
         """
@@ -63,7 +63,7 @@ class EpochCounter:
         return Stamp(self._epoch, frame.frame)
 
 
-def _continues(last: Frame, frame: Frame) -> bool:
+def _continues(last: CapturedFrame, frame: CapturedFrame) -> bool:
     gap = frame.frame - last.frame
     if gap < 0:
         return False

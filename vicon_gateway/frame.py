@@ -30,7 +30,7 @@ class SubjectPose(NamedTuple):
     quality: float | None
 
 
-class Frame(NamedTuple):
+class CapturedFrame(NamedTuple):
     """All subjects at one capture instant.
 
     Attributes

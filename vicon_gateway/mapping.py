@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from vicon_gateway.frame import Frame, SubjectPose
+from vicon_gateway.frame import CapturedFrame, SubjectPose
 
 VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 """What is safe as one part of a bus key."""
@@ -79,7 +79,7 @@ class SubjectMap:
         """Subjects listed more than once; no pose is delivered for them."""
         return tuple(name for name, number in self._listed.items() if number > 1)
 
-    def update(self, frame: Frame) -> list[tuple[str, SubjectPose]]:
+    def update(self, frame: CapturedFrame) -> list[tuple[str, SubjectPose]]:
         """Take in a frame and return (vehicle, pose) of every vehicle that is listed, occluded or not."""
         names = tuple(pose.name for pose in frame.subjects)
         if names != self._names:

@@ -12,7 +12,7 @@ from bus.session import Session
 from vicon_gateway.brands import BrandClient, check_library
 from vicon_gateway.client import ClientState, DataStreamClient
 from vicon_gateway.epoch import EpochCounter, Stamp
-from vicon_gateway.frame import Frame, SubjectPose
+from vicon_gateway.frame import CapturedFrame, SubjectPose
 from vicon_gateway.mapping import SubjectMap
 from vicon_gateway.recording_file import RecordingFile
 from vicon_gateway.settings import TrackerSettings
@@ -40,7 +40,7 @@ class TrackerGateway:
         self._subjects = SubjectMap(settings.subjects)
         self._epochs = EpochCounter()
         self._stamp = Stamp(0, 0)
-        self._frame: Frame | None = None
+        self._frame: CapturedFrame | None = None
         self._report_at_s = 0.0
         session.announce(channels.TRACKER_UNIT, "vicon_gateway")
 
@@ -92,16 +92,16 @@ class TrackerGateway:
             ),
             counters=counters,
             realtime=self._realtime,
-            recording=self._recording_words(state)[:400],
+            recording=self._recording_text(state)[:400],
         )
 
-    def _recording_words(self, state: ClientState) -> str:
+    def _recording_text(self, state: ClientState) -> str:
         if self._recording is None:
             return ""
         return state.recording_error or f"{state.recorded_bytes} bytes in {self._recording}"
 
 
-def pose_message(frame: Frame, stamp: Stamp, subject: SubjectPose) -> Pose:
+def pose_message(frame: CapturedFrame, stamp: Stamp, subject: SubjectPose) -> Pose:
     """Bus message of one subject in one frame."""
     return Pose(
         epoch=stamp.epoch,
@@ -152,4 +152,4 @@ def _client(settings: TrackerSettings, record_raw: RecordingFile | None) -> Data
     brand = settings.brand
     if brand is None:
         return DataStreamClient(settings.host, settings.port, record_raw=record_raw)
-    return BrandClient(brand.brand, brand.settings, brand.rate_hz, latency_s=brand.latency_s)
+    return BrandClient(brand.brand, brand.options, brand.rate_hz, latency_s=brand.latency_s)

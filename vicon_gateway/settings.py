@@ -12,7 +12,7 @@ class BrandSettings:
     """A motion capture that is read by the library `motioncapture`; see `brands.BrandClient`."""
 
     brand: str
-    settings: Mapping[str, str]
+    options: Mapping[str, str]
     rate_hz: float
     latency_s: float
 

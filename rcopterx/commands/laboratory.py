@@ -25,7 +25,7 @@ from ground_station.scenario import (
     read_scenario,
 )
 from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, running_fleet, user_errors
-from simulator.faults import TimedFault, fault_words
+from simulator.faults import TimedFault, fault_text
 from simulator.tracker_replay import ReplayProgress, TrackerReplay
 from vicon_gateway.recording import RecordedConnection, RecordingError, connections, read_records
 
@@ -139,7 +139,7 @@ def inject(
             typer.echo(f"error: refused: {error}", err=True)
             raise typer.Exit(EXIT_FAILED) from None
     for line in lines:
-        typer.echo(f"{line.at_s:6.2f} s  {fault_words(line.fault)}")
+        typer.echo(f"{line.at_s:6.2f} s  {fault_text(line.fault)}")
 
 
 def _wanted(

@@ -13,7 +13,7 @@ from simulator.faults import (
     Occlude,
     SwapSubjects,
     TimedFault,
-    fault_words,
+    fault_text,
 )
 
 
@@ -99,6 +99,6 @@ def test_every_fault_is_listed_with_its_fields_and_purpose() -> None:
 
 
 def test_faults_are_told_in_words() -> None:
-    assert fault_words(Occlude("heli1", duration_s=0.5)) == "occlude (subject heli1, duration_s 0.5)"
-    assert fault_words(Burst()) == "burst (frames 10)"
-    assert fault_words(FAULTS["close"]()) == "close"
+    assert fault_text(Occlude("heli1", duration_s=0.5)) == "occlude (subject heli1, duration_s 0.5)"
+    assert fault_text(Burst()) == "burst (frames 10)"
+    assert fault_text(FAULTS["close"]()) == "close"

@@ -12,7 +12,7 @@ from integration_support import GENTLE_M_S, NAMES, Flying, Truth, counter, trans
 from bus.messages import TrackerStatus
 from ground_station.scenario import inject_faults
 from simulator import faults
-from simulator.faults import Fault, fault_words
+from simulator.faults import Fault, fault_text
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
@@ -136,10 +136,10 @@ def test_faults_that_are_short_or_harmless_bring_nobody_down(laboratory: Laborat
                 laboratory.tracker.state == "up" and laboratory.tracker.counters["frames"] > before + 20
             ),
             10,
-            f"no frames after {fault_words(fault)}",
+            f"no frames after {fault_text(fault)}",
         )
         laboratory.fleet.wait_until(
-            lambda: all(laboratory.settled(name) for name in NAMES), 5, fault_words(fault), NAMES
+            lambda: all(laboratory.settled(name) for name in NAMES), 5, fault_text(fault), NAMES
         )
         laboratory.truth.assert_nobody_touched_down()
     laboratory.fleet.wait_for_formation()
@@ -160,7 +160,7 @@ def test_formation_flies_on_when_frame_numbers_begin_anew(laboratory: Laboratory
 
 
 @pytest.mark.parametrize(
-    "fault", [faults.Freeze(duration_s=LONG_S), faults.Silence(duration_s=LONG_S)], ids=fault_words
+    "fault", [faults.Freeze(duration_s=LONG_S), faults.Silence(duration_s=LONG_S)], ids=fault_text
 )
 def test_everybody_lands_gently_when_the_tracker_freezes(laboratory: Laboratory, fault: Fault) -> None:
     laboratory.inject(fault)

@@ -11,7 +11,7 @@ from support.waiting import DEADLINE_S, FakeClock
 
 from simulator.tracker_replay import TrackerReplay
 from vicon_gateway.client import ClientLimits, DataStreamClient
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import CapturedFrame
 from vicon_gateway.recording import RecordedConnection, connections, read_records
 
 LIMITS = ClientLimits(connect_s=5.0, silence_min_s=5.0, retry_min_s=0.01, retry_max_s=0.02)
@@ -116,9 +116,11 @@ def test_frames_of_a_recording_made_of_a_moving_body_are_the_same_again() -> Non
 
 
 def frames_of(
-    client: DataStreamClient, done: Callable[[list[Frame]], bool], step: Callable[[], None] = lambda: None
-) -> list[Frame]:
-    frames: list[Frame] = []
+    client: DataStreamClient,
+    done: Callable[[list[CapturedFrame]], bool],
+    step: Callable[[], None] = lambda: None,
+) -> list[CapturedFrame]:
+    frames: list[CapturedFrame] = []
     end_s = time.monotonic() + DEADLINE_S
     while not done(frames):
         assert time.monotonic() < end_s, client.state

@@ -16,7 +16,7 @@ from transmitter_gateway.inputs import (
     ActionRequest,
     Answer,
     CommandInput,
-    LastWords,
+    LastApplied,
     LinkState,
     PoseInput,
     State,
@@ -29,7 +29,7 @@ from transmitter_gateway.snapshot import Write
 from transmitter_gateway.transmitter import FIRST_POSE_S, Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
-FLYING_WORDS = LastWords(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, holder="agent")
+LAST_FLYING = LastApplied(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, holder="agent")
 NOW_S = 10.0
 
 
@@ -42,8 +42,8 @@ def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -
 
 
 def take_over(arbiter: Arbiter, **changes: object) -> Answer:
-    fields = {name: getattr(FLYING_WORDS, name) for name in ("state", "u", "written_s", "holder")}
-    return arbiter.take_over(LastWords(**{**fields, **changes}), NOW_S)  # type: ignore[arg-type]  # test data
+    fields = {name: getattr(LAST_FLYING, name) for name in ("state", "u", "written_s", "holder")}
+    return arbiter.take_over(LastApplied(**{**fields, **changes}), NOW_S)  # type: ignore[arg-type]  # test data
 
 
 def command(arbiter: Arbiter, source: str, now_s: float, sequence: int = 1) -> None:
@@ -186,10 +186,10 @@ class Restart:
     def state(self) -> State:
         return self.transmitter.arbiter.state
 
-    def die(self, silence_s: float) -> LastWords:
+    def die(self, silence_s: float) -> LastApplied:
         write = self.last_write
         assert write is not None
-        words = LastWords(write.output.state, write.output.u, write.time_s, self.transmitter.arbiter.holder)
+        words = LastApplied(write.output.state, write.output.u, write.time_s, self.transmitter.arbiter.holder)
         self.transmitter.close()
         end_s = self.now_s + silence_s
         while self.now_s < end_s:

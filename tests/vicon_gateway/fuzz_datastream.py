@@ -30,7 +30,7 @@ from vicon_gateway.control_objects import (
     packet,
 )
 from vicon_gateway.datastream import DataStreamSession
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import CapturedFrame
 from vicon_gateway.objects import decode_body, decode_object
 from vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet, split_objects
 
@@ -140,7 +140,7 @@ class Mutator:
         return data
 
 
-def check_frame(frame: Frame | None) -> None:
+def check_frame(frame: CapturedFrame | None) -> None:
     """Fail when a delivered frame holds anything but finite numbers and unit quaternions."""
     if frame is None:
         return

@@ -16,7 +16,7 @@ from simulator.tracker import TrackerServer
 from simulator.tracker_frame import TrackerFrame
 from vicon_gateway.brands import BrandClient
 from vicon_gateway.client import ClientLimits
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import CapturedFrame
 
 MOCK = {"rigid_bodies": "h1(1,-2,0.5,0.5,0.5,0.5,-0.5);h2(0,0,1,1,0,0,0)", "frequency": "200"}
 LIMITS = ClientLimits(connect_s=20.0, silence_min_s=0.5, retry_min_s=0.01, retry_max_s=0.05)
@@ -29,8 +29,8 @@ def run_until(
     client: BrandClient,
     condition: Callable[[], bool],
     step: Callable[[], object] = lambda: None,
-    frames: list[Frame] | None = None,
-) -> list[Frame]:
+    frames: list[CapturedFrame] | None = None,
+) -> list[CapturedFrame]:
     frames = [] if frames is None else frames
     deadline_s = time.monotonic() + DEADLINE_S
     while not condition():
@@ -103,8 +103,8 @@ def test_vicon_back_end_sees_what_the_tracker_captures_and_survives_its_faults()
         settings = {"hostname": "{}:{}".format(*server.address)}
         with BrandClient("vicon", settings, 100.0, limits=LIMITS) as client:
 
-            def wait_for(condition: Callable[[Frame], bool]) -> Frame:
-                frames: list[Frame] = []
+            def wait_for(condition: Callable[[CapturedFrame], bool]) -> CapturedFrame:
+                frames: list[CapturedFrame] = []
                 run_until(client, lambda: bool(frames) and condition(frames[-1]), step, frames)
                 return frames[-1]
 

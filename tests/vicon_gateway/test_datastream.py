@@ -15,7 +15,7 @@ from vicon_gateway.control_objects import (
     packet,
 )
 from vicon_gateway.datastream import NETWORK_LATENCY, DataStreamSession
-from vicon_gateway.frame import Frame, Position, Quaternion
+from vicon_gateway.frame import CapturedFrame, Position, Quaternion
 from vicon_gateway.objects import (
     ApplicationInfo,
     FrameInfo,
@@ -58,7 +58,7 @@ def later(frame: int, *extra: GlobalSegments) -> bytes:
     return packet(SELECTED, FrameInfo(frame), *extra)
 
 
-def take(session: DataStreamSession, data: bytes, now_s: float = 0.0) -> Frame:
+def take(session: DataStreamSession, data: bytes, now_s: float = 0.0) -> CapturedFrame:
     session.feed(data, now_s)
     frame = session.take_frame()
     assert frame is not None

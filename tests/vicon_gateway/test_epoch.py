@@ -5,16 +5,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vicon_gateway.epoch import EpochCounter, Stamp
-from vicon_gateway.frame import Frame, SubjectPose
+from vicon_gateway.frame import CapturedFrame, SubjectPose
 
 PERIOD_S = 0.02
 
 
-def frame(number: int, received_s: float, connection: int = 1, x_m: float | None = None) -> Frame:
+def frame(number: int, received_s: float, connection: int = 1, x_m: float | None = None) -> CapturedFrame:
     """A frame with a body that moves; with `x_m` it is there."""
     position = (received_s if x_m is None else x_m, 0.0, 1.0)
     pose = SubjectPose("h1", False, position, (0.0, 0.0, 0.0, 1.0), None)
-    return Frame(number, connection, PERIOD_S, received_s, 0.0, (), (pose,))
+    return CapturedFrame(number, connection, PERIOD_S, received_s, 0.0, (), (pose,))
 
 
 def started(number: int = 1000, received_s: float = 50.0) -> EpochCounter:

@@ -1,6 +1,6 @@
 import pytest
 
-from vicon_gateway.frame import Frame, SubjectPose
+from vicon_gateway.frame import CapturedFrame, SubjectPose
 from vicon_gateway.mapping import SubjectMap, SubjectStatus
 
 
@@ -12,8 +12,8 @@ def hidden(name: str) -> SubjectPose:
     return SubjectPose(name, True, None, None, None)
 
 
-def frame(received_s: float, *subjects: SubjectPose) -> Frame:
-    return Frame(0, 1, 0.02, received_s, 0.0, (), subjects)
+def frame(received_s: float, *subjects: SubjectPose) -> CapturedFrame:
+    return CapturedFrame(0, 1, 0.02, received_s, 0.0, (), subjects)
 
 
 def test_subjects_are_given_to_their_vehicles_occluded_or_not() -> None:

@@ -17,7 +17,7 @@ from tracker_bench import DEADLINE_S, PATIENT
 from simulator.tracker import TrackerServer
 from simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
 from vicon_gateway.client import DataStreamClient
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import CapturedFrame
 
 NAMES = ("h1", "Heli Zwei ", "Käfer")
 FRAMES = 60
@@ -72,7 +72,7 @@ def captured(number: int, generator: np.random.Generator) -> TrackerFrame:
 @pytest.mark.parametrize("profile", PROFILES)
 def test_official_sdk_sees_the_same_positions_and_occlusions_as_our_client(profile: str) -> None:
     generator = np.random.default_rng(7)
-    ours: dict[int, Frame] = {}
+    ours: dict[int, CapturedFrame] = {}
     with (
         TrackerServer(port=0, profile=profile, rate_hz=100.0) as server,
         DataStreamClient(*server.address, limits=PATIENT) as client,
@@ -97,12 +97,12 @@ def test_official_sdk_sees_the_same_positions_and_occlusions_as_our_client(profi
     assert sum(compared) > 0
 
 
-def shared(ours: dict[int, Frame], seen: Seen) -> bool:
+def shared(ours: dict[int, CapturedFrame], seen: Seen) -> bool:
     """Both have the frame; the SDK's first ones come before it has selected segments and show nothing."""
     return "clock" in seen and int(seen["clock"][0][0]) in ours
 
 
-def compare(frame: Frame, seen: Seen) -> int:
+def compare(frame: CapturedFrame, seen: Seen) -> int:
     """Compare one frame of both clients; returns the number of occluded subjects."""
     visible = {subject.name: subject for subject in frame.subjects if not subject.occluded}
     assert set(seen) == set(visible)

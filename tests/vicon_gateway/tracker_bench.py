@@ -8,7 +8,7 @@ from typing import BinaryIO, Self
 from simulator.tracker import TrackerServer
 from simulator.tracker_frame import TrackedBody, TrackerFrame
 from vicon_gateway.client import ClientLimits, DataStreamClient
-from vicon_gateway.frame import Frame
+from vicon_gateway.frame import CapturedFrame
 
 DEADLINE_S = 20.0
 QUICK = ClientLimits(connect_s=5.0, silence_min_s=0.15, retry_min_s=0.01, retry_max_s=0.05)
@@ -35,7 +35,7 @@ class Bench:
         self.period_s = period_s
         self.server = TrackerServer(port=0, profile=profile, rate_hz=200.0, compact=compact)
         self.client = DataStreamClient(*self.server.address, limits=limits, record_raw=record_raw)
-        self.frames: list[Frame] = []
+        self.frames: list[CapturedFrame] = []
         self.bodies = BODIES
         self.number = 0
         self.publishing = True
@@ -51,7 +51,7 @@ class Bench:
         self._stack.close()
 
     @property
-    def last(self) -> Frame:
+    def last(self) -> CapturedFrame:
         return self.frames[-1]
 
     def publish(self) -> None:
@@ -75,7 +75,7 @@ class Bench:
             if time.monotonic() > deadline_s:
                 raise AssertionError(f"not reached: {self.client.state}, {self.server.state}")
 
-    def run_frames(self, number: int) -> list[Frame]:
+    def run_frames(self, number: int) -> list[CapturedFrame]:
         """Return the next frames the client delivers."""
         start = len(self.frames)
         self.run_until(lambda: len(self.frames) >= start + number)
