@@ -13,7 +13,7 @@ from pathlib import Path
 from agents.process import run_agent
 from deploy.fleet_file.reading import load_fleet
 from deploy.roles.agent import pilot_of
-from deploy.roles.run import end_with_parent, run_reporting, runner
+from deploy.roles.run import end_with_parent, name_process, run_reporting, runner
 from deploy.spare_process import READY, Job
 
 
@@ -25,6 +25,7 @@ def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | 
     callable or None
         Does the job; None when the supervisor closed the pipe instead.
     """
+    name_process("spare")
     fleet = load_fleet(fleet_path)
     pilots = {unit: pilot_of(fleet, unit) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs}
@@ -37,6 +38,7 @@ def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | 
     for descriptor in (sys.stdout.fileno(), sys.stderr.fileno()):
         os.dup2(log, descriptor)
     role, unit = order["role"], order["unit"]
+    name_process(role, unit)
     if role == "agent":
         return lambda: run_agent(*pilots[unit])
     return lambda: runners[role](fleet, unit)

@@ -9,6 +9,8 @@ import signal
 import sys
 from collections.abc import Callable, Mapping
 
+from setproctitle import setproctitle, setthreadtitle
+
 from bus.session import BusUnreachableError
 from deploy.fleet_file.schema import FleetError, FleetFile
 
@@ -50,7 +52,15 @@ def run_role(role: str, unit: str, fleet: FleetFile) -> None:
         An address or a device cannot be used.
     """
     check_unit(fleet, role, unit)
+    name_process(role, unit)
     runner(role)(fleet, unit)
+
+
+def name_process(*words: str) -> None:
+    """Show this process in `ps` and `top` as what it does now, for instance `rcopterx agent h2`."""
+    setproctitle(f"rcopterx {' '.join(words)}")
+    # The kernel's own name of a process has room for 15 letters.
+    setthreadtitle(" ".join(words))
 
 
 def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
