@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Mapping
 
+from agents.phases import AIRBORNE
 from bus import channels
 from bus.messages import LauncherStatus
 from bus.requests import Reply, StartVehicle, StopVehicle
@@ -10,7 +11,6 @@ from bus.session import BusAddress, Session
 from deploy.supervisor import Child, Supervisor
 
 REPORT_PERIOD_S = 0.5
-IN_THE_AIR = ("takeoff", "flying", "landing", "emergency")
 
 
 class MembershipService:
@@ -61,7 +61,7 @@ class MembershipService:
             return Reply(accepted=True, reason=news)
         if isinstance(request, StopVehicle):
             phase = self._phase(vehicle)
-            if phase in IN_THE_AIR:
+            if phase in AIRBORNE:
                 return Reply(
                     accepted=False, reason=f"{vehicle} is in the air, its phase is {phase}; land it first"
                 )

@@ -172,11 +172,11 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         return self._wrapped.present()
 
     def problems(self, names: list[str] | None = None) -> list[str]:
-        """What speaks against taking off, in words; empty when nothing does."""
+        """What blocks take-off, one line each; empty when nothing does."""
         return self._wrapped.problems(names)
 
     def notes(self) -> list[str]:
-        """What is worth knowing and speaks against nothing: subjects of no vehicle, a recording."""
+        """Remarks that do not block take-off: subjects of no vehicle, a recording."""
         return self._wrapped.notes()
 
     arm = awaited(Fleet.arm)
@@ -187,7 +187,7 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
     promote = awaited(Fleet.promote)
     join = awaited(Fleet.join)
     leave = awaited(Fleet.leave)
-    hear = awaited(Fleet.hear)
+    wait_for_status = awaited(Fleet.wait_for_status)
     wait_until = awaited(Fleet.wait_until)
     wait_ready = awaited(Fleet.wait_ready)
     wait_for_phase = awaited(Fleet.wait_for_phase)

@@ -9,6 +9,7 @@ from types import TracebackType
 import numpy as np
 
 from agents.formation.placement import Room, take_off_problem
+from agents.phases import AIRBORNE
 from bus import channels
 from bus.messages import Kill
 from bus.session import RequestFailedError
@@ -19,8 +20,7 @@ from deploy.formation_check import links_of
 from deploy.launcher import Launcher
 from deploy.roles.transmitters import limits_of
 from ground_station.observer import Observer
-from ground_station.regroup import RegroupError, head_of, regroup, swapped
-from ground_station.state import AIRBORNE
+from ground_station.regroup import RegroupError, formation_leader, regroup, swapped
 from ground_station.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from ground_station.waiting import NotReachedError
 
@@ -108,7 +108,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         RefusedError
             It cannot be done; nothing has changed.
         """
-        self.hear([first, second])
+        self.wait_for_status([first, second])
         statuses = self.statuses()
         try:
             change, where = swapped(statuses, first, second)
@@ -122,9 +122,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def promote(self, name: str) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
-        self.hear([name])
+        self.wait_for_status([name])
         try:
-            head = head_of(self.statuses(), name)
+            head = formation_leader(self.statuses(), name)
         except RegroupError as error:
             raise RefusedError(str(error)) from None
         return self.swap(head, name)
@@ -152,7 +152,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             except (RefusedError, RequestFailedError):
                 if time.monotonic() > deadline_s:
                     raise
-                self._bell.wait_until(lambda: False, ARM_RETRY_S)
+                self._notifier.wait_until(lambda: False, ARM_RETRY_S)
 
     def take_off(
         self, names: Iterable[str] | None = None, height_m: float = 1.0, timeout_s: float = 15.0
@@ -229,7 +229,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def _join_problem(self, name: str, height_m: float) -> str | None:
         """Who is in the way, as its agent would say, too; None while nobody knows where it stands."""
-        self.hear()
+        self.wait_for_status()
         state = self.state_of(name)
         if state.seen_at_m is None or state.airborne:
             return None
@@ -246,7 +246,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         RefusedError
             Others follow it; says who.
         """
-        self.hear()
+        self.wait_for_status()
         followers = self.followers(name)
         if followers:
             others = ", ".join(followers)
@@ -264,7 +264,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             A vehicle could not be told to land, or did not; all the others land and are disarmed first. What
             went wrong with further vehicles is in the notes.
         """
-        self.hear(names := None if names is None else list(names))
+        self.wait_for_status(names := None if names is None else list(names))
         vehicles = [self[name] for name in (self.present() if names is None else names)]
         problems: list[Exception] = []
         told = []
@@ -285,7 +285,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 with _collected(problems):
                     vehicle.disarm()
         # Whoever takes off next must not take the last words before disarming for the present.
-        self._bell.wait_until(lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S)
+        self._notifier.wait_until(
+            lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S
+        )
         if problems:
             first, *others = problems
             _add_notes(first, map(str, others))

@@ -28,7 +28,7 @@ def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[fl
     HoverError
         It does not fly, its controller was overridden, or it did not hover.
     """
-    observer.hear([vehicle])
+    observer.wait_for_status([vehicle])
     if observer.state_of(vehicle).phase != "flying":
         raise HoverError(f"hover first; it is {observer.state_of(vehicle).phase}")
     inbox = observer.session.subscribe(channels.APPLIED, vehicle, depth=256)

@@ -15,11 +15,11 @@ from bus.subscription import Inbox
 from deploy.fleet_file.schema import FleetFile
 from deploy.roles.addresses import bus_address
 from ground_station.state import VehicleState, tracker_notes, tracker_problems
-from ground_station.waiting import Bell, NotReachedError
+from ground_station.waiting import Notifier, NotReachedError
 
 M = TypeVar("M", bound=Message)
 
-FIRST_WORDS_S = 1.5
+FIRST_STATUS_S = 1.5
 """Longest wait for a first status, which comes five times a second."""
 UNDER_WAY_S = 0.05
 """A status that arrives so soon after a question may have been sent before it."""
@@ -47,9 +47,9 @@ class Observer:
 
     def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
         self.file = file
-        self._bell = Bell()
+        self._notifier = Notifier()
         address = bus_address(file, host or next(iter(file.hosts)))
-        self.session = Session(address, wake=self._bell.ring, timeout_s=timeout_s)
+        self.session = Session(address, wake=self._notifier.notify, timeout_s=timeout_s)
         self._agents = self.session.subscribe_all(channels.AGENT_STATUS)
         self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)
         self._poses = self.session.subscribe_all(channels.POSE)
@@ -93,14 +93,14 @@ class Observer:
         return None
 
     def problems(self, names: Iterable[str] | None = None) -> list[str]:
-        """What speaks against taking off, in words; empty when nothing does."""
+        """What blocks take-off, one line each; empty when nothing does."""
         vehicles = self.present() if names is None else list(names)
         tracker, age_s = _newest(self.tracker, self.session.clock())
         found = tracker_problems(tracker, age_s, vehicles)
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
 
     def notes(self) -> list[str]:
-        """What is worth knowing and speaks against nothing: subjects of no vehicle, a recording."""
+        """Remarks that do not block take-off: subjects of no vehicle, a recording."""
         return tracker_notes(_newest(self.tracker, self.session.clock())[0])
 
     def followers(self, name: str) -> list[str]:
@@ -115,7 +115,7 @@ class Observer:
                     found[other] = received.message
             return found
 
-        self._bell.wait_until(lambda: set(self.statuses()) <= heard().keys(), FIRST_WORDS_S)
+        self._notifier.wait_until(lambda: set(self.statuses()) <= heard().keys(), FIRST_STATUS_S)
         return [other for other, plan in heard().items() if name in [link.leader for link in plan.following]]
 
     def statuses(self) -> dict[str, AgentStatus]:
@@ -129,8 +129,8 @@ class Observer:
         received = None if inbox is None else inbox.latest()
         return self.file.vehicles[name].control.period_s if received is None else received.message.period_s
 
-    def hear(self, names: Iterable[str] | None = None, timeout_s: float = FIRST_WORDS_S) -> bool:
-        """Wait for the first words after joining; False if somebody stayed silent.
+    def wait_for_status(self, names: Iterable[str] | None = None, timeout_s: float = FIRST_STATUS_S) -> bool:
+        """Wait for a first status of everybody after joining; False if one is missing.
 
         Without names all vehicles and the Vicon gateway are waited for.
         """
@@ -139,10 +139,10 @@ class Observer:
 
         def heard() -> bool:
             states = [self.state_of(name) for name in (self.present() if wanted is None else wanted)]
-            spoken = all(state.agent is not None and state.transmitter is not None for state in states)
-            return spoken and (not everybody or self.tracker.latest() is not None)
+            reported = all(state.agent is not None and state.transmitter is not None for state in states)
+            return reported and (not everybody or self.tracker.latest() is not None)
 
-        return self._bell.wait_until(heard, timeout_s)
+        return self._notifier.wait_until(heard, timeout_s)
 
     def wait_until(
         self, condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str] = ()
@@ -154,14 +154,14 @@ class Observer:
         NotReachedError
             It did not within `timeout_s`; the text names `what` and the state of the vehicles `names`.
         """
-        if not self._bell.wait_until(condition, timeout_s):
+        if not self._notifier.wait_until(condition, timeout_s):
             states = "; ".join(self.state_of(name).summary() for name in names)
             raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
 
     def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
-        """Wait until nothing speaks against taking off."""
+        """Wait until nothing blocks take-off."""
         vehicles = None if names is None else list(names)
-        if not self._bell.wait_until(lambda: not self.problems(vehicles), timeout_s):
+        if not self._notifier.wait_until(lambda: not self.problems(vehicles), timeout_s):
             found = "; ".join(self.problems(vehicles))
             raise NotReachedError(f"not ready after {timeout_s:g} s: {found}")
 
@@ -182,7 +182,7 @@ class Observer:
             named = self.present() if vehicles is None else vehicles
             return [name for name in named if self.state_of(name).phase != wanted]
 
-        if not self._bell.wait_until(lambda: not others(), timeout_s):
+        if not self._notifier.wait_until(lambda: not others(), timeout_s):
             states = "; ".join(self.state_of(name).summary() for name in others())
             raise NotReachedError(f"after {timeout_s:g} s: not {phase}: {states}")
 
@@ -208,7 +208,7 @@ class Observer:
             ]
             return [line for line in found if line]
 
-        if not self._bell.wait_until(lambda: not missing(), timeout_s):
+        if not self._notifier.wait_until(lambda: not missing(), timeout_s):
             raise NotReachedError(f"after {timeout_s:g} s: no formation: {'; '.join(missing())}")
 
     def wait_for_arrival(
@@ -231,14 +231,14 @@ class Observer:
             found = [state if isinstance(state, str) else _away(state, tolerance_m) for state in states]
             return [line for line in found if line]
 
-        if not self._bell.wait_until(lambda: not missing(), timeout_s):
+        if not self._notifier.wait_until(lambda: not missing(), timeout_s):
             raise NotReachedError(f"after {timeout_s:g} s: not there: {'; '.join(missing())}")
 
     def _told_after(self, name: str, from_s: float) -> VehicleState | str:
         """State of a vehicle from what its agent said after a time, or what is missing."""
         state = self.state_of(name)
         if state.agent_age_s is None or time.monotonic() - state.agent_age_s < from_s:
-            return f"{name}: no word from its agent"
+            return f"{name}: agent not responding"
         return state
 
 

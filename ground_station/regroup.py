@@ -58,7 +58,7 @@ def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tup
         raise RegroupError(str(error)) from None
 
 
-def head_of(statuses: Mapping[str, AgentStatus], name: str) -> str:
+def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     """The leader of the whole formation a vehicle flies in.
 
     Raises

@@ -1,13 +1,13 @@
-"""What is known of a vehicle and of the motion capture at one moment, and what speaks against taking off."""
+"""What is known of a vehicle and of the motion capture at one moment, and what blocks take-off."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from agents.phases import AIRBORNE
 from bus.messages import AgentStatus, LeaderLink, Plan, TrackerStatus, TransmitterStatus
 
-AIRBORNE = frozenset({"takeoff", "flying", "landing", "emergency"})
 STALE_S = 1.0
 """Age from which a status counts as silence; it comes five times a second."""
 
@@ -77,16 +77,16 @@ class VehicleState:
         return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.transmitter.reason}"
 
     def problems(self, stale_s: float = STALE_S) -> list[str]:
-        """What speaks against taking off, in words; empty when nothing does."""
+        """What blocks take-off, one line each; empty when nothing does."""
         found = []
         if self.agent is None or self.agent_age_s is None or self.agent_age_s > stale_s:
-            found.append(f"{self.name}: no word from its agent{_since(self.agent_age_s)}")
+            found.append(f"{self.name}: agent not responding{_since(self.agent_age_s)}")
         elif self.agent.pose_age_s is None or self.agent.pose_age_s > stale_s:
             found.append(f"{self.name}: no pose{_since(self.agent.pose_age_s)}")
         elif self.seen_age_s is None or self.seen_age_s > stale_s:
             found.append(f"{self.name}: the motion capture does not see it{_since(self.seen_age_s)}")
         if self.transmitter is None or self.transmitter_age_s is None or self.transmitter_age_s > stale_s:
-            found.append(f"{self.name}: no word from its transmitter gateway{_since(self.transmitter_age_s)}")
+            found.append(f"{self.name}: transmitter gateway not responding{_since(self.transmitter_age_s)}")
         elif not self.transmitter.ready:
             found.append(f"{self.name}: transmitter not ready: {self.transmitter.module}")
         elif self.transmitter.state == "killed":
@@ -97,7 +97,7 @@ class VehicleState:
 def tracker_problems(
     status: TrackerStatus | None, age_s: float | None, names: Sequence[str], stale_s: float = STALE_S
 ) -> list[str]:
-    """What the Vicon gateway says against taking off.
+    """What the Vicon gateway reports that blocks take-off.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def tracker_problems(
         In words; empty when nothing does.
     """
     if status is None or age_s is None or age_s > stale_s:
-        return [f"no word from the Vicon gateway{_since(age_s)}"]
+        return [f"Vicon gateway not responding{_since(age_s)}"]
     if status.state != "up":
         return [f"Tracker: {status.trying}"]
     listed = ", ".join(repr(subject.subject) for subject in status.subjects if subject.listed)
@@ -131,7 +131,7 @@ def tracker_problems(
 
 
 def tracker_notes(status: TrackerStatus | None) -> list[str]:
-    """What the Vicon gateway tells that speaks against nothing, in words.
+    """Remarks of the Vicon gateway that do not block take-off.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
     Parameters
     ----------
     fleet
-        A running fleet, best after `Fleet.hear`.
+        A running fleet, best after `Fleet.wait_for_status`.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
 
 
 def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
-    """What speaks against taking off: `fleet`, `ready`, `problems` and, speaking against nothing, `notes`."""
+    """What blocks take-off: `fleet`, `ready`, `problems` and `notes`, which do not block it."""
     problems = fleet.problems(names)
     return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": fleet.notes()}
 
@@ -68,7 +68,7 @@ def _tracker(fleet: Fleet) -> dict[str, Any] | None:
 
 
 def vehicle_status(state: VehicleState) -> dict[str, Any]:
-    """Table of one vehicle; `agent` and `transmitter` are null before their first words."""
+    """Table of one vehicle; `agent` and `transmitter` are null before their first status."""
     return {
         "phase": state.phase,
         "airborne": state.airborne,

@@ -31,21 +31,21 @@ def stopped_by(event: threading.Event) -> Iterator[None]:
         _STOP.reset(token)
 
 
-class Bell:
+class Notifier:
     """Wakes every waiting thread when something arrived."""
 
     def __init__(self) -> None:
         self._condition = threading.Condition()
         self._rings = 0
 
-    def ring(self) -> None:
+    def notify(self) -> None:
         """Wake whoever waits."""
         with self._condition:
             self._rings += 1
             self._condition.notify_all()
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until a condition holds, looking whenever the bell rings.
+        """Wait until a condition holds, checking at every notification.
 
         Parameters
         ----------

@@ -16,7 +16,7 @@ from deploy.fleet_file.shipped import fleet_path
 from deploy.run_directory import run_directory
 from ground_station.fleet import Fleet
 from ground_station.launched import processes_up
-from ground_station.table import fleet_table
+from ground_station.live_table import fleet_table
 from ground_station.waiting import NotReachedError
 from rcopterx.fleet_option import (
     DEFAULT_FLEET,

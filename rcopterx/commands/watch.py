@@ -17,8 +17,8 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
+from ground_station.live_table import fleet_view
 from ground_station.status import fleet_check, fleet_status, readable
-from ground_station.table import fleet_view
 from ground_station.waiting import NotReachedError
 from rcopterx.commands.steer import Vehicles, known_vehicles
 from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, ROUTER_S, FleetOption, running_fleet
@@ -34,7 +34,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.
 def status(as_json: JsonOption = False, fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Tell once what every vehicle does. Exit code 1 if the fleet is not up."""
     with running_fleet(fleet) as running:
-        running.hear()
+        running.wait_for_status()
         table = fleet_status(running)
     typer.echo(json.dumps(table, indent=2) if as_json else readable(table))
 
@@ -47,7 +47,7 @@ def check(
     as_json: JsonOption = False,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
-    """Tell what speaks against taking off. Exit code 0 if nothing does, 1 if something does."""
+    """List what blocks take-off. Exit code 0 if nothing does, 1 otherwise."""
     with running_fleet(fleet, router_within_s=max(ROUTER_S, wait)) as running:
         known_vehicles(running.file.vehicles, vehicles)
         with suppress(NotReachedError):
@@ -67,7 +67,7 @@ def top(
     """Show the fleet until q or Ctrl-C; without a terminal, show it once."""
     console = Console()
     with running_fleet(fleet) as running:
-        running.hear()
+        running.wait_for_status()
         if not console.is_terminal:
             console.print(fleet_view(running))
             return

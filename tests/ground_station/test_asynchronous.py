@@ -126,7 +126,7 @@ def test_a_script_that_ends_well_leaves_the_fleet_in_the_air(path: Path, vehicle
 
     async def script() -> None:
         async with AsyncFleet.connect(path) as fleet:
-            assert await fleet.hear()
+            assert await fleet.wait_for_status()
             assert fleet.problems() == []
             assert fleet.state_of("h1").airborne
 

@@ -17,8 +17,8 @@ from bus.requests import Arm, Follow, GoTo, Land, TakeOff
 from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
 from deploy.fleet_file.reading import parse_fleet
 from ground_station.fleet import Fleet
+from ground_station.live_table import COLUMNS, fleet_table
 from ground_station.recorder import Recorder
-from ground_station.table import COLUMNS, fleet_table
 from ground_station.vehicle import RefusedError, lines_of
 from ground_station.waiting import NotReachedError
 
@@ -79,7 +79,7 @@ def test_the_state_of_a_vehicle_is_what_its_processes_last_said(fleet: Fleet, ve
         ({"pose_age_s": 3.0}, "h1: no pose for 3.0 s"),
         (
             {"speaks": False},
-            "h1: no word from its agent for .* s; h1: no word from its transmitter gateway for",
+            "h1: agent not responding for .* s; h1: transmitter gateway not responding for",
         ),
     ],
 )
@@ -106,7 +106,7 @@ def test_a_vehicle_nobody_heard_of_has_no_words_and_no_ages(
         assert (state.phase, state.agent, state.agent_age_s) == ("unknown", None, None)
         assert len(state.problems()) == 2
         assert state.summary() == "h7: unknown"
-        with pytest.raises(NotReachedError, match="h7: no word from its agent; h7: no word"):
+        with pytest.raises(NotReachedError, match="h7: agent not responding; h7: transm"):
             fleet.wait_ready(timeout_s=0.05)
 
 
@@ -335,7 +335,7 @@ def test_the_table_says_what_the_vicon_gateway_tries(
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     with Fleet(parse_fleet(fleet_file_text(bus_address))) as fleet:
-        assert "lab: no word from the Vicon gateway yet" in rendered(fleet)
+        assert "lab: Vicon gateway not responding yet" in rendered(fleet)
         assert "unknown (silent)" in rendered(fleet)
         with scripted(join(), tracker="connecting"):
             wait_for(lambda: "Tracker is silent [/dev/null]" in rendered(fleet), "not shown")

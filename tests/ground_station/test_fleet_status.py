@@ -44,16 +44,16 @@ def test_a_fleet_nobody_heard_of_has_a_status_with_what_is_missing(
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     with Fleet(parse_fleet(fleet_file_text(bus_address, ("h7",)))) as fleet:
-        assert not fleet.hear(timeout_s=0.05)
+        assert not fleet.wait_for_status(timeout_s=0.05)
         status = json.loads(json.dumps(fleet_status(fleet)))
     assert status["tracker"] is None
     assert status["vehicles"]["h7"]["agent"] is status["vehicles"]["h7"]["transmitter"] is None
     assert status["problems"] == [
-        "no word from the Vicon gateway",
-        "h7: no word from its agent",
-        "h7: no word from its transmitter gateway",
+        "Vicon gateway not responding",
+        "h7: agent not responding",
+        "h7: transmitter gateway not responding",
     ]
-    assert "  h7: unknown, no transmitter\n  - no word from the Vicon gateway" in readable(status)
+    assert "  h7: unknown, no transmitter\n  - Vicon gateway not responding" in readable(status)
 
 
 def test_subjects_of_no_vehicle_and_a_recording_are_told_and_keep_nobody_on_the_floor() -> None:
@@ -93,8 +93,8 @@ def test_a_vehicle_that_is_covered_is_told_with_the_time_since_it_was_seen(
 @pytest.mark.parametrize(
     ("status", "age_s", "problems"),
     [
-        (None, None, ["no word from the Vicon gateway"]),
-        (tracker(), 2.0, ["no word from the Vicon gateway for 2.0 s"]),
+        (None, None, ["Vicon gateway not responding"]),
+        (tracker(), 2.0, ["Vicon gateway not responding for 2.0 s"]),
         (tracker("connecting"), 0.1, ["Tracker: is silent"]),
         (tracker(), 0.1, []),
         (tracker("up", SubjectState(subject="box", listed=False)), 0.1, []),

@@ -5,19 +5,19 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from ground_station.waiting import Bell, StoppedError, stopped_by
+from ground_station.waiting import Notifier, StoppedError, stopped_by
 
 
 def test_what_holds_already_is_not_waited_for() -> None:
-    assert Bell().wait_until(lambda: True, 0.0)
+    assert Notifier().wait_until(lambda: True, 0.0)
 
 
 def test_what_never_holds_ends_at_the_deadline() -> None:
-    assert not Bell().wait_until(lambda: False, 0.02)
+    assert not Notifier().wait_until(lambda: False, 0.02)
 
 
 def test_one_ring_wakes_every_thread_that_waits() -> None:
-    bell, there = Bell(), threading.Event()
+    notifier, there = Notifier(), threading.Event()
     looked = threading.Barrier(4)
 
     def wait() -> bool:
@@ -31,29 +31,29 @@ def test_one_ring_wakes_every_thread_that_waits() -> None:
                 return False
             return there.is_set()
 
-        return bell.wait_until(look, 10)
+        return notifier.wait_until(look, 10)
 
     with ThreadPoolExecutor(3) as pool:
         waiting = [pool.submit(wait) for _ in range(3)]
         looked.wait(10)
         there.set()
-        bell.ring()
+        notifier.notify()
         assert all(future.result(10) for future in waiting)
 
 
 def test_a_stop_ends_the_waits_of_the_block_and_only_those() -> None:
-    bell, stop = Bell(), threading.Event()
+    notifier, stop = Notifier(), threading.Event()
     with stopped_by(stop):
-        assert not bell.wait_until(lambda: False, 0.01)
+        assert not notifier.wait_until(lambda: False, 0.01)
         stop.set()
         with pytest.raises(StoppedError):
-            bell.wait_until(lambda: False, 10)
-        assert bell.wait_until(lambda: True, 10), "what holds is told all the same"
-    assert not bell.wait_until(lambda: False, 0.01)
+            notifier.wait_until(lambda: False, 10)
+        assert notifier.wait_until(lambda: True, 10), "what holds is told all the same"
+    assert not notifier.wait_until(lambda: False, 0.01)
 
 
 def test_a_stop_does_not_reach_other_threads() -> None:
-    bell, stop = Bell(), threading.Event()
+    notifier, stop = Notifier(), threading.Event()
     stop.set()
     with stopped_by(stop), ThreadPoolExecutor(1) as pool:
-        assert pool.submit(bell.wait_until, lambda: False, 0.01).result(10) is False
+        assert pool.submit(notifier.wait_until, lambda: False, 0.01).result(10) is False

@@ -68,7 +68,7 @@ def test_words_from_before_the_question_do_not_count(fleet: Fleet, vehicles: Veh
     flying_formation(vehicles)
     fleet.wait_for_formation()
     vehicles["h2"].speaks = False
-    with pytest.raises(NotReachedError, match="h2: no word from its agent"):
+    with pytest.raises(NotReachedError, match="h2: agent not responding"):
         fleet.wait_for_formation(timeout_s=0.3)
 
 

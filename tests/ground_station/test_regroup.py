@@ -14,7 +14,7 @@ from agents.formation.topology import cycle
 from bus.messages import AgentStatus, LeaderLink, Plan
 from bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
 from bus.session import RequestFailedError
-from ground_station.regroup import RegroupError, head_of, regroup, swapped
+from ground_station.regroup import RegroupError, formation_leader, regroup, swapped
 
 FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
@@ -213,9 +213,9 @@ def test_vehicles_that_do_not_fly_or_are_absent_change_no_roles() -> None:
 
 
 def test_the_head_of_a_formation_is_found_and_ambiguity_told() -> None:
-    assert head_of(STATUSES, "h4") == "h1"
+    assert formation_leader(STATUSES, "h4") == "h1"
     with pytest.raises(RegroupError, match="h1 leads already"):
-        head_of(STATUSES, "h1")
+        formation_leader(STATUSES, "h1")
     two = {"h1": status(()), "h2": status(()), "h3": status((link("h1", 1.0), link("h2", 1.0)))}
     with pytest.raises(RegroupError, match="several leaders at the head: h3 follows h1; h3 follows h2"):
-        head_of(two, "h3")
+        formation_leader(two, "h3")

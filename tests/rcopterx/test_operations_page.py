@@ -6,8 +6,8 @@ from pathlib import Path
 import rcopterx
 from agents.phases import TRANSITIONS
 from bus.messages import SubjectState, TrackerStatus, TransmitterStatus
+from ground_station.live_table import COLUMNS
 from ground_station.state import VehicleState, tracker_problems
-from ground_station.table import COLUMNS
 from rcopterx.cli import COMMANDS
 
 TEXT = (Path(rcopterx.__file__).parents[1] / "docs" / "operations.md").read_text(encoding="utf-8")

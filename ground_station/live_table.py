@@ -29,7 +29,7 @@ def fleet_table(fleet: Fleet) -> Table:
 
 
 def fleet_view(fleet: Fleet) -> Group:
-    """The table, and below it what speaks against taking off, and what is worth knowing."""
+    """The table, and below it what blocks take-off, and what is worth knowing."""
     problems = [Text(line, style="red") for line in fleet.problems()]
     notes = [Text(f"note: {line}", style="dim") for line in fleet.notes()]
     return Group(fleet_table(fleet), *problems, *notes)
@@ -38,7 +38,7 @@ def fleet_view(fleet: Fleet) -> Group:
 def _tracker_line(fleet: Fleet) -> str:
     received = fleet.tracker.latest()
     if received is None:
-        return f"{fleet.file.name}: no word from the Vicon gateway yet"
+        return f"{fleet.file.name}: Vicon gateway not responding yet"
     status = received.message
     if status.state != "up":
         return f"{fleet.file.name}: Tracker {status.trying}"
