@@ -284,7 +284,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 with _collected(problems):
                     vehicle.disarm()
-        # Whoever takes off next must not take the last words before disarming for the present.
+        # A take-off that follows must not mistake the last status before disarming for the present one.
         self._notifier.wait_until(
             lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S
         )

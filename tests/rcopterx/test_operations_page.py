@@ -24,7 +24,7 @@ def test_the_table_of_phases_is_that_of_the_agents() -> None:
 
 
 def test_every_problem_that_a_check_can_name_is_explained() -> None:
-    explained = "\n".join(row[0] for row in rows_after("names everything that speaks"))
+    explained = "\n".join(row[0] for row in rows_after("names everything that blocks"))
     subject = SubjectState(subject="heli2", vehicle="h2", listed=False)
     twice = SubjectState(subject="heli2", vehicle="h2", ambiguous=True)
     tracker = TrackerStatus(state="up", trying="", address="", subjects=(subject, twice))

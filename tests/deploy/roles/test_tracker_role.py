@@ -5,7 +5,7 @@ from support.fleets import HARDWARE_PAIR, PAIR
 
 from deploy.fleet_file.reading import parse_fleet
 from deploy.fleet_file.schema import FleetError
-from deploy.roles.tracker import brand_of
+from deploy.roles.tracker import brand_of, tracker_address, tracker_settings
 from vicon_gateway.settings import BrandSettings
 
 
@@ -61,3 +61,10 @@ def test_simulator_is_a_vicon_tracker() -> None:
     with pytest.raises(FleetError, match=r"tracker\.brand: 'optitrack', .* allowed are vicon, vicon_sdk"):
         brand_of(parse_fleet(text))
     assert brand_of(parse_fleet(text.replace("optitrack", "vicon_sdk"))) is not None
+
+
+def test_the_tracker_gateway_maps_subjects_to_vehicles() -> None:
+    fleet = parse_fleet(PAIR + '[tracker]\naddress = "vicon-pc:801"')
+    settings = tracker_settings(fleet)
+    assert (settings.host, settings.port) == ("vicon-pc", 801) == tracker_address(fleet)
+    assert settings.subjects == {"heli1": "h1", "heli2": "h2"}

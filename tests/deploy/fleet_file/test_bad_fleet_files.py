@@ -12,7 +12,7 @@ from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.launcher import check_resources
 from deploy.processes import processes_of
 
-TRIO = (Path(__file__).parents[2] / "deploy" / "fleets" / "trio.toml").read_text()
+TRIO = (Path(__file__).parents[3] / "deploy" / "fleets" / "trio.toml").read_text()
 
 HARDWARE = TRIO[: TRIO.index("\n[simulator]")] + TRIO[TRIO.index("\n[defaults.control]") :]
 

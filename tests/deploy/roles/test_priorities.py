@@ -1,0 +1,27 @@
+"""Promises of the priorities of processes."""
+
+from pathlib import Path
+
+import pytest
+from support.fleets import PAIR
+
+from deploy.fleet_file.reading import parse_fleet
+from deploy.roles.agent import agent_settings
+from deploy.roles.priorities import Priority
+
+
+@pytest.fixture(autouse=True)
+def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+
+
+def test_what_others_wait_for_runs_at_the_higher_priority() -> None:
+    fleet = parse_fleet(PAIR)
+    router, gateway = Priority.ROUTER.of(fleet), Priority.GATEWAY.of(fleet)
+    leader, follower = (agent_settings(fleet, name).realtime_priority for name in ("h1", "h2"))
+    simulator = Priority.SIMULATOR.of(fleet)
+    assert router > gateway > leader > follower > simulator == fleet.bus.realtime_priority
+    without = parse_fleet(PAIR + "[bus]\nrealtime_priority = 0")
+    assert {priority.of(without) for priority in Priority} == {0}
+    highest = parse_fleet(PAIR + "[bus]\nrealtime_priority = 90")
+    assert max(priority.of(highest) for priority in Priority) <= 99

@@ -1,0 +1,66 @@
+"""Promises of what transmitter gateways are told by the fleet file."""
+
+from pathlib import Path
+
+import pytest
+from support.fleets import HARDWARE_PAIR, PAIR
+
+from deploy.fleet_file.reading import parse_fleet
+from deploy.roles.transmitters import gateway_settings, limits_of, protocol_of
+from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
+
+
+@pytest.fixture(autouse=True)
+def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+
+
+def test_a_gateway_gets_its_own_transmitters_and_hears_all_vehicles(tmp_path: Path) -> None:
+    fleet = parse_fleet(
+        HARDWARE_PAIR.replace('"radio-h1"', '"/dev/ttyUSB0", gateway = "roof"')
+        + "[gateways.roof]\n[gateways.transmitters]"
+    )
+    settings = {name: gateway_settings(fleet, name, tmp_path) for name in fleet.gateways}
+    ports = {
+        name: [(radio.vehicle, radio.port) for radio in one.transmitters] for name, one in settings.items()
+    }
+    assert ports == {
+        "roof": [("h1", "/dev/ttyUSB0")],
+        "transmitters": [("h2", str(tmp_path / "radio-h2"))],
+    }
+    assert settings["roof"].vehicles == ("h1", "h2")
+
+
+@pytest.mark.parametrize("name", [name for name in PROTOCOL_NAMES if name != "sc8000p"])
+def test_hardware_speaks_the_protocol_the_file_names(name: str) -> None:
+    protocol = protocol_of(parse_fleet(HARDWARE_PAIR + f'[defaults.transmitter]\nprotocol = "{name}"'), "h2")
+    assert protocol.name == name
+    assert protocol.line == default_line(name)
+
+
+def test_simulated_lines_have_no_parity_and_carry_the_model_match() -> None:
+    protocol = protocol_of(parse_fleet(PAIR), "h2")
+    assert protocol.line.parity == "N"
+    assert protocol.encode([1100.0])[2] & 0x0F == 2
+
+
+def test_the_fence_is_the_volume_unless_it_is_switched_off() -> None:
+    fence = limits_of(parse_fleet(PAIR), "h1").surveillance.fence
+    assert fence is not None
+    assert (fence.lower_m, fence.upper_m) == ((-1.2, -1.2, 0.0), (1.2, 1.2, 2.0))
+    assert limits_of(parse_fleet(PAIR + "[safety]\ngeofence = false"), "h1").surveillance.fence is None
+
+
+def test_the_arbiter_limits_are_those_of_the_model_and_of_the_file() -> None:
+    limits = limits_of(
+        parse_fleet(
+            PAIR
+            + "model = { input_max = [0.5, 0.5, 0.9, 0.3] }\n[safety.settings]\nhold_after_s = 0.08\n"
+            + "[safety.settings.surveillance]\nminimum_distance_m = 0.2"
+        ),
+        "h2",
+    )
+    assert limits.upper == (0.5, 0.5, 0.9, 0.3)
+    assert limits.hold_after_s == 0.08
+    assert limits.surveillance.minimum_distance_m == 0.2
+    assert limits.surveillance.fence is not None

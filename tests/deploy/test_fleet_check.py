@@ -1,0 +1,107 @@
+"""Promises of the check before a start: a wrong field is named, and nothing is started."""
+
+from pathlib import Path
+
+import pytest
+from support.fleets import HARDWARE_PAIR, PAIR
+
+from deploy.fleet_check import check_fleet
+from deploy.fleet_file.reading import parse_fleet
+from deploy.fleet_file.schema import FleetError
+
+
+@pytest.fixture(autouse=True)
+def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+
+
+def radio(extra: str) -> str:
+    return PAIR.replace("model_match = 1 }", f"model_match = 1, {extra} }}")
+
+
+@pytest.mark.parametrize("text", [PAIR, HARDWARE_PAIR])
+def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
+    check_fleet(parse_fleet(text), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            PAIR + 'type = "plane"',
+            r"^vehicles\.h2\.type: unknown type 'plane', allowed are coaxial, quadrotor",
+        ),
+        (PAIR + "model = { mass = 1.0 }", r"^vehicles\.h2\.model\.mass: unknown field, allowed are kind"),
+        (PAIR + "model = { lag_s = [0.1] }", r"^vehicles\.h2\.model\.lag_s: expected .*length 4"),
+        (PAIR + "model = { lag_s = [-0.1, 0, 0, 0] }", r"^vehicles\.h2\.model: lag_s: must not be below 0"),
+        (
+            PAIR + "model = { input_gain = [1, 1, 0, 1] }",
+            r"^vehicles\.h2\.model: input_gain: must be above 0",
+        ),
+        (PAIR + 'control = { controller = "x" }', r"^vehicles\.h2\.control: .*'x'; allowed are .*paper"),
+        (PAIR + 'control = { estimator = "x" }', r"^vehicles\.h2\.control: .*'x'; allowed are .*kalman"),
+        (PAIR + "control = { settings = { x = 1 } }", r"^vehicles\.h2\.control: .*'x'; allowed are horizon"),
+        (PAIR + 'control = { settings = { time_limit_s = "a" } }', r"^vehicles\.h2\.control: .*time_limit_s"),
+        (
+            PAIR + "control = { estimator_settings = { x = 1 } }",
+            r"^vehicles\.h2\.control: .*'x'; allowed are",
+        ),
+        (PAIR + "control = { estimator_settings = { yaw_gate_rad = -1.0 } }", "yaw_gate_rad"),
+        (PAIR + "control = { period_s = 0.03 }", r"^vehicles\.h2\.control\.period_s: 0\.03 s is no whole"),
+        (
+            radio("calibration = { pitch = { index = 2, gain = 1 } }"),
+            r"^vehicles\.h1\.\w+\.\w+\.pitch\.gain: ",
+        ),
+        (radio("calibration = { pitch = 3 }"), r"^vehicles\.h1\.transmitter\.calibration\.pitch: expected"),
+        (radio('calibration = { yaw = { index = "a" } }'), r"^vehicles\.h1\.\w+\.\w+\.yaw\.index: expected"),
+        (radio("calibration = { yaw = { index = 99 } }"), r"^vehicles\.h1\.\w+\.\w+\.yaw: index: 99"),
+        (
+            radio("calibration = { yaw = { index = 1 } }"),
+            r"^vehicles\.h1\.\w+\.calibration: yaw\.index: .* 1 ",
+        ),
+        (
+            radio("calibration = { throttle = { us0 = 1600.0 } }"),
+            r"calibration\.throttle: us_hover: .*us0 = 1600",
+        ),
+        (radio("calibration = { throttle = { us1 = 3e3 } }"), r"calibration\.throttle: us1: 3000"),
+        (radio("settings = { power = 1 }"), r"^vehicles\.h1\.transmitter\.settings: multi\.power: unknown"),
+        (
+            radio('settings = { channels = "a" }'),
+            r"^vehicles\.h1\.transmitter\.settings: multi\.channels: 'a'",
+        ),
+        (
+            radio('protocol = "ppm", low_power = true'),
+            r"^vehicles\.h1\.transmitter\.low_power: cannot be asked for with protocol 'ppm'",
+        ),
+        (PAIR + "[safety.settings]\nbrake = 1", r"^safety\.settings\.brake: unknown field"),
+        (PAIR + "[safety.settings]\nhold_after_s = -1.0", r"^safety\.settings: hold_after_s: -1\.0"),
+        (PAIR + "[safety.settings]\nhold_after_s = 5.0", r"^safety\.settings: descend_after_s: "),
+        (
+            PAIR + "[safety.settings]\nsurveillance = 5",
+            r"^safety\.settings\.surveillance: 5, must be a table",
+        ),
+        (
+            PAIR + "[safety.settings.surveillance]\nx = 1",
+            r"^safety\.settings\.surveillance\.x: unknown field",
+        ),
+        (PAIR + '[tracker]\naddress = "lab"', r"^tracker\.address: 'lab', must be HOST:PORT"),
+        (PAIR + '[tracker]\naddress = "lab:70000"', r"^tracker\.address: 'lab:70000', must be HOST:PORT"),
+        (PAIR + '[tracker]\naddress = "lab:²"', r"^tracker\.address: 'lab:²', must be HOST:PORT"),
+        (PAIR + '[tracker]\naddress = ":801"', r"^tracker\.address: ':801', must be HOST:PORT"),
+        (
+            PAIR.replace("[simulator]", '[simulator]\nconditions = "mars"'),
+            r"^simulator\.conditions: .*'mars'",
+        ),
+        (PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { x = 1 }"), r"^simulator\..*'x'"),
+        (
+            PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { position_noise_m = -1.0 }"),
+            r"^simulator\.position_noise_m: -1\.0 is not a number between",
+        ),
+    ],
+)
+def test_a_wrong_field_is_refused_by_its_path_before_anything_is_started(
+    text: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(FleetError, match=words):
+        check_fleet(parse_fleet(text), tmp_path)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
