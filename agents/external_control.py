@@ -1,7 +1,7 @@
-"""An external program's authority over a vehicle: given by request, lost by silence, landing or release."""
+"""Control of a vehicle by an external program: given by request, lost by silence, landing or release."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from agents.controllers.external import ExternalController
 from agents.phases import Phase
@@ -42,8 +42,13 @@ class ExternalControl:
         self._publish = publish
         self._controller: ExternalController | None = None
 
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """Refused inputs by reason."""
+        return {f"external_input.{kind}": count for kind, count in self._answers.rejected.items()}
+
     def take(self, request: TakeControl) -> str | None:
-        """Give authority to a client; a refusal is returned as its reason."""
+        """Give control to a client; a refusal is returned as its reason."""
         phase = self._pilot.guidance.phase
         if phase is not Phase.FLYING:
             return f"a vehicle is handed over in flight, the phase is {phase}"
@@ -57,19 +62,19 @@ class ExternalControl:
         return None
 
     def release(self, source: str) -> str | None:
-        """Let a client give authority back; a refusal is returned as its reason."""
+        """Let a client give control back; a refusal is returned as its reason."""
         if self.client != source:
             return f"{self.client or 'nobody'} flies it from outside, not {source}"
         self._give_back()
         return None
 
     def before_control(self) -> None:
-        """Take answers in; end an authority that is not used any more."""
+        """Take answers in; end control that is not used any more."""
         controller = self._controller
         for received in self._answers.drain():
             message = received.message
             if controller is None or message.source != self.client:
-                self._answers.reject("source", f"{message.source} has no authority over {self._vehicle}")
+                self._answers.reject("source", f"{message.source} does not control {self._vehicle}")
                 continue
             problem = controller.answer(message.number, message.inputs.to_numpy())
             if problem is not None:

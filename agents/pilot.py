@@ -8,20 +8,22 @@ the motion capture is one call of `observe`; every control period is one call of
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from agents.flight.fleet_clock import FleetClock, InputHistory
-from agents.flight.guidance import Guidance, LeaderPlan, resting
+from agents.flight.followed import LeaderPlan
+from agents.flight.guidance import Guidance, resting
 from agents.flight.prediction import predict
 from agents.interfaces import AvoidsObstacles, Controller, Estimate, Estimator, Measurement
 from agents.phases import Event, Phase
 from agents.references.trajectory import Trajectory
+from agents.references.turns import nearest_heading
 from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
 from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_THRUST, Array
+from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
 
 BRIDGE_STAGES = 6
 SPOOL_UP_S = 0.5
@@ -87,9 +89,11 @@ class Pilot:
         Any pair that keeps the promises of `agents.interfaces`.
     guidance
         Phase and task.
-    clearance
-        What is kept clear of other vehicles; None for no avoidance.
+    separation
+        Ellipsoid around the vehicle that no other one is to enter; None for no avoidance.
     """
+
+    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,
@@ -97,13 +101,13 @@ class Pilot:
         controller: Controller,
         estimator: Estimator,
         guidance: Guidance,
-        clearance: SeparationEllipsoid | None = None,
+        separation: SeparationEllipsoid | None = None,
     ) -> None:
         self.model = model
         self.controller = controller
         self.estimator = estimator
         self.guidance = guidance
-        self.clearance = clearance
+        self.separation = separation
         self.avoiding_ticks = 0
         """Control periods in which separation constraints held the plan off another one."""
         self.closest_m: float | None = None
@@ -116,11 +120,18 @@ class Pilot:
         self.sequence = 0
         self.informed = False
         """Whether the state of the transmitter is known; before that nothing may be commanded."""
+        self._seen = False
+        self._expected_yaw_rad = 0.0
         self._spool_up_until_s = 0.0
         self._blind_s = 0.0
         self._flown_by_controller = False
         self._transfer_pending = False
         self._transfer = np.zeros(INPUT_SIZE)
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """Steps that were not the optimum and periods without a leader, by kind."""
+        return self.fallbacks + self.guidance.events
 
     @property
     def estimate(self) -> Estimate:
@@ -146,7 +157,7 @@ class Pilot:
             self._blind_s += frame.period_s
             self.fallbacks["occluded"] += 1
         elif first or self._standing or self._blind_s >= BLIND_LIMIT_S:
-            self.estimator.reset(frame.measurement)
+            self._reset_estimator(frame.measurement)
             self._blind_s = 0.0
         elif self.estimator.correct(frame.measurement):
             self._blind_s = 0.0
@@ -154,6 +165,17 @@ class Pilot:
             self._blind_s += frame.period_s
             self.fallbacks["gated_pose"] += 1
         return True
+
+    def expect_heading(self, yaw_rad: float) -> None:
+        """Count the turns of the first measured heading on from this one, a predecessor's last."""
+        self._expected_yaw_rad = yaw_rad
+
+    def _reset_estimator(self, measurement: Measurement) -> None:
+        """Start at a measured pose; a motion capture does not count turns, so the known ones are kept."""
+        known_rad = float(self.estimate.motion[YAW]) if self._seen else self._expected_yaw_rad
+        yaw_rad = nearest_heading(measurement.yaw_rad, known_rad)
+        self.estimator.reset(replace(measurement, yaw_rad=yaw_rad))
+        self._seen = True
 
     def coast(self) -> bool:
         """A frame is overdue: go on by prediction; False beyond the limit of blind flight."""
@@ -257,11 +279,11 @@ class Pilot:
         controller = self.controller if isinstance(self.controller, AvoidsObstacles) else None
         if controller is not None:
             controller.set_obstacles(())
-        if not neighbours or self.clearance is None or self.plan is None or not self.guidance.followable:
+        if not neighbours or self.separation is None or self.plan is None or not self.guidance.followable:
             return
         period_s = self.controller.period_s
         own_m = self.plan.positions_from(period_s, period_s, self.controller.horizon)
-        found = near(self.clearance, neighbours, own_m, period_s, delay_s)
+        found = near(self.separation, neighbours, own_m, period_s, delay_s)
         self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
         if controller is not None:
             controller.set_obstacles(found.obstacles)

@@ -5,31 +5,30 @@ import signal
 import threading
 import time
 
-import numpy as np
-
 from agents.external_control import ExternalControl
 from agents.flight.guidance import Guidance
+from agents.following.leader_changes import LeaderChanges
 from agents.following.leader_plans import LeaderPlans
 from agents.following.links import followed_leader
 from agents.following.lost_leaders import LostLeaders
 from agents.following.peers import PeerStatuses
 from agents.formation.limit_scaling import LimitScaling
-from agents.interfaces import Measurement
+from agents.formation.placement import Room
+from agents.handover import Handover
+from agents.observation import Observation
 from agents.pacing import Pacing, SolveTimer
-from agents.phases import AIRBORNE
-from agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from agents.pilot import ControlOutput, Pilot
 from agents.request_handler import RequestHandler
 from agents.separation.traffic import Traffic
 from agents.settings import AgentSettings
-from agents.telemetry import command_message, plan_message, status_message
+from agents.telemetry import DiagnosticsCollector, command_message, plan_message, status_message
 from agents.tuning.changes import Tuning
 from bus import channels
-from bus.messages import AgentStatus, Pose
+from bus.messages import AgentStatus
 from bus.realtime import request_realtime, settle
-from bus.requests import Recall, RecallReply
-from bus.session import RequestFailedError, Session
+from bus.session import Session
 
-STATUS_PERIOD_S = 0.2
+REPORT_PERIOD_S = 0.2
 IDLE_S = 0.1
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
@@ -46,10 +45,10 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     configuration = settings.configuration
     return Pilot(
         settings.model,
-        configuration.controller_for(settings.model, settings.period_s, settings.share),
+        configuration.controller_for(settings.model, settings.period_s, settings.limit_scale),
         configuration.estimator_for(settings.model, settings.period_s),
         Guidance([followed_leader(link) for link in settings.following]),
-        settings.clearance,
+        settings.separation,
     )
 
 
@@ -57,156 +56,150 @@ class Agent:
     """One vehicle's agent on the bus."""
 
     def __init__(self, settings: AgentSettings, pilot: Pilot, session: Session, realtime: bool) -> None:
-        self._settings = settings
-        self._pilot = pilot
-        self._session = session
-        self._realtime = realtime
-        self._clock = session.clock
-        vehicle = settings.vehicle
-        self._poses = session.subscribe(channels.POSE, vehicle, depth=16)
-        self._applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
-        self._leaders = LeaderPlans(vehicle, lambda name: session.subscribe(channels.PLAN, name))
-        self._leaders.keep(link.leader for link in settings.following)
+        vehicle, clock = settings.vehicle, session.clock
+        self._settings, self._pilot, self._session, self._clock = settings, pilot, session, clock
+        self._pacing, self._solve = Pacing(settings.period_s), SolveTimer()
+        poses = session.subscribe(channels.POSE, vehicle, depth=16)
+        applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
+        self._observation = Observation(pilot, self._pacing, poses, applied, clock)
+        self._plans = LeaderPlans(vehicle, lambda name: session.subscribe(channels.PLAN, name))
+        self._plans.keep(link.leader for link in settings.following)
         # Statuses are looked up when they are needed; they wake nobody.
         statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
-        self._neighbours = PeerStatuses(vehicle, statuses.inboxes, self._clock)
+        self._peers = PeerStatuses(vehicle, statuses.inboxes, clock)
         self._traffic = Traffic(
-            vehicle, settings.clearance, lambda name: session.subscribe(channels.PLAN, name, waking=False)
+            vehicle, settings.separation, lambda name: session.subscribe(channels.PLAN, name, waking=False)
         )
-        self._tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.share, session.wake)
-        self._answers = session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
+        self._tuning = Tuning(
+            settings.configuration, pilot, settings.period_s, settings.limit_scale, session.wake
+        )
         self._external = ExternalControl(
-            vehicle, pilot, self._answers, lambda task: session.publish(channels.CONTROL_TASK, vehicle, task)
+            vehicle, pilot, session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8),
+            lambda task: session.publish(channels.CONTROL_TASK, vehicle, task),
+        )  # fmt: skip
+        room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
+        self._changes = LeaderChanges(
+            vehicle, settings.vehicles, room, pilot, self._plans, self._peers, clock
         )
-        self._desk = RequestHandler(
-            settings, pilot, self._leaders, self._neighbours, self._tuning, self._external, self._clock
+        self._lost = LostLeaders(vehicle, settings.succession, pilot, self._plans, self._peers, clock)
+        self._limit_scaling = LimitScaling(vehicle, settings.models)
+        self._requests = RequestHandler(
+            settings, pilot, room, self._changes, self._peers, self._tuning, self._external
         )
-        self._lost = LostLeaders(
-            vehicle, settings.succession, pilot, self._leaders, self._neighbours, self._clock
-        )
-        self._authority = LimitScaling(vehicle, settings.models)
-        self._pacing = Pacing(settings.period_s)
-        self._solve = SolveTimer()
+        self._diagnostics = DiagnosticsCollector(
+            pilot, self._tuning, self._pacing, self._solve,
+            (pilot, self._observation, self._plans, self._traffic, self._external, self._lost, self._changes),
+            realtime,
+        )  # fmt: skip
         # Sequences continue over restarts because they start from the wall clock.
-        self._sequence = time.time_ns() // 1_000_000
+        self._first_sequence = time.time_ns() // 1_000_000
         self._control_by_s: float | None = None
-        self._status_at_s = self._clock() + STATUS_PERIOD_S
+        self._report_at_s = clock() + REPORT_PERIOD_S
         self._said: AgentStatus | None = None
-        self._previous = self._recall()
+        self._handover = Handover(session, vehicle, pilot, self._tuning)
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
-        self._answer_from_s = self._clock() + ORIENTATION_S
-        session.serve(vehicle, self._desk.verbs)
+        self._answer_from_s = clock() + ORIENTATION_S
+        session.serve(vehicle, self._requests.verbs)
         session.announce(vehicle, "agent")
 
     def step(self) -> None:
-        """Everything that is due now."""
-        if self._pilot.informed or self._clock() >= self._answer_from_s:
-            for incoming in self._session.pending():
-                self._desk.handle(incoming)
-                self._status_at_s = self._clock()
-        leaders_changed, tuned = self._desk.leading.settle_waiting(), self._desk.settle_tuning()
-        if leaders_changed or tuned:
-            # Whoever restarts this agent a moment later must know of it.
-            self._status_at_s = self._clock()
-        self._observe()
+        """Everything that is due now: read, decide, control, publish."""
+        self._read()
+        self._decide()
         if self._control_by_s is not None and (
-            self._clock() >= self._control_by_s or self._leaders.complete(self._pilot.clock, self._followed())
+            self._clock() >= self._control_by_s or self._plans.complete(self._pilot.clock, self._followed())
         ):
             self._control()
-        if self._clock() >= self._status_at_s:
+        if self._clock() >= self._report_at_s:
             self._report()
 
     def next_s(self) -> float:
         """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
         if self._control_by_s is not None:
             return self._control_by_s
-        coast_at_s = self._pacing.coast_at_s(self._pilot.clock.period_s)
-        return min(self._status_at_s, math.inf if coast_at_s is None else coast_at_s)
+        overdue_at_s = self._observation.overdue_at_s
+        return min(self._report_at_s, math.inf if overdue_at_s is None else overdue_at_s)
 
-    def _observe(self) -> None:
-        for applied in self._applied.drain():
-            before = self._pilot.guidance.phase
-            sequence = applied.message.sequence - self._sequence
-            self._pilot.note_applied(applied.message.state, sequence, np.array(applied.message.input))
-            if before not in AIRBORNE and self._pilot.guidance.phase in AIRBORNE and self._previous:
-                self._desk.resume(self._previous)
-                self._lost.expect()
-        for received in self._poses.drain():
-            if self._pilot.observe(_frame(received.message)):
-                self._pacing.on_pose(received.arrived_s)
-                if self._pilot.ready:
-                    self._begin_control(received.arrived_s)
-        coast_at_s = self._pacing.coast_at_s(self._pilot.clock.period_s)
-        if coast_at_s is not None and self._clock() >= coast_at_s:
-            self._pacing.on_coast()
-            if self._pilot.coast():
-                self._begin_control(coast_at_s)
+    def _read(self) -> None:
+        """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle."""
+        if self._pilot.informed or self._clock() >= self._answer_from_s:
+            for incoming in self._session.pending():
+                self._requests.handle(incoming)
+                self._report_soon()
+        was_flying = self._pilot.guidance.rotor_on
+        self._observation.take_applied(self._first_sequence)
+        if not was_flying and self._pilot.guidance.rotor_on and self._handover.resume():
+            self._changes.keep_leaders()
+            self._lost.expect()
+        for began_s in self._observation.frames():
+            self._begin_period(began_s)
+
+    def _decide(self) -> None:
+        """Settle what was waiting for a leader's plan, or for a controller to be built."""
+        leaders_settled, tuned = self._changes.settle(), self._requests.settle_tuning()
+        if leaders_settled or tuned:
+            self._report_soon()
+
+    def _report_soon(self) -> None:
+        """Whoever restarts this agent a moment later must know of a change."""
+        self._report_at_s = self._clock()
 
     def _followed(self) -> list[str]:
         return [link.leader for link in self._pilot.guidance.followed]
 
-    def _begin_control(self, now_s: float) -> None:
-        self._desk.leading.begin_due()
-        clock = self._pilot.clock
-        flying = self._pilot.guidance.rotor_on
+    def _begin_period(self, now_s: float) -> None:
+        self._changes.begin_due()
+        clock, guidance = self._pilot.clock, self._pilot.guidance
+        flying = guidance.rotor_on
         if self._pilot.informed and self._pacing.control_due(clock.current_frame, clock.period_s, flying):
             if self._control_by_s is not None and flying:
                 self._pacing.on_overtaken()
-            self._control_by_s = now_s + (self._settings.leader_wait_s if self._pilot.guidance.follows else 0)
+            self._control_by_s = now_s + (self._settings.leader_wait_s if guidance.follows else 0)
 
     def _control(self) -> None:
+        """Fly one control period and publish its command and plan."""
         self._control_by_s = None
-        plans = self._leaders.plans(self._pilot.clock, self._desk.leading.cycles_from_frame)
+        plans = self._plans.plans(self._pilot.clock, self._changes.cycles_from_frame)
         if self._lost.tend(plans):
-            self._desk.leading.keep_leaders()
+            self._changes.keep_leaders()
         self._external.before_control()
         started_s = self._clock()
-        flight = self._pilot.control(plans, self._traffic.neighbours(self._pilot.clock, plans))
+        output = self._pilot.control(plans, self._traffic.neighbours(self._pilot.clock, plans))
         self._solve.add(self._clock() - started_s)
         # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
         publish_first, publish_then = self._publish_command, self._publish_plan
         if not self._pilot.guidance.follows:
             publish_first, publish_then = publish_then, publish_first
-        publish_first(flight)
-        publish_then(flight)
+        publish_first(output)
+        publish_then(output)
         self._external.after_control()
         if self._said is not None and self._traffic.due():
-            self._traffic.tend(self._said, self._neighbours.statuses())
+            self._traffic.tend(self._said, self._peers.statuses())
 
-    def _publish_command(self, flight: ControlOutput) -> None:
-        sequence = self._sequence + self._pilot.sequence
-        command = command_message(self._settings, self._pilot, flight, sequence)
+    def _publish_command(self, output: ControlOutput) -> None:
+        sequence = self._first_sequence + self._pilot.sequence
+        command = command_message(self._settings, self._pilot, output, sequence)
         self._session.publish(channels.COMMAND, self._settings.vehicle, command)
 
-    def _publish_plan(self, flight: ControlOutput) -> None:
-        plan = plan_message(self._settings, self._pilot, flight, self._leaders)
+    def _publish_plan(self, output: ControlOutput) -> None:
+        plan = plan_message(self._settings, self._pilot, output, self._plans)
         self._session.publish(channels.PLAN, self._settings.vehicle, plan)
 
-    def _recall(self) -> AgentStatus | None:
-        try:
-            reply = self._session.request(self._settings.vehicle, Recall(), timeout_s=0.2, patience_s=0.0)
-        except RequestFailedError:
-            return None
-        return reply.status if isinstance(reply, RecallReply) else None
-
     def _report(self) -> None:
+        """Publish status and intent; between them leaders are given the limits their followers leave them."""
         now_s = self._clock()
-        self._status_at_s = now_s + STATUS_PERIOD_S
-        others = {name: status.following for name, status in self._neighbours.statuses().items()}
-        self._authority.tend(self._pilot.controller, self._tuning.configuration.controller_settings, others)
-        rejected = {f"pose.{kind}": count for kind, count in self._poses.rejected.items()}
-        rejected |= {f"applied.{kind}": count for kind, count in self._applied.rejected.items()}
-        rejected |= {f"external_input.{kind}": count for kind, count in self._answers.rejected.items()}
-        rejected |= self._leaders.counts() | self._traffic.counts()
-        decisions = self._lost.events + self._external.events
-        decisions += self._desk.leading.events + self._desk.leading.regrouping.events
-        status = status_message(
-            self._tuning.configuration, self._pilot, self._pacing, self._solve,
-            self._poses.age_s(now_s), self._leaders.plan_age_s(now_s, self._followed()), rejected,
-            self._realtime, self._lost.following_mode, decisions, self._external.client,
-        )  # fmt: skip
-        self._said = status
-        self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, status)
+        self._report_at_s = now_s + REPORT_PERIOD_S
+        links = {name: status.following for name, status in self._peers.statuses().items()}
+        self._limit_scaling.tend(
+            self._pilot.controller, self._tuning.configuration.controller_settings, links
+        )
+        plan_age_s = self._plans.plan_age_s(now_s, self._followed())
+        diagnostics = self._diagnostics.collect(
+            self._observation.pose_age_s, plan_age_s, self._external.client
+        )
+        self._said = status_message(self._pilot, self._lost.following_mode, diagnostics)
+        self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, self._said)
+        self._handover.publish()
 
 
 def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
@@ -235,12 +228,3 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
             wake.wait(max(0.0, min(agent.next_s() - session.clock(), IDLE_S)))
             wake.clear()
             agent.step()
-
-
-def _frame(pose: Pose) -> StampedMeasurement:
-    measurement = None
-    if pose.position_m is not None and pose.quaternion_xyzw is not None:
-        x, y, z, w = pose.quaternion_xyzw
-        yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        measurement = Measurement(np.array(pose.position_m), yaw_rad)
-    return StampedMeasurement(pose.epoch, pose.frame, pose.period_s, measurement)

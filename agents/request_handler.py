@@ -6,22 +6,18 @@ from typing import Any
 import numpy as np
 
 from agents.external_control import ExternalControl
-from agents.following.leader_plans import LeaderPlans
-from agents.following.links import followed_leader, target_link
+from agents.following.leader_changes import LeaderChanges, reply_of
+from agents.following.links import target_link
 from agents.following.peers import PeerStatuses
-from agents.following.requests import LeaderRequests, reply_of
 from agents.formation.limit_scaling import turn_limits_of
 from agents.formation.placement import Room, move_problem, take_off_problem
 from agents.formation.present import formation_of
 from agents.formation.topology import FormationGraph, followers, places
 from agents.interfaces import AvoidsObstacles
-from agents.phases import Phase
 from agents.pilot import Pilot
 from agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from agents.settings import AgentSettings
 from agents.tuning.changes import Tuning
-from agents.tuning.configuration import Configuration
-from bus.messages import AgentStatus
 from bus.requests import (
     CommitLeaders,
     Fly,
@@ -55,15 +51,11 @@ class RequestHandler:
 
     Parameters
     ----------
-    settings, pilot, leaders, neighbours, tuning, external
+    settings, pilot, room, changes, peers, tuning, external
         The agent's own.
-    clock
-        Monotonic clock [s].
 
     Attributes
     ----------
-    leading
-        What concerns the leaders.
     verbs
         Requests that an agent serves.
     """
@@ -72,22 +64,20 @@ class RequestHandler:
         self,
         settings: AgentSettings,
         pilot: Pilot,
-        leaders: LeaderPlans,
-        neighbours: PeerStatuses,
+        room: Room,
+        changes: LeaderChanges,
+        peers: PeerStatuses,
         tuning: Tuning,
         external: ExternalControl,
-        clock: Callable[[], float],
     ) -> None:
         self._settings = settings
         self._pilot = pilot
         self._tuning = tuning
         self._external = external
         self._tuned_by: Incoming | None = None
-        self._room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
-        self.leading = LeaderRequests(
-            settings.vehicle, settings.vehicles, self._room, pilot, leaders, neighbours, clock
-        )
-        self._neighbours = neighbours
+        self._room = room
+        self._changes = changes
+        self._peers = peers
         self._at_once: dict[type[Request], Callable[[Any], Decision]] = {
             TakeOff: self._take_off,
             Land: self._land,
@@ -96,12 +86,12 @@ class RequestHandler:
             Lead: self._lead,
             TakeControl: self._take_control,
             ReleaseControl: lambda request: (self._external.release(request.source), ""),
-            CommitLeaders: lambda request: (self.leading.commit(request), ""),
+            CommitLeaders: lambda request: (self._changes.commit(request), ""),
             WithdrawLeaders: self._withdraw,
         }
         self._later: dict[type[Request], Callable[[Incoming, Any], None]] = {
-            Follow: self.leading.wait,
-            PrepareLeaders: self.leading.wait,
+            Follow: self._changes.wait,
+            PrepareLeaders: self._changes.wait,
             Tune: self._tune,
         }
         self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
@@ -131,30 +121,6 @@ class RequestHandler:
             )
             self._tuned_by = None
         return True
-
-    def resume(self, status: AgentStatus) -> None:
-        """Take over the task of an earlier process of this agent."""
-        self._restore(status)
-        guidance = self._pilot.guidance
-        guidance.assigned = tuple(
-            followed_leader(following) for following in status.assigned or status.following
-        )
-        # An offset on its way to its target begins its way anew, from where the vehicle is then.
-        guidance.follow_instead(guidance.assigned)
-        self.leading.keep_leaders()
-        if status.phase == Phase.LANDING:
-            guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
-        elif not guidance.assigned and not status.path_left_s:
-            # Of a trajectory only its end is known: the vehicle holds the place where it is.
-            guidance.go_to(np.array(status.set_point.position_m), status.set_point.yaw_rad)
-
-    def _restore(self, status: AgentStatus) -> None:
-        """Go on with what was tuned before."""
-        wanted = Configuration(
-            status.controller, status.estimator, status.controller_settings, status.estimator_settings
-        )
-        if wanted != self._tuning.configuration and not self._tuning.busy:
-            self._tuning.begin(wanted)
 
     def _tune(self, incoming: Incoming, request: Tune) -> None:
         refusal = self._tuning_problem(request)
@@ -191,7 +157,7 @@ class RequestHandler:
             self._pilot.estimate.motion[:3],
             request.height_m,
             tuple(target_link(link) for link in guidance.assigned),
-            self._neighbours.statuses(),
+            self._peers.statuses(),
             self._room,
         )
         return problem or self._pilot.take_off(request.height_m), ""
@@ -202,7 +168,7 @@ class RequestHandler:
     def _go_to(self, request: GoTo) -> Decision:
         position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
         problem = (
-            self.leading.promised()
+            self._changes.promised()
             or self._room.outside(position_m)
             or self._formation_problem(np.array([[*position_m, yaw_rad]]))
         )
@@ -214,7 +180,7 @@ class RequestHandler:
 
     def _fly(self, request: Fly) -> Decision:
         guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
-        problem = self.leading.promised() or guidance.flight_problem()
+        problem = self._changes.promised() or guidance.flight_problem()
         if problem is not None:
             return problem, ""
         present = guidance.source.sample(time_s, 1.0, 1).samples[0]
@@ -233,24 +199,24 @@ class RequestHandler:
 
     def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
         """Who follows whom, and where heads are, by what the others say of themselves."""
-        return formation_of(self._neighbours.statuses(), flying=(self._settings.vehicle,))
+        return formation_of(self._peers.statuses(), flying=(self._settings.vehicle,))
 
     def _formation_problem(self, samples: Array) -> str | None:
         """Who of those that follow would leave the volume, or come too close to somebody not avoided."""
         own = self._settings.vehicle
         links, heads = self._formation()
         strangers = {}
-        if self._settings.clearance is None or not isinstance(self._pilot.controller, AvoidsObstacles):
+        if self._settings.separation is None or not isinstance(self._pilot.controller, AvoidsObstacles):
             moved = {own, *followers(links, own)}
             strangers = {name: at for name, at in places(links, heads).items() if name not in moved}
         return move_problem(own, samples, links, self._room, strangers)
 
     def _lead(self, _: Lead) -> Decision:
-        self.leading.lead()
+        self._changes.lead()
         return None, f"{self._settings.vehicle} follows nobody"
 
     def _withdraw(self, request: WithdrawLeaders) -> Decision:
-        self.leading.withdraw(request)
+        self._changes.withdraw(request)
         return None, ""
 
     def _take_control(self, request: TakeControl) -> Decision:

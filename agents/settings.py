@@ -26,7 +26,7 @@ class AgentSettings:
         Names of all vehicles of the fleet.
     volume_min_m, volume_max_m
         Flight volume, inertial frame; set points outside are refused.
-    share
+    limit_scale
         Share of its limits it plans with at the start; leaders leave their followers authority.
     models
         All vehicles of the fleet by name, to know what followers can do.
@@ -36,8 +36,8 @@ class AgentSettings:
         Offsets that bring vehicles closer together are refused; None for no limit.
     succession
         What to do about lost leaders.
-    clearance
-        What is kept clear of other vehicles; None for no avoidance.
+    separation
+        Ellipsoid around a vehicle that no other one is to enter; None for no avoidance.
     """
 
     bus: BusAddress
@@ -53,13 +53,13 @@ class AgentSettings:
     controller_settings: Mapping[str, object] = field(default_factory=dict)
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     following: tuple[LeaderLink, ...] = ()
-    share: LimitScale = FULL_LIMITS
+    limit_scale: LimitScale = FULL_LIMITS
     models: Mapping[str, Model] = field(default_factory=dict)
     realtime_priority: int = 0
     leader_wait_s: float = 0.002
     minimum_distance_m: float | None = 0.3
     succession: Succession = field(default_factory=Succession)
-    clearance: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
+    separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
 
     @property
     def configuration(self) -> Configuration:

@@ -2,18 +2,31 @@
 
 import os
 from collections import Counter
-from collections.abc import Mapping
-
-import msgspec
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
 
 from agents.following.leader_plans import LeaderPlans
 from agents.following.links import present_link, target_link
 from agents.pacing import Pacing, SolveTimer
 from agents.pilot import ControlOutput, Pilot
 from agents.settings import AgentSettings
-from agents.tuning.configuration import Configuration
-from bus.messages import AgentStatus, Command, FloatArray, LeaderLink, Plan, SetPoint, Setting
+from agents.tuning.changes import Tuning
+from bus.messages import AgentStatus, Command, Diagnostics, FloatArray, LeaderLink, Plan, SetPoint
 from vehicles.state import YAW, Array, heading_matrix
+
+
+class Source(Protocol):
+    """A part of an agent that counts what happens to it."""
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """Fallbacks and decisions since the start, by kind."""
+        ...
+
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """Messages refused since the start, by topic and reason."""
+        ...
 
 
 def command_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, sequence: int) -> Command:
@@ -55,63 +68,91 @@ def _following(pilot: Pilot) -> tuple[LeaderLink, ...]:
     return tuple(present_link(link, pilot.clock.time_s) for link in pilot.guidance.followed)
 
 
-def status_message(
-    configuration: Configuration,
-    pilot: Pilot,
-    pacing: Pacing,
-    solve: SolveTimer,
-    pose_age_s: float | None,
-    plan_age_s: float | None,
-    rejected: Mapping[str, int],
-    realtime: bool,
-    following_mode: str,
-    decisions: Counter[str],
-    client: str,
-) -> AgentStatus:
-    """What the agent says of itself."""
-    times = solve.times()
+def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) -> AgentStatus:
+    """What the vehicle does."""
     position, yaw_rad = pilot.guidance.set_point()
-    seen = pilot.clock.started
-    motion = pilot.estimate.motion if seen else None
-    events = getattr(pilot.estimator, "events", {})
+    motion = pilot.estimate.motion if pilot.clock.started else None
     return AgentStatus(
         phase=pilot.guidance.phase.value,
-        controller=configuration.controller,
-        estimator=configuration.estimator,
-        controller_settings=in_message(configuration.controller_settings),
-        estimator_settings=in_message(configuration.estimator_settings),
-        horizon=pilot.controller.horizon,
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
         set_point=SetPoint(position_m=_three(position), yaw_rad=yaw_rad),
         following=_following(pilot),
+        assigned=tuple(target_link(link) for link in pilot.guidance.assigned),
+        following_mode=following_mode,
         position_m=None if motion is None else _three(motion[:3]),
         velocity_m_s=None if motion is None else _inertial_velocity(motion),
         yaw_rad=None if motion is None else float(motion[YAW]),
-        pose_age_s=pose_age_s,
-        plan_age_s=plan_age_s,
-        ticks=pacing.ticks,
-        missed_ticks=pacing.missed_ticks,
-        solve_ms_p50=times.p50,
-        solve_ms_p99=times.p99,
-        solve_ms_max=times.maximum,
-        fallbacks=dict(pilot.fallbacks + pilot.guidance.events + decisions),
-        estimator_events=dict(events),
-        rejected=dict(rejected),
-        realtime=realtime,
-        process=os.getpid(),
-        assigned=tuple(target_link(link) for link in pilot.guidance.assigned),
-        following_mode=following_mode,
-        client=client,
-        avoiding_ticks=pilot.avoiding_ticks,
-        closest_plan_m=pilot.closest_m,
         path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
+        diagnostics=diagnostics,
     )
 
 
-def in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
-    """Settings as they travel: numbers, words and rows of numbers."""
-    return msgspec.convert(dict(settings), dict[str, Setting])
+class DiagnosticsCollector:
+    """Puts together how well an agent works.
+
+    Parameters
+    ----------
+    pilot, tuning, pacing, solve
+        The agent's own.
+    sources
+        All parts of the agent that count what happens to them.
+    realtime
+        Whether the process runs in a real-time scheduling class.
+    """
+
+    def __init__(
+        self,
+        pilot: Pilot,
+        tuning: Tuning,
+        pacing: Pacing,
+        solve: SolveTimer,
+        sources: Sequence[Source],
+        realtime: bool,
+    ) -> None:
+        self._pilot = pilot
+        self._tuning = tuning
+        self._pacing = pacing
+        self._solve = solve
+        self._sources = sources
+        self._realtime = realtime
+
+    def collect(self, pose_age_s: float | None, plan_age_s: float | None, client: str) -> Diagnostics:
+        """Present figures; ages of the newest pose and plan, and the external program that flies, if any."""
+        pilot, times = self._pilot, self._solve.times()
+        configuration = self._tuning.configuration
+        return Diagnostics(
+            controller=configuration.controller,
+            estimator=configuration.estimator,
+            horizon=pilot.controller.horizon,
+            client=client,
+            pose_age_s=pose_age_s,
+            plan_age_s=plan_age_s,
+            ticks=self._pacing.ticks,
+            missed_ticks=self._pacing.missed_ticks,
+            solve_ms_p50=times.p50,
+            solve_ms_p99=times.p99,
+            solve_ms_max=times.maximum,
+            fallbacks=_summed(source.events for source in self._sources),
+            estimator_events=dict(getattr(pilot.estimator, "events", {})),
+            rejected=_summed(source.rejected for source in self._sources),
+            avoiding_ticks=pilot.avoiding_ticks,
+            closest_plan_m=pilot.closest_m,
+            realtime=self._realtime,
+            process=os.getpid(),
+        )
+
+
+def prefixed(topic: str, counts: Mapping[str, int]) -> dict[str, int]:
+    """Counts of refused messages by topic and reason."""
+    return {f"{topic}.{kind}": count for kind, count in counts.items()}
+
+
+def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
+    total: Counter[str] = Counter()
+    for each in counts:
+        total.update(each)
+    return dict(total)
 
 
 def _three(values: Array) -> tuple[float, float, float]:

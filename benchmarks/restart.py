@@ -209,7 +209,7 @@ def _counts(fleet: Fleet, name: str) -> dict[str, int]:
     state = fleet.state_of(name)
     found: dict[str, int] = {}
     if isinstance(state.agent, AgentStatus):
-        found |= {f"agent {kind}": count for kind, count in state.agent.fallbacks.items()}
+        found |= {f"agent {kind}": count for kind, count in state.agent.diagnostics.fallbacks.items()}
     if isinstance(state.transmitter, TransmitterStatus):
         found |= {
             f"transmitter {kind}": count

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
 from bus import messages
+from bus.intent import Intent
 from bus.messages import Message
 
 M = TypeVar("M", bound=Message)
@@ -91,7 +92,11 @@ EXTERNAL_INPUT: Final = Channel(
 )  # fmt: skip
 AGENT_STATUS: Final = Channel(
     "status", messages.AgentStatus, "vehicle", "agent", 5, 1.0, DATA_LOW, True,
-    "phase, references, solver times and every fallback of an agent",
+    "what a vehicle does; solver times and every fallback of its agent",
+)  # fmt: skip
+INTENT: Final = Channel(
+    "intent", Intent, "vehicle", "agent", 5, 3.0, DATA_LOW, True,
+    "task and configuration of an agent, for its successor",
 )  # fmt: skip
 TRANSMITTER_STATUS: Final = Channel(
     "transmitter", messages.TransmitterStatus, "vehicle", "transmitter_gateway", 5, 1.0, DATA_LOW, True,
@@ -115,7 +120,7 @@ KILL: Final = Channel(
 )  # fmt: skip
 
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
-    POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, TRANSMITTER_STATUS,
+    POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT, TRANSMITTER_STATUS,
     TRACKER_STATUS, LABORATORY, LAUNCHER, KILL,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows
 

@@ -266,22 +266,14 @@ class ExternalInput(Message, frozen=True, kw_only=True):
         self.inputs.check("inputs", 4, MAX_STAGES, 1)
 
 
-class AgentStatus(Message, frozen=True, kw_only=True):
-    """What an agent does and how well, for people, recorders and its own successor after a restart."""
+class Diagnostics(Struct, frozen=True, kw_only=True):
+    """How well an agent works, for people and recorders; nothing is decided by it."""
 
-    phase: Name
     controller: Name
     estimator: Name
     horizon: Count
-    epoch: Count
-    frame: Count
-    set_point: SetPoint
-    following: tuple[LeaderLink, ...] = ()
-    """Leaders; empty for a vehicle that follows nobody."""
-    position_m: Three | None = None
-    velocity_m_s: Three | None = None
-    yaw_rad: float | None = None
-    reference_position_m: Three | None = None
+    client: Text = ""
+    """External program that flies the vehicle; empty while its own controller does."""
     pose_age_s: Seconds | None = None
     plan_age_s: Seconds | None = None
     """Age of the leader's plan at the last step."""
@@ -292,30 +284,40 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     solve_ms_p99: Seconds = 0.0
     solve_ms_max: Seconds = 0.0
     fallbacks: dict[str, Count] = {}
-    """Steps that were not the optimum, by kind."""
+    """Steps that were not the optimum and other departures from the plan, by kind."""
     estimator_events: dict[str, Count] = {}
     rejected: dict[str, Count] = {}
     """Refused messages by topic and reason."""
-    realtime: bool = False
-    """The process runs in a real-time scheduling class."""
-    process: Count = 0
-    """Process id."""
-    assigned: tuple[LeaderLink, ...] = ()
-    """Leaders by fleet file or request, with the offsets to be reached. `following` is what happens now."""
-    following_mode: Name = "follow"
-    """`follow`, and while the assigned leaders are lost `use_last_plan`, `hold`, `lead`, `follow_successor`
-    or `land`."""
-    controller_settings: Settings = {}
-    """Settings that the fleet file or a request has given; all others have their defaults."""
-    estimator_settings: Settings = {}
-    path_left_s: Seconds = 0.0
-    """Time until the trajectory ends that the vehicle flies; 0 without one."""
-    client: Text = ""
-    """Program outside that flies the vehicle; empty while its own controller does."""
     avoiding_ticks: Count = 0
     """Control periods in which the plan was held off that of another vehicle."""
     closest_plan_m: Annotated[float, Meta(ge=0)] | None = None
     """Smallest distance predicted to a vehicle whose plan was heard."""
+    realtime: bool = False
+    """The process runs in a real-time scheduling class."""
+    process: Count = 0
+    """Process id."""
+
+
+class AgentStatus(Message, frozen=True, kw_only=True):
+    """What a vehicle does: what others coordinate by, and apart from it what people read."""
+
+    phase: Name
+    epoch: Count
+    frame: Count
+    set_point: SetPoint
+    following: tuple[LeaderLink, ...] = ()
+    """Leaders now, with the offsets of this moment; empty for a vehicle that follows nobody."""
+    assigned: tuple[LeaderLink, ...] = ()
+    """Leaders by fleet file or request, with the offsets to be reached."""
+    following_mode: Name = "follow"
+    """`follow`, and while the assigned leaders are lost `use_last_plan`, `hold`, `lead`, `follow_successor`
+    or `land`."""
+    position_m: Three | None = None
+    velocity_m_s: Three | None = None
+    yaw_rad: float | None = None
+    path_left_s: Seconds = 0.0
+    """Time until the trajectory ends that the vehicle flies; 0 without one."""
+    diagnostics: Diagnostics
 
 
 class TransmitterStatus(Message, frozen=True, kw_only=True):

@@ -8,10 +8,10 @@ from typing import Annotated, ClassVar, Final
 
 from msgspec import Meta, Struct
 
+from bus.intent import Intent
 from bus.messages import (
     KNOT_COLUMNS,
     MAX_KNOTS,
-    AgentStatus,
     Applied,
     FloatArray,
     InvalidMessageError,
@@ -175,14 +175,15 @@ class StopVehicle(Request, frozen=True, kw_only=True):
 
 
 class Recall(Request, frozen=True, kw_only=True):
-    """What did the agent of this vehicle last say of itself? Asked by an agent that restarts."""
+    """What did the agent of this vehicle mean to do? Asked by an agent that restarts."""
 
 
 class RecallReply(Reply, frozen=True, kw_only=True):
-    """Last status of the previous agent process."""
+    """Last intent of the previous agent process."""
 
-    status: AgentStatus | None = None
+    intent: Intent | None = None
     age_s: Seconds = 0.0
+    """Time since it became known."""
 
 
 class RecallTransmitter(Request, frozen=True, kw_only=True):
@@ -252,7 +253,7 @@ VERBS: Final = {
         Verb("withdraw_leaders", "agent", WithdrawLeaders, "forget the prepared leaders"),
         Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part"),
         Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave"),
-        Verb("recall", "launcher", Recall, "last status of the vehicle's previous agent", RecallReply),
+        Verb("recall", "launcher", Recall, "last intent of the vehicle's previous agent", RecallReply),
         Verb(
             "recall_transmitter",
             "launcher",

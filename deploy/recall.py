@@ -33,9 +33,7 @@ class RecallService:
         self._wake = threading.Event()
         self._stopping = False
         self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
-        self._statuses = {
-            vehicle: self._session.subscribe(channels.AGENT_STATUS, vehicle) for vehicle in agents
-        }
+        self._intents = {vehicle: self._session.subscribe(channels.INTENT, vehicle) for vehicle in agents}
         # Fifty messages a second and vehicle: they wake nobody and are read only when somebody asks.
         self._applied = self._session.subscribe_all(channels.APPLIED, waking=False)
         self._transmitters = self._session.subscribe_all(channels.TRANSMITTER_STATUS, waking=False)
@@ -57,11 +55,11 @@ class RecallService:
                     incoming.answer(self._recall_transmitter(incoming.unit))
 
     def _recall(self, vehicle: str) -> RecallReply:
-        received = self._statuses[vehicle].latest()
+        received = self._intents[vehicle].latest()
         if received is None:
             return RecallReply(accepted=False, reason=f"{vehicle} has not reported anything yet")
         age_s = max(0.0, self._session.clock() - received.arrived_s)
-        return RecallReply(accepted=True, status=received.message, age_s=age_s)
+        return RecallReply(accepted=True, intent=received.message, age_s=age_s)
 
     def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
         applied = _newest(self._applied.inboxes.get(vehicle))

@@ -191,7 +191,9 @@ def controllers_flown(name: str, *controllers: str) -> Check:
     """Controllers of a vehicle in order."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
-        flown = [key for key, _ in groupby(status.controller for status in figures.statuses(name))]
+        flown = [
+            key for key, _ in groupby(status.diagnostics.controller for status in figures.statuses(name))
+        ]
         return flown == list(controllers), flown
 
     return Check(f"{name} flies with {', '.join(controllers)}", judge)
@@ -201,7 +203,7 @@ def agents_started_again(name: str, times: int = 1) -> Check:
     """How many agent processes a vehicle had, beside the first."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
-        processes = {status.process for status in figures.statuses(name)}
+        processes = {status.diagnostics.process for status in figures.statuses(name)}
         return len(processes) == times + 1, len(processes) - 1
 
     return Check(f"the agent of {name} was started again {times} time(s)", judge)

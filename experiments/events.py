@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from agents.controllers.registry import CONTROLLERS
-from agents.flight.guidance import LeaderPlan
+from agents.flight.followed import LeaderPlan
 from agents.following.links import followed_leader
 from agents.pilot import Pilot
 from agents.references.paths import FlightPath

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.guidance import LeaderPlan
+from agents.flight.followed import LeaderPlan
 from agents.following.links import target_link
 from agents.formation.limit_scaling import limit_scale_of, turn_limits_of
 from agents.formation.topology import leaders_of, places
@@ -207,8 +207,8 @@ class Rig:
             controller_settings=vehicle.controller_settings,
             estimator_settings=vehicle.estimator_settings,
             following=vehicle.following,
-            share=share,
-            clearance=self._options.clearance,
+            limit_scale=share,
+            separation=self._options.clearance,
         )
 
     def _frames_per_period(self, vehicle: RigVehicle) -> int:

@@ -57,15 +57,15 @@ def _row(state: VehicleState) -> Iterable[Text | str]:
     if agent is None:
         yield from ("-",) * (len(COLUMNS) - 4)
         return
-    yield agent.controller
+    yield agent.diagnostics.controller
     yield ", ".join(state.leaders) or "-"
     yield "-" if agent.position_m is None else " ".join(f"{value:6.2f}" for value in agent.position_m)
     yield "-" if state.error_m is None else f"{1000 * state.error_m:.0f}"
-    yield _milliseconds(agent.pose_age_s if state.seen_age_s is None else state.seen_age_s)
+    yield _milliseconds(agent.diagnostics.pose_age_s if state.seen_age_s is None else state.seen_age_s)
     yield _milliseconds(None if transmitter is None else transmitter.command_age_s)
-    yield f"{agent.solve_ms_p50:.2f} / {agent.solve_ms_p99:.2f}"
-    yield str(agent.missed_ticks)
-    counts = Counter(agent.fallbacks) + Counter(agent.rejected)
+    yield f"{agent.diagnostics.solve_ms_p50:.2f} / {agent.diagnostics.solve_ms_p99:.2f}"
+    yield str(agent.diagnostics.missed_ticks)
+    counts = Counter(agent.diagnostics.fallbacks) + Counter(agent.diagnostics.rejected)
     counts += Counter({} if transmitter is None else transmitter.rejected)
     yield Text(", ".join(f"{kind} {count}" for kind, count in counts.items()) or "-")
 

@@ -14,6 +14,7 @@ from bus import channels
 from bus.messages import (
     AgentStatus,
     Applied,
+    Diagnostics,
     LaboratoryState,
     LaboratoryVehicle,
     LeaderLink,
@@ -204,7 +205,7 @@ class FlightFigures:
 
     def vehicle(self, name: str) -> dict[str, Any]:
         """The report's table of one vehicle."""
-        status = self._status[name]
+        status = [status.diagnostics for status in self._status[name]]
         table: dict[str, Any] = {
             "formation_error_mm": rms_and_max(self.formation_error_m(name)),
             "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
@@ -243,11 +244,11 @@ def _yaw_rad(quaternion_xyzw: Sequence[float]) -> float:
 
 
 def _growth(
-    statuses: Sequence[AgentStatus], counts: Callable[[AgentStatus], Mapping[str, int]]
+    figures: Sequence[Diagnostics], counts: Callable[[Diagnostics], Mapping[str, int]]
 ) -> Counter[str]:
     """How far counters grew during a recording; an agent that was started again counts from zero."""
     grown: Counter[str] = Counter()
-    for before, after in pairwise(statuses):
+    for before, after in pairwise(figures):
         base = counts(before) if before.process == after.process else {}
         grown.update({kind: count - base.get(kind, 0) for kind, count in counts(after).items()})
     return +grown

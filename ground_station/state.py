@@ -81,8 +81,8 @@ class VehicleState:
         found = []
         if self.agent is None or self.agent_age_s is None or self.agent_age_s > stale_s:
             found.append(f"{self.name}: agent not responding{_since(self.agent_age_s)}")
-        elif self.agent.pose_age_s is None or self.agent.pose_age_s > stale_s:
-            found.append(f"{self.name}: no pose{_since(self.agent.pose_age_s)}")
+        elif self.agent.diagnostics.pose_age_s is None or self.agent.diagnostics.pose_age_s > stale_s:
+            found.append(f"{self.name}: no pose{_since(self.agent.diagnostics.pose_age_s)}")
         elif self.seen_age_s is None or self.seen_age_s > stale_s:
             found.append(f"{self.name}: the motion capture does not see it{_since(self.seen_age_s)}")
         if self.transmitter is None or self.transmitter_age_s is None or self.transmitter_age_s > stale_s:

@@ -85,31 +85,32 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
     agent = state.agent
     if agent is None:
         return None
+    figures = agent.diagnostics
     return {
         "age_s": _rounded(state.agent_age_s),
-        "controller": agent.controller,
-        "estimator": agent.estimator,
-        "horizon": agent.horizon,
+        "controller": figures.controller,
+        "estimator": figures.estimator,
+        "horizon": figures.horizon,
         "following": [_link(link) for link in agent.following],
         "assigned": [_link(link) for link in agent.assigned],
         "following_mode": agent.following_mode,
-        "client": agent.client or None,
+        "client": figures.client or None,
         "path_left_s": agent.path_left_s,
         "set_point": {"position_m": list(agent.set_point.position_m), "yaw_rad": agent.set_point.yaw_rad},
         "position_m": None if agent.position_m is None else list(agent.position_m),
         "velocity_m_s": None if agent.velocity_m_s is None else list(agent.velocity_m_s),
         "yaw_rad": agent.yaw_rad,
-        "plan_age_s": _rounded(agent.plan_age_s),
-        "ticks": agent.ticks,
-        "missed_ticks": agent.missed_ticks,
-        "solve_ms": {"p50": agent.solve_ms_p50, "p99": agent.solve_ms_p99, "max": agent.solve_ms_max},
-        "fallbacks": dict(agent.fallbacks),
-        "avoiding_ticks": agent.avoiding_ticks,
-        "closest_plan_m": agent.closest_plan_m,
-        "estimator_events": dict(agent.estimator_events),
-        "rejected": dict(agent.rejected),
-        "realtime": agent.realtime,
-        "process": agent.process,
+        "plan_age_s": _rounded(figures.plan_age_s),
+        "ticks": figures.ticks,
+        "missed_ticks": figures.missed_ticks,
+        "solve_ms": {"p50": figures.solve_ms_p50, "p99": figures.solve_ms_p99, "max": figures.solve_ms_max},
+        "fallbacks": dict(figures.fallbacks),
+        "avoiding_ticks": figures.avoiding_ticks,
+        "closest_plan_m": figures.closest_plan_m,
+        "estimator_events": dict(figures.estimator_events),
+        "rejected": dict(figures.rejected),
+        "realtime": figures.realtime,
+        "process": figures.process,
     }
 
 

@@ -3,14 +3,17 @@
 Requests change the task; the guidance turns the task into a reference over the horizon.
 """
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from agents.flight.followed import FollowedLeader, LeaderPlan, offset_between
+from agents.flight.task import Task
 from agents.flight.touchdown import Touchdown
-from agents.formation.law import FormationOffset, OffsetTransition, combined_reference, follower_reference
+from agents.formation.law import combined_reference, follower_reference
 from agents.interfaces import Estimate
 from agents.phases import AIRBORNE, Event, Phase, next_phase
 from agents.references.paths import FlightPath
@@ -24,6 +27,7 @@ from agents.references.set_points import (
     TurnLimits,
 )
 from agents.references.trajectory import Trajectory
+from agents.references.turns import on_turn_of
 from vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6
@@ -32,52 +36,8 @@ LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
 SHORTEST_TRANSITION_S = 0.5
 """Of an offset, unless a request says otherwise: also a small error is not taken back at once."""
-
-
-@dataclass(frozen=True, slots=True)
-class LeaderPlan:
-    """A leader's plan on this vehicle's clock.
-
-    Attributes
-    ----------
-    trajectory
-        The plan.
-    ahead_s
-        Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
-        compensation makes it negative for a plan of the same frame.
-    followable
-        Whether the leader is in free flight.
-    """
-
-    trajectory: Trajectory
-    ahead_s: float
-    followable: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class FollowedLeader:
-    """One leader, and the offset on its way to where it shall be."""
-
-    leader: str
-    target: FormationOffset
-    weight: float = 1.0
-    start: FormationOffset | None = None
-    start_s: float = 0.0
-    duration_s: float = 0.0
-
-    def course(self, time_s: float) -> FormationOffset | OffsetTransition:
-        """Offset from a time on: at rest, or on its way to the target."""
-        if self.start is None or time_s >= self.start_s + self.duration_s:
-            return self.target
-        return OffsetTransition(self.start, self.target, time_s - self.start_s, self.duration_s)
-
-    def offset_at(self, time_s: float) -> FormationOffset:
-        """Offset of a moment."""
-        course = self.course(time_s)
-        if isinstance(course, FormationOffset):
-            return course
-        value = course.sampled(1.0, 1)[0][0]
-        return FormationOffset(value[:3], float(value[3]), self.target.frame)
+RESTORED_PATIENCE_S = 0.3
+"""After a restart offsets stay on their way for so long without a leader's plan: the first one is coming."""
 
 
 class Guidance:
@@ -101,6 +61,7 @@ class Guidance:
         self.events: Counter[str] = Counter()
         self.plan_limit_s = plan_limit_s
         self._touchdown = Touchdown()
+        self._restored_at_s = -math.inf
         self._landing_interrupted = False
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
@@ -254,6 +215,35 @@ class Guidance:
         """Follow the assigned leaders again, smoothly from the present place."""
         self.follow_instead(self.assigned)
 
+    def task(self) -> Task:
+        """Everything that was asked of the vehicle, for a successor."""
+        return Task(
+            self.phase, self.source, self.followed, self.assigned, self._joined, self._touchdown.floor_m
+        )
+
+    def restore(self, task: Task, estimate: Estimate, time_s: float) -> None:
+        """Go on with the task of a predecessor; this vehicle has just been found in the air.
+
+        Parameters
+        ----------
+        task
+            What the predecessor was doing, its times on this guidance's clock.
+        estimate
+            Present estimate.
+        time_s
+            Present fleet time.
+        """
+        self.assigned = task.assigned
+        self.followed, self._joined = task.followed, task.joined
+        if task.phase not in AIRBORNE:
+            return
+        self._touchdown.floor_m = task.floor_m
+        self._restored_at_s = time_s
+        if task.phase is Phase.LANDING:
+            self.land(estimate, time_s)
+        if self.phase is not Phase.LANDING or isinstance(task.source, PathReference):
+            self.source = task.source
+
     def _begin_transitions(
         self,
         plans: Mapping[str, LeaderPlan],
@@ -268,7 +258,7 @@ class Guidance:
                 begun.append(link)
                 continue
             now = plan.trajectory.resampled(plan.ahead_s, plan.trajectory.period_s, 1)
-            start = _offset_between(now, estimate, link.target)
+            start = offset_between(now, estimate, link.target)
             distance_m = float(np.linalg.norm(start.position_m - link.target.position_m))
             duration_s = max(SHORTEST_TRANSITION_S, PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S)
             duration_s = duration_s if transition_s is None else transition_s
@@ -332,7 +322,8 @@ class Guidance:
         links = [link for link in self.followed if link.leader in usable]
         if not links:
             self.events["leader_plan_missing"] += 1
-            self._joined = frozenset()
+            if time_s - self._restored_at_s > RESTORED_PATIENCE_S:
+                self._joined = frozenset()
             return None
         if self._joined != {link.leader for link in links}:
             self._begin_transitions(usable, estimate, time_s, None)
@@ -348,7 +339,7 @@ class Guidance:
             for link in links
         ]
         return combined_reference(
-            [_on_turn_of(reference, float(estimate.motion[YAW])) for reference in references],
+            [on_turn_of(reference, float(estimate.motion[YAW])) for reference in references],
             [link.weight for link in links],
         )
 
@@ -360,31 +351,6 @@ class Guidance:
         if not self._touchdown.happened(estimate.motion, reference_m, time_s):
             return False
         return self.on_event(Event.TOUCHED_DOWN, estimate)
-
-
-def _offset_between(leader: Trajectory, estimate: Estimate, like: FormationOffset) -> FormationOffset:
-    """Present relative state, in the frame of another offset."""
-    gap = estimate.motion[:3] - leader.position_m[0]
-    yaw = float(leader.yaw_rad[0])
-    if like.frame == "heading":
-        c, s = np.cos(yaw), np.sin(yaw)
-        gap = np.array([c * gap[0] + s * gap[1], -s * gap[0] + c * gap[1], gap[2]])
-    turn = 2 * np.pi
-    yaw_gap = float(estimate.motion[YAW]) - yaw - like.yaw_rad
-    return FormationOffset(gap, like.yaw_rad + yaw_gap - turn * round(yaw_gap / turn), like.frame)
-
-
-def _on_turn_of(reference: Trajectory, yaw_rad: float) -> Trajectory:
-    """Reference shifted by whole turns towards the vehicle's own heading.
-
-    Each vehicle counts its own turns, from its own start; a full turn of difference means nothing.
-    """
-    turns = round((yaw_rad - float(reference.yaw_rad[0])) / (2 * np.pi))
-    if turns == 0:
-        return reference
-    samples = reference.samples.copy()
-    samples[:, 3] += 2 * np.pi * turns
-    return Trajectory(samples, reference.period_s)
 
 
 def resting(estimate: Estimate, period_s: float, stages: int) -> Trajectory:

@@ -2,9 +2,10 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 
 from agents.flight.fleet_clock import FleetClock
-from agents.flight.guidance import LeaderPlan
+from agents.flight.followed import LeaderPlan
 from agents.references.trajectory import Trajectory
 from bus.messages import Plan
 from bus.subscription import Subscription
@@ -28,8 +29,10 @@ class LeaderPlans:
         Opens a subscription to the plan of a vehicle.
     """
 
+    events: Mapping[str, int] = MappingProxyType({})
+
     def __init__(self, vehicle: str, subscribe: Callable[[str], Subscription[Plan]]) -> None:
-        self.rejected: Counter[str] = Counter()
+        self._rejected: Counter[str] = Counter()
         self._vehicle = vehicle
         self._subscribe = subscribe
         self._inboxes: dict[str, Subscription[Plan]] = {}
@@ -41,7 +44,7 @@ class LeaderPlans:
             self._inboxes[name] = self._subscribe(name)
         for name in self._inboxes.keys() - wanted:
             inbox = self._inboxes.pop(name)
-            self.rejected.update({f"plan.{kind}": count for kind, count in inbox.rejected.items()})
+            self._rejected.update({f"plan.{kind}": count for kind, count in inbox.rejected.items()})
             inbox.close()
 
     def newest(self, name: str) -> Plan | None:
@@ -74,11 +77,11 @@ class LeaderPlans:
             if plan is None:
                 continue
             if plan.epoch != clock.epoch:
-                self.rejected["plan.epoch"] += 1
+                self._rejected["plan.epoch"] += 1
                 continue
             if self._vehicle in plan.ancestors and plan.frame >= cycles_from_frame:
                 # Two vehicles that began to follow each other at the same moment; none of them moves on.
-                self.rejected["plan.leader_cycle"] += 1
+                self._rejected["plan.leader_cycle"] += 1
                 continue
             found[name] = leader_plan(plan, clock)
         return found
@@ -101,9 +104,10 @@ class LeaderPlans:
             return (name, *plan.ancestors[: plan.ancestors.index(self._vehicle) + 1])
         return None
 
-    def counts(self) -> dict[str, int]:
+    @property
+    def rejected(self) -> Mapping[str, int]:
         """Refused plans by reason, past leaders included."""
-        total = Counter(self.rejected)
+        total = Counter(self._rejected)
         for inbox in self._inboxes.values():
             total.update({f"plan.{kind}": count for kind, count in inbox.rejected.items()})
         return dict(total)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agents.flight.guidance import FollowedLeader
+from agents.flight.followed import FollowedLeader
 from agents.formation.law import FormationOffset
 from bus.messages import LeaderLink
 

@@ -2,8 +2,9 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
-from agents.flight.guidance import FollowedLeader, LeaderPlan
+from agents.flight.followed import FollowedLeader, LeaderPlan
 from agents.flight.state import FlightState
 from agents.following.leader_plans import LeaderPlans
 from agents.following.links import followed_leader, target_link
@@ -41,6 +42,8 @@ class LostLeaders:
     clock
         Monotonic clock [s].
     """
+
+    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from agents.flight.fleet_clock import FleetClock
-from agents.flight.guidance import FollowedLeader
+from agents.flight.followed import FollowedLeader
 from bus.messages import SetPoint
 from vehicles.state import Array
 

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from agents.references.trajectory import COLUMNS, YAW
+from agents.references.turns import nearest_heading, whole_turns
 from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
 
@@ -72,8 +73,7 @@ def begun_from(path: FlightPath, present: Array, run_in_s: float) -> FlightPath:
         Time for the way.
     """
     knots = path.knots.copy()
-    turns = round((present[YAW] - knots[0, 1 + YAW]) / math.tau)
-    knots[:, 1 + YAW] += math.tau * turns
+    knots[:, 1 + YAW] += math.tau * whole_turns(float(present[YAW] - knots[0, 1 + YAW]))
     knots[:, 0] += run_in_s
     return FlightPath(np.vstack((np.concatenate(([0.0], present)), knots)))
 
@@ -82,7 +82,7 @@ def run_in_time_s(path: FlightPath, present: Array) -> float:
     """Time for a smooth way from the present reference, shape (12,), to the beginning of a path."""
     first = path.knots[0, 1:5]
     way_m = float(np.linalg.norm(first[:3] - present[:3]))
-    turn_rad = abs(math.remainder(float(first[3] - present[YAW]), math.tau))
+    turn_rad = abs(nearest_heading(float(first[3]), float(present[YAW])) - float(present[YAW]))
     speed = float(np.linalg.norm(present[4:7])) / RUN_IN_SPEED_M_S
     return max(1.0, 1.875 * way_m / RUN_IN_SPEED_M_S, 1.875 * turn_rad / RUN_IN_TURN_RAD_S, 2.0 * speed)
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.guidance import LeaderPlan
+from agents.flight.followed import LeaderPlan
 from agents.interfaces import Obstacle
 from vehicles.state import Array
 

@@ -7,12 +7,13 @@ subscribed to. They wake nobody and are decoded when a control period begins.
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from agents.flight.fleet_clock import FleetClock
-from agents.flight.guidance import LeaderPlan
+from agents.flight.followed import LeaderPlan
 from agents.following.leader_plans import leader_plan
 from agents.formation.present import formation_of
 from agents.formation.topology import places, roots
@@ -52,6 +53,8 @@ class Traffic:
     subscribe
         Opens a subscription to the plan of a vehicle, one that does not wake the loop.
     """
+
+    events: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,
@@ -141,7 +144,8 @@ class Traffic:
             name: Neighbour(plan, self._shares[name]) for name, plan in found.items() if name in self._shares
         }
 
-    def counts(self) -> dict[str, int]:
+    @property
+    def rejected(self) -> Mapping[str, int]:
         """Refused plans by reason, those of subscriptions that are closed included."""
         total = Counter(self._rejected)
         for inbox in self._inboxes.values():

@@ -119,6 +119,11 @@ class Tuning:
         self._thread = threading.Thread(target=self._prepare, args=(wanted, occasion), name="tuning")
         self._thread.start()
 
+    def restore(self, configuration: Configuration) -> None:
+        """Begin to go back to what a predecessor flew with, unless that is what flies."""
+        if configuration != self.configuration and not self.busy:
+            self.begin(configuration)
+
     def _prepare(self, wanted: Configuration, occasion: Occasion) -> None:
         try:
             model = self._pilot.model

@@ -55,16 +55,16 @@ def agent_settings(fleet: FleetFile, name: str) -> AgentSettings:
         estimator_settings=control.estimator_settings,
         leader_wait_s=control.leader_wait_s,
         following=links[name],
-        share=limit_scale_of(links, models, name),
+        limit_scale=limit_scale_of(links, models, name),
         models=models,
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
-        clearance=clearance_of(fleet),
+        separation=separation_of(fleet),
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )
 
 
-def clearance_of(fleet: FleetFile) -> SeparationEllipsoid | None:
+def separation_of(fleet: FleetFile) -> SeparationEllipsoid | None:
     """What vehicles keep clear of each other; None for no avoidance."""
     avoidance = fleet.avoidance
     return SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None

@@ -5,7 +5,8 @@ from support.flight import ExactEstimator, NotedController
 
 from agents.controllers.registry import CONTROLLERS
 from agents.estimators.registry import ESTIMATORS
-from agents.flight.guidance import FollowedLeader, Guidance
+from agents.flight.followed import FollowedLeader
+from agents.flight.guidance import Guidance
 from agents.interfaces import Measurement
 from agents.phases import Phase
 from agents.pilot import Pilot, StampedMeasurement

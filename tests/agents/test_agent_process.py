@@ -84,7 +84,7 @@ def test_a_silent_tracker_is_bridged_by_prediction_up_to_a_limit(bench: Bench) -
     bench.clock.advance(0.02)
     bench.agent.step()
     assert bench.agent._control_by_s is None
-    assert 5 <= bench.status().fallbacks["pose_extrapolated"] <= round(BLIND_LIMIT_S / 0.02)
+    assert 5 <= bench.status().diagnostics.fallbacks["pose_extrapolated"] <= round(BLIND_LIMIT_S / 0.02)
 
 
 def test_an_occluded_vehicle_is_commanded_for_a_while_and_then_left_to_its_gateway(bench: Bench) -> None:
@@ -106,7 +106,7 @@ def test_a_command_that_two_frames_at_once_left_no_time_for_is_counted_as_missed
     bench.clock.advance(0.02)
     for _ in range(2):
         bench.frame += 1
-        bench.agent._poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent._observation._poses.store(encode(bench.pose(publish=False)), bench.clock())
     bench.command_of(bench.frame)
     assert len(bench.sent) == sent + 1
     assert bench.agent._pacing.missed_ticks == missed + 1
@@ -121,12 +121,12 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
 
         def counted() -> bool:
             stranger.put(channels.key("lab", "h9", topic), b"\xc1")
-            return sum(bench.agent._poses.rejected.values()) + sum(bench.agent._applied.rejected.values()) > 0
+            return sum(bench.agent._observation.rejected.values()) > 0
 
         bench.step_until(counted, "not counted")
     bench.see()
     bench.command_of(bench.frame)
-    assert bench.status().rejected[f"{topic}.malformed"] >= 1
+    assert bench.status().diagnostics.rejected[f"{topic}.malformed"] >= 1
 
 
 def test_a_follower_waits_for_its_leaders_plan_of_the_same_frame(follower: Bench) -> None:
@@ -165,11 +165,11 @@ def test_a_plan_of_the_frame_before_is_used_after_the_deadline(follower: Bench) 
 def test_the_status_tells_task_phase_and_leaders(follower: Bench) -> None:
     follower.start()
     status = follower.status()
-    assert (status.phase, status.horizon, status.epoch) == ("flying", 8, 1)
+    assert (status.phase, status.diagnostics.horizon, status.epoch) == ("flying", 8, 1)
     assert [link.leader for link in status.following] == ["h1"]
     assert status.position_m == pytest.approx((0.0, 0.0, 1.0), abs=0.2)
-    assert status.fallbacks["leader_plan_missing"] >= 1
-    assert status.ticks > 0
+    assert status.diagnostics.fallbacks["leader_plan_missing"] >= 1
+    assert status.diagnostics.ticks > 0
 
 
 def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
@@ -192,7 +192,7 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
 def test_a_leader_plans_with_less_than_its_whole_input_range(bus_address: BusAddress) -> None:
     def most_pitch(share: float) -> float:
         settings = replace(
-            settings_of(bus_address), controller="cascade", horizon=20, share=LimitScale(4 * (share,))
+            settings_of(bus_address), controller="cascade", horizon=20, limit_scale=LimitScale(4 * (share,))
         )
         pilot = build_pilot(settings)
         estimate = pilot.estimate

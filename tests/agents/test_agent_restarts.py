@@ -1,17 +1,20 @@
 """Promises of an agent that is started again: it goes on where its predecessor was."""
 
+import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import msgspec
+import pytest
 from agent_bench import FOLLOWING, Bench, Join
 from support.bus import answering
-from support.statuses import flying_status
 from support.waiting import wait_for
 
 from agents.process import Agent, build_pilot
-from bus.messages import AgentStatus, SetPoint
+from bus import channels
+from bus.intent import Intent
+from bus.messages import SetPoint
 from bus.requests import GoTo, RecallReply
 from bus.session import BusAddress, Session
 
@@ -19,8 +22,8 @@ from bus.session import BusAddress, Session
 def test_sequences_grow_over_restarts(bench: Bench, join: Join) -> None:
     bench.start("disarmed", 0.0)
     newest = bench.sent[-1].sequence
-    successor = Agent(bench.settings, build_pilot(bench.settings), join(clock=bench.clock), realtime=False)
-    assert successor._sequence > newest - 1000
+    second = Agent(bench.settings, build_pilot(bench.settings), join(clock=bench.clock), realtime=False)
+    assert second._first_sequence > newest - 1000
 
 
 def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench: Bench) -> None:
@@ -42,38 +45,72 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
 
 
 @contextmanager
-def remembering(session: Session, status: AgentStatus) -> Iterator[None]:
-    """A launcher that remembers a status."""
+def remembering(session: Session, intent: Intent) -> Iterator[None]:
+    """A launcher that remembers an intent."""
     session.serve("h9", ["recall"])
-    with answering(session, lambda _: RecallReply(accepted=True, status=status)):
+    with answering(session, lambda _: RecallReply(accepted=True, intent=intent)):
         yield
 
 
-STATUS = flying_status(frame=90, horizon=8, set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=0.5))
+INTENT = Intent(
+    phase="flying",
+    epoch=1,
+    frame=90,
+    yaw_rad=2 * math.tau + 0.1,
+    set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=2 * math.tau + 0.5),
+    controller="paper",
+    estimator="extended_kalman",
+    controller_settings={"horizon": 50},
+)
+
+
+def successor(join: Join, address: BusAddress, intent: Intent) -> Bench:
+    """An agent whose predecessor meant to do something."""
+    with remembering(join(), intent):
+        bench = Bench(join, address)
+
+        def recalled() -> bool:
+            """The agent asked before anybody served; ask again as its successor would."""
+            if bench.agent._handover.predecessor is None:
+                bench.agent = Agent(bench.settings, bench.pilot, join(clock=bench.clock), realtime=False)
+            return bench.agent._handover.predecessor == intent
+
+        wait_for(recalled, "the launcher is not found")
+    return bench
 
 
 def test_an_agent_that_restarts_in_flight_goes_on_with_the_task_of_its_predecessor(
     join: Join, bus_address: BusAddress
 ) -> None:
-    with remembering(join(), STATUS):
-        bench = Bench(join, bus_address)
-        wait_for(lambda: recalled(bench, join), "the launcher is not found")
+    bench = successor(join, bus_address, INTENT)
     bench.start()
-    assert bench.status().set_point == STATUS.set_point
+    assert bench.status().set_point == INTENT.set_point
 
 
-def recalled(bench: Bench, join: Join) -> bool:
-    """The agent asked before anybody served; ask again as its successor would."""
-    if bench.agent._previous is None:
-        bench.agent = Agent(bench.settings, bench.pilot, join(clock=bench.clock), realtime=False)
-    return bench.agent._previous == STATUS
+def test_an_agent_that_restarts_in_flight_does_not_turn_back_whole_turns(
+    join: Join, bus_address: BusAddress
+) -> None:
+    """Its vehicle is seen at heading 0, and has turned twice."""
+    bench = successor(join, bus_address, INTENT)
+    bench.start()
+    status = bench.status()
+    assert status.yaw_rad == pytest.approx(2 * math.tau)
+    assert status.set_point.yaw_rad - status.yaw_rad == pytest.approx(0.5)
 
 
 def test_an_agent_that_starts_on_the_floor_forgets_the_task_of_its_predecessor(
     join: Join, bus_address: BusAddress
 ) -> None:
-    followed = msgspec.structs.replace(STATUS, following=FOLLOWING)
-    with remembering(join(), followed):
-        bench = Bench(join, bus_address)
+    bench = successor(join, bus_address, msgspec.structs.replace(INTENT, assigned=FOLLOWING))
     bench.start("disarmed", 0.0)
     assert bench.status().following == ()
+
+
+def test_an_agent_tells_its_intent_for_its_successor(bench: Bench) -> None:
+    intents = bench.others.subscribe(channels.INTENT, "h9")
+    bench.start()
+    bench.step_until(lambda: intents.latest() is not None or bench.status() is None, "no intent")
+    received = intents.latest()
+    assert received is not None
+    assert received.message.phase == "flying"
+    assert received.message.set_point.position_m == pytest.approx((0.0, 0.0, 1.0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
 
-from agents.flight.guidance import FollowedLeader
+from agents.flight.followed import FollowedLeader
 from agents.formation.law import FormationOffset
 from agents.phases import Event, Phase
 from agents.pilot import BRIDGE_STAGES, SPOOL_UP_S

@@ -9,7 +9,7 @@ from support.flight import Lab, Plant, assert_sound, measured, still
 
 from agents.controllers.registry import CONTROLLERS
 from agents.estimators.registry import ESTIMATORS
-from agents.flight.guidance import FollowedLeader, LeaderPlan
+from agents.flight.followed import FollowedLeader, LeaderPlan
 from agents.formation.law import FormationOffset
 from agents.interfaces import Measurement
 from agents.phases import Phase

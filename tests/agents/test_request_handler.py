@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from support.plans import plan_of
-from support.request_handling import UP, Office, follow, follow_at, go_to, say
-from support.statuses import flying_status, hovering
+from support.request_handling import UP, HandlerBench, follow, follow_at, go_to, say
+from support.statuses import hovering
 
 from agents.following.links import followed_leader, present_link
 from agents.phases import Phase
@@ -22,22 +22,22 @@ from bus.requests import (
 
 
 @pytest.fixture
-def office() -> Office:
-    return Office()
+def bench() -> HandlerBench:
+    return HandlerBench()
 
 
 @pytest.mark.parametrize("request_", [TakeOff(), Land(), go_to(0, 0, 1)])
-def test_a_vehicle_that_was_never_seen_is_not_moved(office: Office, request_: Request) -> None:
-    assert office.ask(request_).refusal == "the motion capture has not seen the vehicle"
+def test_a_vehicle_that_was_never_seen_is_not_moved(bench: HandlerBench, request_: Request) -> None:
+    assert bench.ask(request_).refusal == "the motion capture has not seen the vehicle"
 
 
-def test_leaders_may_be_changed_before_the_vehicle_was_seen(office: Office) -> None:
-    assert office.ask(Lead()).refusal is None
-    asked = office.ask(follow("h1"))
-    office.plan_bus.deliver(plan_of("h1"))
-    office.desk.leading.settle_waiting()
+def test_leaders_may_be_changed_before_the_vehicle_was_seen(bench: HandlerBench) -> None:
+    assert bench.ask(Lead()).refusal is None
+    asked = bench.ask(follow("h1"))
+    bench.plan_bus.deliver(plan_of("h1"))
+    bench.changes.settle()
     assert asked.refusal is None
-    assert office.plan_bus.open_names() == ["h1"]
+    assert bench.plan_bus.open_names() == ["h1"]
 
 
 @pytest.mark.parametrize(
@@ -50,11 +50,11 @@ def test_leaders_may_be_changed_before_the_vehicle_was_seen(office: Office) -> N
     ],
 )
 def test_what_makes_no_sense_on_the_floor_is_refused_with_the_phase(
-    office: Office, request_: Request, words: str
+    bench: HandlerBench, request_: Request, words: str
 ) -> None:
-    office.see((0.0, 0.0, 0.0))
-    assert office.ask(request_).refusal == words
-    assert office.pilot.guidance.phase is Phase.GROUND
+    bench.see((0.0, 0.0, 0.0))
+    assert bench.ask(request_).refusal == words
+    assert bench.pilot.guidance.phase is Phase.GROUND
 
 
 @pytest.mark.parametrize(
@@ -66,40 +66,40 @@ def test_what_makes_no_sense_on_the_floor_is_refused_with_the_phase(
     ],
 )
 def test_set_points_outside_the_volume_are_refused_by_axis(
-    office: Office, place: tuple[float, float, float], words: str
+    bench: HandlerBench, place: tuple[float, float, float], words: str
 ) -> None:
-    office.fly()
-    assert office.ask(go_to(*place)).refusal == words
-    assert office.pilot.guidance.set_point()[0] == pytest.approx(UP)
+    bench.fly()
+    assert bench.ask(go_to(*place)).refusal == words
+    assert bench.pilot.guidance.set_point()[0] == pytest.approx(UP)
 
 
-def test_a_good_set_point_is_taken(office: Office) -> None:
-    office.fly()
-    assert office.ask(go_to(0.5, -0.5, 1.5)).refusal is None
-    position_m, yaw_rad = office.pilot.guidance.set_point()
+def test_a_good_set_point_is_taken(bench: HandlerBench) -> None:
+    bench.fly()
+    assert bench.ask(go_to(0.5, -0.5, 1.5)).refusal is None
+    position_m, yaw_rad = bench.pilot.guidance.set_point()
     assert (*position_m, yaw_rad) == pytest.approx((0.5, -0.5, 1.5, 0.5))
 
 
-def test_take_off_above_the_volume_is_refused(office: Office) -> None:
-    office.arm()
-    refusal = office.ask(TakeOff(height_m=2.5)).refusal
+def test_take_off_above_the_volume_is_refused(bench: HandlerBench) -> None:
+    bench.arm()
+    refusal = bench.ask(TakeOff(height_m=2.5)).refusal
     assert refusal == "height_m: 2.5 m is above the flight volume, which ends at 2 m"
-    assert office.ask(TakeOff(height_m=1.0)).refusal is None
-    assert office.pilot.guidance.phase is Phase.TAKEOFF
+    assert bench.ask(TakeOff(height_m=1.0)).refusal is None
+    assert bench.pilot.guidance.phase is Phase.TAKEOFF
 
 
-def test_land_is_accepted_in_the_air(office: Office) -> None:
-    office.fly()
-    assert office.ask(Land()).refusal is None
-    assert office.pilot.guidance.phase is Phase.LANDING
+def test_land_is_accepted_in_the_air(bench: HandlerBench) -> None:
+    bench.fly()
+    assert bench.ask(Land()).refusal is None
+    assert bench.pilot.guidance.phase is Phase.LANDING
 
 
-def test_set_points_of_followers_are_refused_and_the_leader_named(office: Office) -> None:
-    office.fly()
-    office.ask(follow("h1"))
-    office.plan_bus.deliver(plan_of("h1"))
-    office.desk.leading.settle_waiting()
-    refusal = office.ask(go_to(0, 0, 1)).refusal
+def test_set_points_of_followers_are_refused_and_the_leader_named(bench: HandlerBench) -> None:
+    bench.fly()
+    bench.ask(follow("h1"))
+    bench.plan_bus.deliver(plan_of("h1"))
+    bench.changes.settle()
+    refusal = bench.ask(go_to(0, 0, 1)).refusal
     assert refusal is not None
     assert "follows h1" in refusal
 
@@ -110,60 +110,37 @@ def test_links_survive_the_way_through_messages(frame: str) -> None:
     assert present_link(followed_leader(following), 0.0) == following
 
 
-def test_a_restarted_agent_goes_on_to_the_set_point(office: Office) -> None:
-    office.fly()
-    office.desk.resume(flying_status(set_point=SetPoint(position_m=(0.5, 0.5, 1.2), yaw_rad=3.0)))
-    position_m, yaw_rad = office.pilot.guidance.set_point()
-    assert (*position_m, yaw_rad) == pytest.approx((0.5, 0.5, 1.2, 3.0))
-
-
-def test_a_restarted_agent_goes_on_following(office: Office) -> None:
-    office.fly()
-    followed = LeaderLink(leader="h2", offset_m=(0.4, 0.0, 0.1))
-    office.desk.resume(flying_status(following=(followed,)))
-    (link,) = office.pilot.guidance.followed
-    assert (link.leader, tuple(link.target.position_m)) == ("h2", (0.4, 0.0, 0.1))
-    assert office.plan_bus.open_names() == ["h2"]
-
-
-def test_a_restarted_agent_goes_on_landing_and_does_not_fly_into_the_floor(office: Office) -> None:
-    office.fly()
-    office.desk.resume(flying_status(phase="landing", following=(LeaderLink(leader="h2"),)))
-    assert office.pilot.guidance.phase is Phase.LANDING
-    assert not office.pilot.guidance.follows
-
-
-def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(office: Office) -> None:
-    office.fly()
-    say(office, "h2", hovering((0.7, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
+def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(bench: HandlerBench) -> None:
+    bench.fly()
+    say(bench, "h2", hovering((0.7, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
     words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
-    assert office.ask(go_to(0.8, 0.0, 1.0)).refusal == words
-    assert office.pilot.guidance.set_point()[0] == pytest.approx(UP)
-    assert office.ask(go_to(0.5, 0.0, 1.0)).refusal is None
+    assert bench.ask(go_to(0.8, 0.0, 1.0)).refusal == words
+    assert bench.pilot.guidance.set_point()[0] == pytest.approx(UP)
+    assert bench.ask(go_to(0.5, 0.0, 1.0)).refusal is None
 
 
-def test_turning_does_not_swing_a_follower_out_of_the_volume(office: Office) -> None:
-    office.fly()
+def test_turning_does_not_swing_a_follower_out_of_the_volume(bench: HandlerBench) -> None:
+    bench.fly()
     abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame="heading")
-    say(office, "h2", hovering((0.8, 0.6, 1.0), abreast))
+    say(bench, "h2", hovering((0.8, 0.6, 1.0), abreast))
     turned = GoTo(set_point=SetPoint(position_m=(0.8, 0.0, 1.0), yaw_rad=-np.pi / 2))
     words = "h2 would leave: x: 1.4 m is outside the flight volume -1.2 .. 1.2 m"
-    assert office.ask(turned).refusal == words
-    assert office.ask(go_to(0.8, 0.0, 1.0)).refusal is None
+    assert bench.ask(turned).refusal == words
+    assert bench.ask(go_to(0.8, 0.0, 1.0)).refusal is None
 
 
-def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(office: Office) -> None:
-    office.fly()
-    say(office, "h2", hovering((0.7, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
+def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(bench: HandlerBench) -> None:
+    bench.fly()
+    say(bench, "h2", hovering((0.7, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.6, 0.0, 0.0))))
     wide, narrow = (
         Fly(knots=FloatArray.of(through([(0.0, *UP, 0.0), (6.0, x, 0.2, 1.0, 0.0)]).knots))
         for x in (0.9, 0.4)
     )
     words = "h2 would leave: x: 1.2"
-    refusal = office.ask(wide).refusal
+    refusal = bench.ask(wide).refusal
     assert refusal is not None
     assert refusal.startswith(words)
-    assert office.ask(narrow).refusal is None
+    assert bench.ask(narrow).refusal is None
 
 
 @pytest.mark.parametrize(
@@ -177,46 +154,46 @@ def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(of
     ],
 )
 def test_nobody_takes_off_into_somebody_above(
-    office: Office, place: tuple[float, float, float], words: str | None
+    bench: HandlerBench, place: tuple[float, float, float], words: str | None
 ) -> None:
-    office.arm()
-    say(office, "h2", hovering(place))
-    assert office.ask(TakeOff(height_m=1.0)).refusal == words
-    assert office.pilot.guidance.phase is (Phase.TAKEOFF if words is None else Phase.ARMED)
+    bench.arm()
+    say(bench, "h2", hovering(place))
+    assert bench.ask(TakeOff(height_m=1.0)).refusal == words
+    assert bench.pilot.guidance.phase is (Phase.TAKEOFF if words is None else Phase.ARMED)
 
 
-def test_nobody_takes_off_to_a_place_that_is_taken(office: Office) -> None:
-    office.arm()
-    assert follow_at(office, (0.5, 0.5, 0.0)).refusal is None
-    say(office, "h1", hovering((-0.5, 0.0, 1.0)))
-    say(office, "h2", hovering((0.0, 0.7, 1.0)))
+def test_nobody_takes_off_to_a_place_that_is_taken(bench: HandlerBench) -> None:
+    bench.arm()
+    assert follow_at(bench, (0.5, 0.5, 0.0)).refusal is None
+    say(bench, "h1", hovering((-0.5, 0.0, 1.0)))
+    say(bench, "h2", hovering((0.0, 0.7, 1.0)))
     words = "h9 and h2 would be 0.2 m apart, the minimum distance is 0.3 m"
-    assert office.ask(TakeOff()).refusal == words
-    say(office, "h1", hovering((-0.5, 0.0, 0.0), phase="armed"))
-    assert office.ask(TakeOff()).refusal is None
+    assert bench.ask(TakeOff()).refusal == words
+    say(bench, "h1", hovering((-0.5, 0.0, 0.0), phase="armed"))
+    assert bench.ask(TakeOff()).refusal is None
 
 
-def test_without_avoidance_set_points_at_the_places_of_others_are_refused(office: Office) -> None:
+def test_without_avoidance_set_points_at_the_places_of_others_are_refused(bench: HandlerBench) -> None:
     """The controller of these tests avoids nobody."""
-    office.fly()
-    say(office, "h2", hovering((0.5, 0.5, 1.0)))
-    say(office, "h1", hovering((0.1, 0.6, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.4, 0.0))))
+    bench.fly()
+    say(bench, "h2", hovering((0.5, 0.5, 1.0)))
+    say(bench, "h1", hovering((0.1, 0.6, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.4, 0.0))))
     words = "h9 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"
-    assert office.ask(go_to(0.4, 0.5, 1.0)).refusal == words
+    assert bench.ask(go_to(0.4, 0.5, 1.0)).refusal == words
     words = "h1 and h2 would be 0.1 m apart, the minimum distance is 0.3 m"
-    assert office.ask(go_to(0.4, 0.1, 1.0)).refusal == words
-    assert office.ask(go_to(0.1, -0.3, 1.0)).refusal is None
+    assert bench.ask(go_to(0.4, 0.1, 1.0)).refusal == words
+    assert bench.ask(go_to(0.1, -0.3, 1.0)).refusal is None
 
 
-def test_a_leader_turns_slowly_enough_for_those_it_carries_round(office: Office) -> None:
-    office.fly()
+def test_a_leader_turns_slowly_enough_for_those_it_carries_round(bench: HandlerBench) -> None:
+    bench.fly()
     turned = GoTo(set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=1.5))
     for frame, step_rad in (("inertial", 1.5), ("heading", 0.0)):
         abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
-        say(office, "h2", hovering((0.0, 0.6, 1.0), abreast))
-        office.ask(go_to(0.0, 0.0, 1.0))
-        office.pilot.guidance.go_to(np.array([0.0, 0.0, 1.0]), 0.0)
-        assert office.ask(turned).refusal is None
-        now = office.pilot.guidance.source.sample(office.pilot.clock.time_s, 0.02, 50)
+        say(bench, "h2", hovering((0.0, 0.6, 1.0), abreast))
+        bench.ask(go_to(0.0, 0.0, 1.0))
+        bench.pilot.guidance.go_to(np.array([0.0, 0.0, 1.0]), 0.0)
+        assert bench.ask(turned).refusal is None
+        now = bench.pilot.guidance.source.sample(bench.pilot.clock.time_s, 0.02, 50)
         assert now.yaw_rad[0] == pytest.approx(step_rad)
-        assert office.pilot.guidance.set_point()[1] == 1.5
+        assert bench.pilot.guidance.set_point()[1] == 1.5

@@ -5,7 +5,7 @@ import inspect
 import msgspec
 import pytest
 
-from bus import channels, messages, requests
+from bus import channels, intent, messages, requests
 from bus.channels import CHANNELS, Channel
 from bus.messages import Message
 from bus.requests import VERBS, Reply, Request, verb_of
@@ -29,10 +29,11 @@ def test_every_channel_of_the_module_is_a_row_of_the_table() -> None:
     assert declared == {id(channel) for channel in CHANNELS}
 
 
-def test_every_message_of_the_module_travels_on_a_channel() -> None:
+def test_every_message_travels_on_a_channel() -> None:
     declared = {
         kind
-        for _, kind in inspect.getmembers(messages, inspect.isclass)
+        for module in (messages, intent)
+        for _, kind in inspect.getmembers(module, inspect.isclass)
         if issubclass(kind, Message) and kind is not Message
     }
     assert declared == {channel.message for channel in CHANNELS}

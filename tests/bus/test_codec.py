@@ -308,8 +308,8 @@ def test_matrices_travel_in_little_endian_rows_whatever_the_memory_layout() -> N
 
 def test_a_status_of_a_vehicle_that_was_never_seen_survives() -> None:
     plain = {
-        "phase": "ground", "controller": "paper", "estimator": "kalman", "horizon": 50, "epoch": 0,
-        "frame": 0, "set_point": {"position_m": [0, 0, 0], "yaw_rad": 0},
+        "phase": "ground", "epoch": 0, "frame": 0, "set_point": {"position_m": [0, 0, 0], "yaw_rad": 0},
+        "diagnostics": {"controller": "paper", "estimator": "kalman", "horizon": 50},
     }  # fmt: skip
     status = decode(msgpack.packb(plain), AgentStatus)
     assert status.position_m is None

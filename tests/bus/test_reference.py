@@ -46,7 +46,7 @@ def test_units_types_and_meanings_come_from_the_fields() -> None:
     text = reference()
     assert "| `period_s` | float, 0.0005 to 1 | s |" in section(text, "Pose")
     assert "| `velocity_m_s` | 3 times float or nil | m/s | `nil` |" in section(text, "AgentStatus")
-    assert "| `solve_ms_p99` | float, from 0 | ms |" in section(text, "AgentStatus")
+    assert "| `solve_ms_p99` | float, from 0 | ms |" in section(text, "Diagnostics")
     assert "Strictly increasing, also over restarts" in section(text, "Command")
 
 

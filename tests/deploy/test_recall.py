@@ -1,24 +1,28 @@
-"""Promises of the launcher's recall: an agent that restarts learns what its predecessor last said."""
+"""Promises of the launcher's recall: an agent that restarts learns what its predecessor meant to do."""
 
 from collections.abc import Callable
 
-from support.statuses import flying_status
 from support.waiting import wait_for
 
 from bus import channels
+from bus.intent import Intent
 from bus.messages import LeaderLink, SetPoint
 from bus.requests import Recall, RecallReply
 from bus.session import BusAddress, Session
 from deploy.recall import RecallService
 
-STATUS = flying_status(
+INTENT = Intent(
+    phase="flying",
+    epoch=1,
     frame=100,
+    controller="paper",
+    estimator="kalman",
     set_point=SetPoint(position_m=(0.1, 0.2, 1.0), yaw_rad=0.5),
-    following=(LeaderLink(leader="h2", offset_m=(0.4, 0.0, 0.0)),),
+    assigned=(LeaderLink(leader="h2", offset_m=(0.4, 0.0, 0.0)),),
 )
 
 
-def test_recall_gives_the_last_status_of_each_vehicle_and_its_age(
+def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
     service = RecallService(bus_address, ["h1", "h2"], ["h1"])
@@ -35,12 +39,12 @@ def test_recall_gives_the_last_status_of_each_vehicle_and_its_age(
         assert first.reason == "h1 has not reported anything yet"
 
         def remembered() -> bool:
-            agent.publish(channels.AGENT_STATUS, "h1", STATUS)
+            agent.publish(channels.INTENT, "h1", INTENT)
             return recalled().accepted
 
-        wait_for(remembered, "the status is not remembered")
+        wait_for(remembered, "the intent is not remembered")
         reply = recalled()
-        assert reply.status == STATUS
+        assert reply.intent == INTENT
         assert 0 <= reply.age_s < 10
         other = agent.request("h2", Recall())
         assert not other.accepted

@@ -54,7 +54,7 @@ def test_a_program_outside_flies_a_vehicle_until_it_falls_silent(launch: Launch)
         def flown_from_outside() -> bool:
             numbers.extend(received.message.number for received in answers.drain())
             status = fleet.state_of("h1").agent
-            return status is not None and status.client == "student" and len(numbers) > 5
+            return status is not None and status.diagnostics.client == "student" and len(numbers) > 5
 
         fleet.wait_until(flown_from_outside, 5, "nobody flies h1 from outside")
         with pytest.raises(RefusedError, match="student flies it from outside"):
@@ -74,7 +74,11 @@ def test_a_program_outside_flies_a_vehicle_until_it_falls_silent(launch: Launch)
 
     def own_again() -> bool:
         status = fleet.state_of("h1").agent
-        return status is not None and status.client == "" and status.fallbacks.get("external_silent") == 1
+        return (
+            status is not None
+            and status.diagnostics.client == ""
+            and status.diagnostics.fallbacks.get("external_silent") == 1
+        )
 
     fleet.wait_until(own_again, 5, "h1 does not fly by itself again")
     fleet.wait_until(there, 5, "h1 has left its place")

@@ -165,7 +165,7 @@ def test_restarted_follower_still_follows(launch: Launch) -> None:
 
 def _flies_again(flying: Flying, name: str, killed_pid: int) -> bool:
     status = flying.fleet.state_of(name).agent
-    return status is not None and status.process != killed_pid and status.phase == "flying"
+    return status is not None and status.diagnostics.process != killed_pid and status.phase == "flying"
 
 
 def _offset(flying: Flying, name: str) -> tuple[float, float, float] | None:

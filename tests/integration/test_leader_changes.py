@@ -64,7 +64,7 @@ def places(truth: Truth) -> dict[str, np.ndarray]:
 def events(flying: Flying, name: str, kind: str) -> int:
     status = flying.fleet.state_of(name).agent
     assert status is not None
-    return status.fallbacks.get(kind, 0)
+    return status.diagnostics.fallbacks.get(kind, 0)
 
 
 def wait_for_frames(flying: Flying, name: str, count: int) -> None:

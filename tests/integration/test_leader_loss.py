@@ -82,7 +82,7 @@ def following_mode(flying: Flying, name: str) -> str:
 
 def counted(flying: Flying, name: str, kind: str) -> int:
     status = flying.fleet.state_of(name).agent
-    return 0 if status is None else status.fallbacks.get(kind, 0)
+    return 0 if status is None else status.diagnostics.fallbacks.get(kind, 0)
 
 
 def wait_for_stances(flying: Flying, modes: dict[str, str], timeout_s: float = 10) -> None:

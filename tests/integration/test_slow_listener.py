@@ -54,9 +54,9 @@ def test_a_listener_that_hangs_does_not_delay_the_fleet(launch: Launch) -> None:
         assert agent is not None
         assert transmitter_state(flying, name) == "armed"
         assert {kind: n for kind, n in status.counters.items() if "HOLD" in kind or "DESCEND" in kind} == {}
-        assert agent.fallbacks.get("pose_extrapolated", 0) == 0
+        assert agent.diagnostics.fallbacks.get("pose_extrapolated", 0) == 0
 
 
 def _ticks(flying: Flying, name: str) -> int:
     agent = flying.fleet.state_of(name).agent
-    return 0 if agent is None else agent.ticks
+    return 0 if agent is None else agent.diagnostics.ticks

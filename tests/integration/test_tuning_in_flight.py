@@ -22,7 +22,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(l
     fleet, truth = flying.fleet, Truth(flying)
     fleet.take_off(height_m=0.9)
     truth.start_watch()
-    missed = {name: fleet.state_of(name).agent.missed_ticks for name in ("h1", "h2")}
+    missed = {name: fleet.state_of(name).agent.diagnostics.missed_ticks for name in ("h1", "h2")}
     for controller in ("lqr", "pid", "paper", "cascade"):
         assert fleet["h2"].tune(controller=controller).startswith(controller)
     for estimator in ("kalman", "finite_difference", "extended_kalman"):
@@ -45,7 +45,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(l
             flying.restarts("agent-h2") == 1
             and status is not None
             and status.phase == "flying"
-            and status.horizon == 24
+            and status.diagnostics.horizon == 24
             and status.controller_settings.get("input_weights") == (2.0, 2.0, 15.0, 5.0)
         )
 
@@ -54,4 +54,4 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(l
     for name, before in missed.items():
         after = fleet.state_of(name).agent
         assert after is not None
-        assert name == "h2" or after.missed_ticks == before, name
+        assert name == "h2" or after.diagnostics.missed_ticks == before, name

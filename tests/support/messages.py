@@ -26,6 +26,7 @@ COLUMNS = {
     "reference": (1, 6, PLAN_COLUMNS),
     "inputs": (1, 6, 4),
     "knots": (2, 6, requests.KNOT_COLUMNS),
+    "path": (2, 6, requests.KNOT_COLUMNS),
 }
 """Fewest rows, most rows and columns of the matrices, by field."""
 
@@ -73,9 +74,10 @@ def _struct(kind: Any) -> st.SearchStrategy[dict[str, Any]]:
 
 
 def _matrix_or_value(name: str, kind: Any) -> st.SearchStrategy[Any]:
-    if isinstance(kind, inspect.StructType) and kind.cls is FloatArray:
+    members = kind.types if isinstance(kind, inspect.UnionType) else (kind,)
+    if any(isinstance(member, inspect.StructType) and member.cls is FloatArray for member in members):
         low, high, columns = COLUMNS[name]
-        return st.integers(low, high).flatmap(lambda rows: _matrix(rows, columns))
+        return _optional(kind, _matrices(low, high, columns))
     if name == "start_s":
         return st.floats(-1, 1)
     if name in ("position_m", "quaternion_xyzw"):
@@ -85,6 +87,10 @@ def _matrix_or_value(name: str, kind: Any) -> st.SearchStrategy[Any]:
 
 def _optional(kind: Any, values: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     return st.none() | values if isinstance(kind, inspect.UnionType) else values
+
+
+def _matrices(low: int, high: int, columns: int) -> st.SearchStrategy[dict[str, Any]]:
+    return st.integers(low, high).flatmap(lambda rows: _matrix(rows, columns))
 
 
 def _matrix(rows: int, columns: int) -> st.SearchStrategy[dict[str, Any]]:

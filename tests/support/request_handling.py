@@ -1,4 +1,4 @@
-"""A desk with a pilot that never has to fly, and requests that remember their answers."""
+"""A request handler with a pilot that never has to fly, and requests that remember their answers."""
 
 from dataclasses import dataclass, field
 
@@ -6,8 +6,10 @@ import numpy as np
 
 from agents.external_control import ExternalControl
 from agents.flight.guidance import Guidance
+from agents.following.leader_changes import LeaderChanges
 from agents.following.leader_plans import LeaderPlans
 from agents.following.peers import PeerStatuses
+from agents.formation.placement import Room
 from agents.interfaces import FULL_LIMITS, Measurement
 from agents.phases import Event
 from agents.pilot import Pilot, StampedMeasurement
@@ -57,8 +59,8 @@ class Asked:
         return None if reply.accepted else reply.reason
 
 
-class Office:
-    """A desk with a pilot that never has to fly."""
+class HandlerBench:
+    """A request handler with a pilot that never has to fly."""
 
     def __init__(self) -> None:
         self.clock = FakeClock()
@@ -67,12 +69,14 @@ class Office:
         self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance())
         self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
-        neighbours = PeerStatuses("h9", self.statuses, self.clock)
+        peers = PeerStatuses("h9", self.statuses, self.clock)
         self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, FULL_LIMITS)
         external = ExternalControl("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
-        self.desk = RequestHandler(
-            SETTINGS, self.pilot, self.leaders, neighbours, self.tuning, external, self.clock
+        room = Room(SETTINGS.volume_min_m, SETTINGS.volume_max_m, SETTINGS.minimum_distance_m)
+        self.changes = LeaderChanges(
+            "h9", SETTINGS.vehicles, room, self.pilot, self.leaders, peers, self.clock
         )
+        self.handler = RequestHandler(SETTINGS, self.pilot, room, self.changes, peers, self.tuning, external)
         self.frame = 10
 
     def see(self, position_m: tuple[float, float, float] = UP) -> None:
@@ -89,7 +93,7 @@ class Office:
 
     def ask(self, request: Request) -> Asked:
         asked = Asked(request)
-        self.desk.handle(asked)  # type: ignore[arg-type]  # a request without a query
+        self.handler.handle(asked)  # type: ignore[arg-type]  # a request without a query
         return asked
 
 
@@ -101,17 +105,17 @@ def follow(*names: str, **options: float) -> Follow:
     return Follow(following=tuple(LeaderLink(leader=name, offset_m=(0.5, 0, 0)) for name in names), **options)
 
 
-def say(office: Office, name: str, status: AgentStatus) -> None:
-    inbox = office.statuses.setdefault(name, Inbox(channels.AGENT_STATUS))
-    inbox.store(encode(status), office.clock())
+def say(bench: HandlerBench, name: str, status: AgentStatus) -> None:
+    inbox = bench.statuses.setdefault(name, Inbox(channels.AGENT_STATUS))
+    inbox.store(encode(status), bench.clock())
 
 
 def follow_at(
-    office: Office, offset_m: tuple[float, float, float], plan: Plan | None = None, leader: str = "h1"
+    bench: HandlerBench, offset_m: tuple[float, float, float], plan: Plan | None = None, leader: str = "h1"
 ) -> Asked:
     """Ask to follow, and let the leader's plan arrive."""
-    asked = office.ask(Follow(following=(LeaderLink(leader=leader, offset_m=offset_m),)))
+    asked = bench.ask(Follow(following=(LeaderLink(leader=leader, offset_m=offset_m),)))
     if not asked.answers:
-        office.plan_bus.deliver(plan_of(leader) if plan is None else plan)
-        office.desk.leading.settle_waiting()
+        bench.plan_bus.deliver(plan_of(leader) if plan is None else plan)
+        bench.changes.settle()
     return asked

@@ -8,14 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.flight import still
 
-from agents.flight.guidance import (
-    LANDING_SPEED_M_S,
-    OFFSET_SPEED_M_S,
-    TAKE_OFF_SPEED_M_S,
-    FollowedLeader,
-    Guidance,
-    LeaderPlan,
-)
+from agents.flight.followed import FollowedLeader, LeaderPlan
+from agents.flight.guidance import LANDING_SPEED_M_S, OFFSET_SPEED_M_S, TAKE_OFF_SPEED_M_S, Guidance
 from agents.flight.touchdown import FLOOR_TIME_S
 from agents.formation.law import FormationOffset
 from agents.interfaces import Estimate

@@ -63,7 +63,7 @@ def test_plans_of_another_epoch_are_left_out_and_counted(leaders: LeaderPlans, p
     plan_bus.deliver(plan_of("h1", epoch=7))
     plan_bus.deliver(plan_of("h2"))
     assert set(leaders.plans(clock_at(10))) == {"h2"}
-    assert leaders.counts() == {"plan.epoch": 1}
+    assert leaders.rejected == {"plan.epoch": 1}
 
 
 def test_a_leader_on_the_floor_says_so(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
@@ -118,7 +118,7 @@ def test_plans_of_a_cycle_that_began_unnoticed_are_left_out_and_counted(
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", ancestors=("h9",)))
     assert leaders.plans(clock_at(10)) == {}
-    assert leaders.counts() == {"plan.leader_cycle": 1}
+    assert leaders.rejected == {"plan.leader_cycle": 1}
 
 
 def test_refused_plans_stay_counted_after_the_leader_has_changed(
@@ -130,7 +130,7 @@ def test_refused_plans_stay_counted_after_the_leader_has_changed(
     leaders.keep(["h2"])
     plan_bus.opened[1].store(b"garbage", 0.0)
     assert leaders.newest("h2") is None
-    (count,) = leaders.counts().values()
+    (count,) = leaders.rejected.values()
     assert count == 2
 
 

@@ -5,7 +5,8 @@ import pytest
 
 from agents.controllers.registry import CONTROLLERS
 from agents.estimators.registry import ESTIMATORS
-from agents.flight.guidance import Guidance, LeaderPlan
+from agents.flight.followed import LeaderPlan
+from agents.flight.guidance import Guidance
 from agents.formation.topology import places
 from agents.interfaces import AvoidsObstacles, Measurement
 from agents.phases import Event

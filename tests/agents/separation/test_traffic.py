@@ -127,13 +127,13 @@ def test_refused_plans_are_counted_also_after_their_subscription_is_closed() -> 
     road.heard(OWN, h2=status((0.4, 0.0, 1.0)))
     road.bus.opened[0].store(b"nonsense", 100.0)
     road.traffic.neighbours(road.clock, {})
-    before = road.traffic.counts()
+    before = road.traffic.rejected
     assert sum(before.values()) == 1
     assert all(kind.startswith("neighbour_plan.") for kind in before)
     for _ in range(PATIENCE):
         road.heard(OWN, h2=status((1.2, 0.0, 1.0)))
     assert road.bus.open_names() == []
-    assert road.traffic.counts() == before
+    assert road.traffic.rejected == before
 
 
 def test_a_way_reaches_as_far_as_a_vehicle_can_get() -> None:

@@ -1,4 +1,4 @@
-"""Requests for other leaders.
+"""Changes of leaders that were asked for and have not been made yet.
 
 What is heard of the leaders decides: their plans, or what they said of themselves a moment ago. In the second
 case the answer comes before the first plan, which takes a control period; until it is here the vehicle flies
@@ -6,8 +6,9 @@ on as before.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class _Waiting:
     answered: bool = False
 
 
-class LeaderRequests:
+class LeaderChanges:
     """Who is to be followed, for one agent.
 
     Parameters
@@ -53,6 +54,8 @@ class LeaderRequests:
     clock
         Monotonic clock [s].
     """
+
+    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,
@@ -71,11 +74,16 @@ class LeaderRequests:
         self._plans = plans
         self._peers = peers
         self._clock = clock
-        self.regrouping = Regrouping(clock)
-        self.events: Counter[str] = Counter()
+        self._regrouping = Regrouping(clock)
+        self._events: Counter[str] = Counter()
         self._waiting: list[_Waiting] = []
         self.cycles_from_frame = 0
         """Frame from which on a plan that names this vehicle as an ancestor means a cycle."""
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """What became of changes that were accepted and not made, by kind."""
+        return self._events + self._regrouping.events
 
     def wait(self, incoming: Incoming, request: Follow | PrepareLeaders) -> None:
         """Refuse at once what cannot be, else decide as soon as the leaders' plans have been seen."""
@@ -94,15 +102,15 @@ class LeaderRequests:
                 waiting = replace(waiting, answered=True)
         self._waiting.append(waiting)
         self.keep_leaders()
-        self.settle_waiting()
+        self.settle()
 
     def commit(self, request: CommitLeaders) -> str | None:
         """Take the prepared leaders at a frame to come; the refusal, or None."""
-        return self.regrouping.commit(request.operation, request.epoch, request.frame, self._flight.clock)
+        return self._regrouping.commit(request.operation, request.epoch, request.frame, self._flight.clock)
 
     def withdraw(self, request: WithdrawLeaders) -> None:
         """Forget the prepared leaders."""
-        self.regrouping.withdraw(request.operation)
+        self._regrouping.withdraw(request.operation)
         self.keep_leaders()
 
     def promised(self) -> str | None:
@@ -119,7 +127,7 @@ class LeaderRequests:
         self._flight.guidance.lead(self._flight.estimate)
         self.keep_leaders()
 
-    def settle_waiting(self) -> bool:
+    def settle(self) -> bool:
         """Decide on requests whose leaders' plans have arrived or are overdue; True if there was one."""
         if not self._waiting:
             return False
@@ -136,19 +144,19 @@ class LeaderRequests:
             if not waiting.answered:
                 waiting.incoming.answer(reply_of(refusal, accepted))
             elif refusal is not None:
-                self.events["promised_leader_missing"] += 1
+                self._events["promised_leader_missing"] += 1
         self.keep_leaders()
         return len(self._waiting) < len(undecided)
 
     def begin_due(self) -> None:
         """Take the prepared leaders if their frame has come."""
         flight = self._flight
-        change = self.regrouping.due(flight.clock)
+        change = self._regrouping.due(flight.clock)
         if change is None:
             return
         if flight.guidance.phase is not Phase.FLYING:
             # It was told to land meanwhile, or the transmitter gateway flies it.
-            self.regrouping.events["regrouping_missed"] += 1
+            self._regrouping.events["regrouping_missed"] += 1
             self.keep_leaders()
             return
         self._forget_promises()
@@ -167,7 +175,7 @@ class LeaderRequests:
         followed = {link.leader for link in (*guidance.followed, *guidance.assigned)}
         self._plans.keep(
             followed.union(
-                self.regrouping.leaders,
+                self._regrouping.leaders,
                 *({link.leader for link in waiting.request.following} for waiting in self._waiting),
             )
         )
@@ -192,7 +200,7 @@ class LeaderRequests:
             problem = self._room.outside(np.array(request.set_point.position_m))
             if problem is not None:
                 return problem
-        return self.regrouping.busy(request.operation)
+        return self._regrouping.busy(request.operation)
 
     def _absence(self, name: str) -> str:
         status = self._peers.statuses().get(name)
@@ -226,7 +234,7 @@ class LeaderRequests:
             return refusal, ""
         if isinstance(request, PrepareLeaders):
             links = [followed_leader(item) for item in following]
-            self.regrouping.prepare(request.operation, links, request.set_point)
+            self._regrouping.prepare(request.operation, links, request.set_point)
             return None, f"{self._vehicle} is ready"
         refusal = self._follow_problem(following)
         if refusal is not None:

@@ -1,0 +1,70 @@
+"""Leaders as their follower sees them: their plans on its own clock, and offsets on their way."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.formation.law import FormationOffset, OffsetTransition
+from agents.interfaces import Estimate
+from agents.references.trajectory import Trajectory
+from agents.references.turns import whole_turns
+from vehicles.state import YAW
+
+
+@dataclass(frozen=True, slots=True)
+class LeaderPlan:
+    """A leader's plan on this vehicle's clock.
+
+    Attributes
+    ----------
+    trajectory
+        The plan.
+    ahead_s
+        Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
+        compensation makes it negative for a plan of the same frame.
+    followable
+        Whether the leader is in free flight.
+    """
+
+    trajectory: Trajectory
+    ahead_s: float
+    followable: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedLeader:
+    """One leader, and the offset on its way to where it shall be."""
+
+    leader: str
+    target: FormationOffset
+    weight: float = 1.0
+    start: FormationOffset | None = None
+    start_s: float = 0.0
+    duration_s: float = 0.0
+
+    def course(self, time_s: float) -> FormationOffset | OffsetTransition:
+        """Offset from a time on: at rest, or on its way to the target."""
+        if self.start is None or time_s >= self.start_s + self.duration_s:
+            return self.target
+        return OffsetTransition(self.start, self.target, time_s - self.start_s, self.duration_s)
+
+    def offset_at(self, time_s: float) -> FormationOffset:
+        """Offset of a moment."""
+        course = self.course(time_s)
+        if isinstance(course, FormationOffset):
+            return course
+        value = course.sampled(1.0, 1)[0][0]
+        return FormationOffset(value[:3], float(value[3]), self.target.frame)
+
+
+def offset_between(leader: Trajectory, estimate: Estimate, like: FormationOffset) -> FormationOffset:
+    """Present relative state, in the frame of another offset."""
+    gap = estimate.motion[:3] - leader.position_m[0]
+    yaw = float(leader.yaw_rad[0])
+    if like.frame == "heading":
+        c, s = np.cos(yaw), np.sin(yaw)
+        gap = np.array([c * gap[0] + s * gap[1], -s * gap[0] + c * gap[1], gap[2]])
+    yaw_gap = float(estimate.motion[YAW]) - yaw - like.yaw_rad
+    yaw_rad = like.yaw_rad + yaw_gap - math.tau * whole_turns(yaw_gap)
+    return FormationOffset(gap, yaw_rad, like.frame)

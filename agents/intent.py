@@ -1,0 +1,162 @@
+"""Going on after a restart: what an agent means to do, told in time, and taken up by its successor."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from agents.flight.followed import FollowedLeader
+from agents.flight.task import Task
+from agents.following.links import followed_leader, target_link
+from agents.formation.law import FormationOffset
+from agents.phases import Phase
+from agents.references.paths import FlightPath
+from agents.references.set_points import (
+    PathReference,
+    ReferenceSource,
+    SetPointReference,
+    SmoothMove,
+    SmoothTurn,
+)
+from agents.references.trajectory import COLUMNS, POSITION, YAW
+from agents.tuning.configuration import Configuration
+from bus.intent import Intent, OffsetMove
+from bus.messages import FloatArray, Place, SetPoint, Setting
+from vehicles.state import Array
+
+_END_OF_TIME_S: Final = 1e9
+
+
+def intent_of(
+    task: Task,
+    configuration: Configuration,
+    epoch: int,
+    frame: int,
+    time_s: float,
+    yaw_rad: float | None,
+) -> Intent:
+    """Describe the task of a vehicle so that a successor can go on with it.
+
+    Parameters
+    ----------
+    task
+        The task, its times on the vehicle's clock.
+    configuration
+        Controller and estimator.
+    epoch, frame, time_s
+        Present moment, on the fleet's clock and on the vehicle's.
+    yaw_rad
+        Present heading with all its turns; None before the vehicle has been seen.
+
+    Returns
+    -------
+    Intent
+        Complete: `task_of` makes the same task of it at any later moment.
+    """
+    path = _path(task.source)
+    end = task.source.sample(_END_OF_TIME_S, 1.0, 2)
+    return Intent(
+        phase=task.phase.value,
+        epoch=epoch,
+        frame=frame,
+        yaw_rad=yaw_rad,
+        set_point=SetPoint(position_m=_place(end.position_m[0]), yaw_rad=float(end.yaw_rad[0])),
+        path=None if path is None else FloatArray.of(path.path.knots),
+        path_elapsed_s=0.0 if path is None else time_s - path.start_s,
+        floor_m=task.floor_m,
+        assigned=tuple(target_link(link) for link in task.assigned),
+        following=tuple(link.leader for link in task.followed),
+        joined=tuple(sorted(task.joined)),
+        moves=tuple(
+            OffsetMove(
+                leader=link.leader,
+                start_offset_m=_place(link.start.position_m),
+                start_yaw_offset_rad=link.start.yaw_rad,
+                elapsed_s=time_s - link.start_s,
+                duration_s=link.duration_s,
+            )
+            for link in task.followed
+            if link.start is not None and time_s < link.start_s + link.duration_s
+        ),
+        controller=configuration.controller,
+        controller_settings=_in_message(configuration.controller_settings),
+        estimator=configuration.estimator,
+        estimator_settings=_in_message(configuration.estimator_settings),
+    )
+
+
+def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
+    """Task of a predecessor on the clock of its successor.
+
+    Parameters
+    ----------
+    intent
+        What the predecessor meant to do.
+    time_s
+        Present time of the successor.
+    passed_s
+        Time since the intent was told.
+    """
+    told_s = time_s - passed_s
+    source: ReferenceSource = SetPointReference(
+        np.array(intent.set_point.position_m), intent.set_point.yaw_rad
+    )
+    if intent.path is not None:
+        source = PathReference(FlightPath(intent.path.to_numpy()), told_s - intent.path_elapsed_s)
+    assigned = followed = tuple(followed_leader(link) for link in intent.assigned)
+    joined: frozenset[str] = frozenset()
+    if intent.following == tuple(link.leader for link in assigned):
+        moves = {move.leader: move for move in intent.moves}
+        followed = tuple(_moving(link, moves.get(link.leader), told_s) for link in assigned)
+        joined = frozenset(intent.joined)
+    # Else others stood in for lost leaders: whether they still have to is decided anew.
+    return Task(Phase(intent.phase), source, followed, assigned, joined, intent.floor_m)
+
+
+def configuration_of(intent: Intent) -> Configuration:
+    """Controller and estimator that a predecessor flew with."""
+    return Configuration(
+        intent.controller, intent.estimator, intent.controller_settings, intent.estimator_settings
+    )
+
+
+def passed_s(intent: Intent, age_s: float, epoch: int, frame: int, period_s: float) -> float:
+    """Time since an intent was told: by the frames of the motion capture, across epochs by its age."""
+    return (frame - intent.frame) * period_s if epoch == intent.epoch else age_s
+
+
+def _path(source: ReferenceSource) -> PathReference | None:
+    """A source as a path: all but set points are quintic polynomials between knots; None for those."""
+    match source:
+        case PathReference():
+            return source
+        case SmoothTurn(way):
+            return way
+        case SmoothMove():
+            knots = np.zeros((2, 1 + COLUMNS))
+            knots[1, 0] = source.duration_s
+            for row, place in zip(knots[:, 1:], (source.start_m, source.end_m), strict=True):
+                row[POSITION], row[YAW] = place, source.yaw_rad
+            return PathReference(FlightPath(knots), source.start_s)
+        case _:
+            return None
+
+
+def _moving(link: FollowedLeader, move: OffsetMove | None, told_s: float) -> FollowedLeader:
+    if move is None:
+        return link
+    start = FormationOffset(np.array(move.start_offset_m), move.start_yaw_offset_rad, link.target.frame)
+    return FollowedLeader(
+        link.leader, link.target, link.weight, start, told_s - move.elapsed_s, move.duration_s
+    )
+
+
+def _place(values: Array) -> Place:
+    x, y, z = values.tolist()
+    return (x, y, z)
+
+
+def _in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
+    """Settings as they travel: numbers, words and rows of numbers."""
+    return msgspec.convert(dict(settings), dict[str, Setting])

@@ -1,0 +1,89 @@
+"""What an agent observes of its vehicle: poses, periods without one, and what its transmitter applied."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from agents.interfaces import Measurement
+from agents.pacing import Pacing
+from agents.pilot import Pilot, StampedMeasurement
+from agents.telemetry import prefixed
+from bus.messages import Applied, Pose
+from bus.subscription import Inbox
+
+
+class Observation:
+    """Takes in what the gateways publish of one vehicle.
+
+    Parameters
+    ----------
+    pilot, pacing
+        The vehicle's.
+    poses, applied
+        Filled by the bus.
+    clock
+        Monotonic clock [s].
+    """
+
+    events: Mapping[str, int] = MappingProxyType({})
+
+    def __init__(
+        self,
+        pilot: Pilot,
+        pacing: Pacing,
+        poses: Inbox[Pose],
+        applied: Inbox[Applied],
+        clock: Callable[[], float],
+    ) -> None:
+        self._pilot = pilot
+        self._pacing = pacing
+        self._poses = poses
+        self._applied = applied
+        self._clock = clock
+
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """See `telemetry.Source`."""
+        return prefixed("pose", self._poses.rejected) | prefixed("applied", self._applied.rejected)
+
+    @property
+    def pose_age_s(self) -> float | None:
+        """Age of the newest pose."""
+        return self._poses.age_s(self._clock())
+
+    @property
+    def overdue_at_s(self) -> float | None:
+        """When the next pose counts as overdue [monotonic s]; None before the first."""
+        return self._pacing.coast_at_s(self._pilot.clock.period_s)
+
+    def take_applied(self, first_sequence: int) -> None:
+        """Tell the pilot what was written to the radio; sequences count from the agent's first command."""
+        for applied in self._applied.drain():
+            message = applied.message
+            self._pilot.note_applied(
+                message.state, message.sequence - first_sequence, np.array(message.input)
+            )
+
+    def frames(self) -> Iterator[float]:
+        """Tell the pilot each new frame, and one that is overdue; yields when it began [monotonic s]."""
+        for received in self._poses.drain():
+            if self._pilot.observe(_stamped(received.message)):
+                self._pacing.on_pose(received.arrived_s)
+                if self._pilot.ready:
+                    yield received.arrived_s
+        overdue_at_s = self.overdue_at_s
+        if overdue_at_s is not None and self._clock() >= overdue_at_s:
+            self._pacing.on_coast()
+            if self._pilot.coast():
+                yield overdue_at_s
+
+
+def _stamped(pose: Pose) -> StampedMeasurement:
+    measurement = None
+    if pose.position_m is not None and pose.quaternion_xyzw is not None:
+        x, y, z, w = pose.quaternion_xyzw
+        yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        measurement = Measurement(np.array(pose.position_m), yaw_rad)
+    return StampedMeasurement(pose.epoch, pose.frame, pose.period_s, measurement)

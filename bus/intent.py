@@ -1,0 +1,71 @@
+"""What an agent means to do, complete: what a successor needs to go on as if nothing had happened."""
+
+from typing import ClassVar
+
+from msgspec import Struct
+
+from bus.messages import (
+    KNOT_COLUMNS,
+    MAX_KNOTS,
+    Count,
+    FloatArray,
+    Heading,
+    LeaderLink,
+    Message,
+    Name,
+    Place,
+    Seconds,
+    SetPoint,
+    Settings,
+)
+
+
+class OffsetMove(Struct, frozen=True, kw_only=True):
+    """An offset to a leader on its way to where it is assigned."""
+
+    leader: Name
+    start_offset_m: Place
+    start_yaw_offset_rad: Heading
+    """Where it began, in the frame of the assigned offset."""
+    elapsed_s: float
+    """Time since it began."""
+    duration_s: Seconds
+
+
+class Intent(Message, frozen=True, kw_only=True):
+    """Task and configuration of an agent at one moment, for its successor after a restart."""
+
+    MAX_BYTES: ClassVar[int] = 131072
+
+    phase: Name
+    epoch: Count
+    frame: Count
+    """Epoch and frame of the moment; elapsed times count up to it."""
+    yaw_rad: Heading | None = None
+    """Heading at that moment with all its turns: a motion capture does not count them."""
+    set_point: SetPoint
+    """What the vehicle holds without a path, and while it hears no leader."""
+    path: FloatArray | None = None
+    """Trajectory of a vehicle that follows nobody, shape (n, 13) as in the request `fly`."""
+    path_elapsed_s: float = 0.0
+    """Time since the path began."""
+    floor_m: float = 0.0
+    """Height of the floor below the vehicle when it took off."""
+    assigned: tuple[LeaderLink, ...] = ()
+    """Leaders with the offsets to be reached."""
+    following: tuple[Name, ...] = ()
+    """Leaders that are followed now; others than the assigned ones while those are lost."""
+    joined: tuple[Name, ...] = ()
+    """Leaders whose offsets have begun to move from the vehicle's own place."""
+    moves: tuple[OffsetMove, ...] = ()
+    """Offsets that are on their way."""
+    controller: Name
+    controller_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+    """Settings that the fleet file or a request has given; all others have their defaults."""
+    estimator: Name
+    estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        if self.path is not None:
+            self.path.check("path", KNOT_COLUMNS, MAX_KNOTS, 2)
