@@ -17,7 +17,7 @@ from experiments.record import rms
 from experiments.rig import Progress, Rig, RigVehicle
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE
-from simulator.conditions import LABORATORY
+from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
 from vehicles.types import COAXIAL
@@ -84,7 +84,11 @@ def vehicles(links: FormationGraph, horizon: int = HORIZON) -> list[RigVehicle]:
 
 
 def fly_shape(
-    links: FormationGraph, seed: int, quick: bool = False, progress: Progress | None = None
+    links: FormationGraph,
+    conditions: Conditions,
+    seed: int,
+    quick: bool = False,
+    progress: Progress | None = None,
 ) -> dict[str, Array]:
     """Fly a formation.
 
@@ -99,7 +103,7 @@ def fly_shape(
         GoTo((number + 1) * SLOT_S, HEAD, (x + dx, y + dy, z + dz), yaw)
         for number, (dx, dy, dz) in enumerate(steps)
     ]
-    rig = Rig(vehicles(links, QUICK_HORIZON if quick else HORIZON), LABORATORY, seed)
+    rig = Rig(vehicles(links, QUICK_HORIZON if quick else HORIZON), conditions, seed)
     record = rig.fly((len(steps) + 1) * SLOT_S, events, progress)
     return {name: record[name].formation_error_m(SETTLED_S) for name, own in links.items() if own}
 
@@ -115,7 +119,10 @@ def run(options: Options, tell: Tell) -> Result:
     formations = shapes()
     cases = [(name, seed) for name in formations for seed in options.seeds]
     works = [
-        Work(f"{name}, seed {seed}", partial(fly_shape, formations[name], seed, options.quick))
+        Work(
+            f"{name}, seed {seed}",
+            partial(fly_shape, formations[name], options.conditions, seed, options.quick),
+        )
         for name, seed in cases
     ]
     flights = run_all(works, options.processes, tell)

@@ -20,7 +20,7 @@ from experiments.record import FlightRecord, rms
 from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE, PAPER, SCHEMES, Scheme
-from simulator.conditions import IDEAL, LABORATORY, Conditions
+from simulator.conditions import PRESETS, Conditions
 from simulator.plant import Pose
 from vehicles.state import MOTION_SIZE, YAW, Array
 from vehicles.types import COAXIAL
@@ -32,7 +32,6 @@ SETTLED_S: Final = 5.0
 """Errors count from here on: estimators start at rest without knowing trim and turbulence."""
 QUICK_SLOTS: Final = 7
 HORIZON: Final = 50
-CONDITIONS: Final = {"ideal": IDEAL, "laboratory": LABORATORY}
 
 Three = tuple[float, float, float]
 HALF: Final = math.pi
@@ -199,7 +198,7 @@ def flown_schemes() -> list[Scheme]:
 
 
 def run(options: Options, tell: Tell) -> Result:
-    """Fly every scheme: once in ideal conditions, which know no chance, and on every seed in the laboratory.
+    """Fly every scheme: once in ideal conditions, and on every seed in those of the laboratory.
 
     Returns
     -------
@@ -210,17 +209,17 @@ def run(options: Options, tell: Tell) -> Result:
     cases = [
         Case(scheme.name, condition, seed)
         for scheme in flown_schemes()
-        for condition, seeds in (("ideal", options.seeds[:1]), ("laboratory", options.seeds))
+        for condition, seeds in options.beside_ideal.items()
         for seed in seeds
     ]
-    shown = [Case(scheme.name, "laboratory", options.seeds[0]) for scheme in (PAPER, CASCADE)]
+    shown = [Case(scheme.name, options.preset, options.seeds[0]) for scheme in (PAPER, CASCADE)]
     works = [
         Work(
             f"{case.scheme}, {case.condition}, seed {case.seed}",
             partial(
                 fly_formation,
                 SCHEMES[case.scheme],
-                CONDITIONS[case.condition],
+                PRESETS[case.condition],
                 case.seed,
                 slots,
                 case in shown,
@@ -236,16 +235,19 @@ def run(options: Options, tell: Tell) -> Result:
 
 
 def document(flights: Mapping[Case, Flown]) -> dict[str, Any]:
-    """Figures of all flights: condition -> scheme -> figures; for the laboratory by seed as well."""
-    groups: dict[str, dict[str, dict[str, Flown]]] = {condition: {} for condition in CONDITIONS}
+    """Figures of all flights: condition -> scheme -> figures; except for ideal conditions by seed as well."""
+    groups: dict[str, dict[str, dict[str, Flown]]] = {}
     for case, flight in flights.items():
-        groups[case.condition].setdefault(case.scheme, {})[str(case.seed)] = flight
+        schemes = groups.setdefault(case.condition, {})
+        schemes.setdefault(case.scheme, {})[str(case.seed)] = flight
     table = {
         condition: {scheme: figures(list(flown.values())) for scheme, flown in schemes.items()}
         for condition, schemes in groups.items()
     }
-    for scheme, flown in groups["laboratory"].items():
-        table["laboratory"][scheme]["per_seed"] = {seed: figures([flight]) for seed, flight in flown.items()}
+    for condition in groups.keys() - {"ideal"}:
+        for scheme, flown in groups[condition].items():
+            per_seed = {seed: figures([flight]) for seed, flight in flown.items()}
+            table[condition][scheme]["per_seed"] = per_seed
     return table
 
 

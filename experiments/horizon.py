@@ -13,7 +13,7 @@ from experiments.record import VehicleRecord
 from experiments.rig import Progress, Rig, RigVehicle
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE, PAPER, Scheme
-from simulator.conditions import LABORATORY
+from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import YAW, Array
 from vehicles.types import COAXIAL
@@ -48,7 +48,12 @@ class Flown:
 
 
 def fly_horizon(
-    scheme: Scheme, horizon: int, seed: int, hover_s: float, progress: Progress | None = None
+    scheme: Scheme,
+    horizon: int,
+    conditions: Conditions,
+    seed: int,
+    hover_s: float,
+    progress: Progress | None = None,
 ) -> Flown:
     """Hover for the computing times, then fly the paper's set points for the errors.
 
@@ -60,12 +65,12 @@ def fly_horizon(
     vehicle = RigVehicle(
         "h1", COAXIAL, Pose((0.0, 0.0, 1.4)), scheme.controller, scheme.settings, horizon=horizon
     )
-    hover = Rig([vehicle], LABORATORY, seed).fly(hover_s, progress=progress)["h1"]
+    hover = Rig([vehicle], conditions, seed).fly(hover_s, progress=progress)["h1"]
     changes = [
         GoTo(SETTLED_S + index * SET_POINT_S, "h1", position_m, yaw_rad)
         for index, (position_m, yaw_rad) in enumerate(SET_POINTS)
     ]
-    flown = Rig([vehicle], LABORATORY, seed).fly(SETTLED_S + len(changes) * SET_POINT_S, changes)["h1"]
+    flown = Rig([vehicle], conditions, seed).fly(SETTLED_S + len(changes) * SET_POINT_S, changes)["h1"]
     return Flown(hover.step_s[hover.time_s >= WARM_S], weighted_squares_mm2(flown))
 
 
@@ -89,7 +94,8 @@ def run(options: Options, tell: Tell) -> Result:
     cases = [(scheme, horizon, seed) for horizon in horizons for seed in options.seeds for scheme in SCHEMES]
     works = [
         Work(
-            f"{scheme.name}, N = {horizon}, seed {seed}", partial(fly_horizon, scheme, horizon, seed, hover_s)
+            f"{scheme.name}, N = {horizon}, seed {seed}",
+            partial(fly_horizon, scheme, horizon, options.conditions, seed, hover_s),
         )
         for scheme, horizon, seed in cases
     ]

@@ -10,7 +10,7 @@ import numpy as np
 from experiments.rig import Progress, Rig, RigVehicle
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE, KUNZ, PAPER, Scheme
-from simulator.conditions import LABORATORY
+from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import YAW, Array
 from vehicles.types import COAXIAL
@@ -42,8 +42,10 @@ SETTINGS: Final[tuple[Setting, ...]] = (
 """[11] (no z integrator, no terminal cost), the paper's scheme and ours with N = 18; ours with N = 50."""
 
 
-def fly_hover(setting: Setting, seed: int, flight_s: float, progress: Progress | None = None) -> Array:
-    """Hover in the laboratory.
+def fly_hover(
+    setting: Setting, conditions: Conditions, seed: int, flight_s: float, progress: Progress | None = None
+) -> Array:
+    """Hover.
 
     Returns
     -------
@@ -54,7 +56,7 @@ def fly_hover(setting: Setting, seed: int, flight_s: float, progress: Progress |
     vehicle = RigVehicle(
         "h1", COAXIAL, Pose(SET_POINT_M), scheme.controller, scheme.settings, horizon=setting.horizon
     )
-    rig = Rig([vehicle], LABORATORY, seed)
+    rig = Rig([vehicle], conditions, seed)
     flown = rig.fly(flight_s, progress=progress)["h1"]
     return np.asarray((flown.motion[:, : YAW + 1] - flown.reference)[flown.time_s >= SETTLED_S])
 
@@ -70,7 +72,10 @@ def run(options: Options, tell: Tell) -> Result:
     flight_s = QUICK_FLIGHT_S if options.quick else FLIGHT_S
     cases = [(setting, seed) for setting in SETTINGS for seed in options.seeds]
     works = [
-        Work(f"{setting.scheme.name}, seed {seed}", partial(fly_hover, setting, seed, flight_s))
+        Work(
+            f"{setting.scheme.name}, seed {seed}",
+            partial(fly_hover, setting, options.conditions, seed, flight_s),
+        )
         for setting, seed in cases
     ]
     flights = run_all(works, options.processes, tell)
@@ -79,7 +84,7 @@ def run(options: Options, tell: Tell) -> Result:
         own = [errors for (other, _), errors in zip(cases, flights, strict=True) if other is setting]
         document[setting.scheme.name] = figures(own)
     titles = {setting.scheme.name: setting.scheme.title for setting in SETTINGS}
-    return Result(document, partial(draw_hover, document, titles))
+    return Result(document, partial(draw_hover, document, titles, options.preset))
 
 
 def figures(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
@@ -100,7 +105,10 @@ def figures(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
 
 
 def draw_hover(
-    document: Mapping[str, Mapping[str, Mapping[str, float]]], titles: Mapping[str, str], figure: Any
+    document: Mapping[str, Mapping[str, Mapping[str, float]]],
+    titles: Mapping[str, str],
+    preset: str,
+    figure: Any,
 ) -> None:
     """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale.
 
@@ -110,6 +118,8 @@ def draw_hover(
         As `run` returns it.
     titles
         Of the settings.
+    preset
+        Name of the conditions.
     figure
         Empty `matplotlib.figure.Figure`.
     """
@@ -129,5 +139,5 @@ def draw_hover(
         axes.set_yscale("log")
         axes.grid(axis="y", alpha=0.3)
     left.legend(fontsize="small")
-    figure.suptitle("Hovering in laboratory conditions")
+    figure.suptitle(f"Hovering in conditions `{preset}`")
     figure.tight_layout()

@@ -17,12 +17,11 @@ from experiments.record import rms
 from experiments.rig import Progress, Rig, RigVehicle
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE, PAPER, SCHEMES, Scheme
-from simulator.conditions import IDEAL, LABORATORY
+from simulator.conditions import PRESETS, Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
 from vehicles.types import COAXIAL
 
-CONDITIONS: Final = {"ideal": IDEAL, "laboratory": LABORATORY}
 PERIOD_S: Final = 0.02
 START_S: Final = 3.0
 """When the path begins; the estimator knows trim and turbulence by then."""
@@ -59,7 +58,7 @@ class Flown:
 
 
 def fly_path(
-    setting: Setting, condition: str, seed: int, turns: float, progress: Progress | None = None
+    setting: Setting, conditions: Conditions, seed: int, turns: float, progress: Progress | None = None
 ) -> Flown:
     """Fly the path once."""
     path = PATH(turns=turns)
@@ -78,9 +77,7 @@ def fly_path(
             GoTo(START_S + at_s, "h1", (row[0], row[1], row[2]), row[3])
             for at_s, row in zip(times.tolist(), path.sample(times).tolist(), strict=True)
         ]
-    record = Rig([vehicle], CONDITIONS[condition], seed).fly(START_S + path.duration_s, events, progress)[
-        "h1"
-    ]
+    record = Rig([vehicle], conditions, seed).fly(START_S + path.duration_s, events, progress)["h1"]
     rows = record.time_s >= START_S
     wanted = path.sample(record.time_s[rows] - START_S)
     motion = record.motion[rows]
@@ -88,7 +85,7 @@ def fly_path(
 
 
 def run(options: Options, tell: Tell) -> Result:
-    """Fly every setting: once in ideal conditions, and on every seed in the laboratory.
+    """Fly every setting: once in ideal conditions, and on every seed in those of the laboratory.
 
     Returns
     -------
@@ -98,16 +95,19 @@ def run(options: Options, tell: Tell) -> Result:
     turns = QUICK_TURNS if options.quick else TURNS
     cases = [
         (condition, setting, seed)
-        for condition, seeds in (("ideal", options.seeds[:1]), ("laboratory", options.seeds))
+        for condition, seeds in options.beside_ideal.items()
         for setting in SETTINGS
         for seed in seeds
     ]
     works = [
-        Work(f"{setting.name}, {condition}, seed {seed}", partial(fly_path, setting, condition, seed, turns))
+        Work(
+            f"{setting.name}, {condition}, seed {seed}",
+            partial(fly_path, setting, PRESETS[condition], seed, turns),
+        )
         for condition, setting, seed in cases
     ]
     flights = run_all(works, options.processes, tell)
-    groups: dict[str, dict[str, list[Flown]]] = {condition: {} for condition in CONDITIONS}
+    groups: dict[str, dict[str, list[Flown]]] = {condition: {} for condition in options.beside_ideal}
     for (condition, setting, _), flight in zip(cases, flights, strict=True):
         groups[condition].setdefault(setting.name, []).append(flight)
     document = {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from experiments.rig import Progress
+from simulator.conditions import PRESETS, Conditions
 
 T = TypeVar("T")
 
@@ -26,11 +27,24 @@ class Options:
         Short flights, to see that everything works; the figures mean little.
     processes
         Processor cores to use. Flights do not depend on it, measured computing times do.
+    preset
+        Name of the laboratory's conditions, of `simulator.conditions.PRESETS`.
     """
 
     seeds: tuple[int, ...]
     quick: bool = False
     processes: int = 1
+    preset: str = "laboratory"
+
+    @property
+    def conditions(self) -> Conditions:
+        """Conditions of the laboratory."""
+        return PRESETS[self.preset]
+
+    @property
+    def beside_ideal(self) -> dict[str, tuple[int, ...]]:
+        """Seeds by preset for experiments that fly once in ideal conditions, too, which know no chance."""
+        return {"ideal": self.seeds[:1]} | ({} if self.preset == "ideal" else {self.preset: self.seeds})
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from experiments.record import FlightRecord
 from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE
-from simulator.conditions import LABORATORY
+from simulator.conditions import Conditions
 from simulator.plant import Pose
 from transmitter_gateway.limits import SurveillanceLimits
 from vehicles.state import Array
@@ -115,8 +115,10 @@ def goals_of(case: str, vehicles: int, seed: int) -> Array:
     return np.asarray(places(vehicles)[order])
 
 
-def fly_swap(case: str, seed: int, quick: bool = False, progress: Progress | None = None) -> Swap:
-    """Fly one swap in laboratory conditions."""
+def fly_swap(
+    case: str, conditions: Conditions, seed: int, quick: bool = False, progress: Progress | None = None
+) -> Swap:
+    """Fly one swap."""
     count = QUICK_VEHICLES if quick else VEHICLES
     starts, goals = places(count), goals_of(case, count, seed)
     names = [f"h{number + 1}" for number in range(count)]
@@ -125,7 +127,7 @@ def fly_swap(case: str, seed: int, quick: bool = False, progress: Progress | Non
         for name, place in zip(names, starts, strict=True)
     ]
     options = RigOptions(clearance=None if case == WITHOUT else CLEARANCE)
-    rig = Rig(vehicles, LABORATORY, seed, options)
+    rig = Rig(vehicles, conditions, seed, options)
     events = [GoTo(START_S, name, _three(goal)) for name, goal in zip(names, goals, strict=True)]
     record = rig.fly(QUICK_FLIGHT_S if quick else FLIGHT_S, events, progress)
     return _swap(record, rig, names, goals)
@@ -159,7 +161,8 @@ def run(options: Options, tell: Tell) -> Result:
     flights = [(case, seed) for case in CASES for seed in options.seeds]
     flights = [(case, seed) for case, seed in flights if case != WITHOUT or seed == options.seeds[0]]
     works = [
-        Work(f"{case}, seed {seed}", partial(fly_swap, case, seed, options.quick)) for case, seed in flights
+        Work(f"{case}, seed {seed}", partial(fly_swap, case, options.conditions, seed, options.quick))
+        for case, seed in flights
     ]
     swaps = dict(zip(flights, run_all(works, options.processes, tell), strict=True))
     document: dict[str, Any] = {

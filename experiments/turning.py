@@ -17,10 +17,9 @@ from experiments.events import Event, GoTo
 from experiments.record import rms
 from experiments.rig import Progress, Rig
 from experiments.runner import Options, Result, Tell, Work, run_all
-from simulator.conditions import IDEAL, LABORATORY
+from simulator.conditions import PRESETS, Conditions
 from vehicles.state import Array
 
-CONDITIONS: Final = {"ideal": IDEAL, "laboratory": LABORATORY}
 ARMS_M: Final = (0.35, 0.64, 0.9)
 SLOT_S: Final = 10.0
 HORIZON: Final = 50
@@ -45,7 +44,7 @@ def links_with(arm_m: float) -> dict[str, tuple[LeaderLink, ...]]:
 
 def fly_steps(
     arm_m: float,
-    condition: str,
+    conditions: Conditions,
     seed: int,
     steps: Sequence[str],
     quick: bool,
@@ -61,7 +60,7 @@ def fly_steps(
     # The leader of a formation of the chain experiment starts elsewhere; it has a slot to come here.
     events: list[Event] = [GoTo(0.0, HEAD, (0.0, 0.0, 1.0), 0.0)]
     events += [GoTo(SLOT_S * number, HEAD, *STEPS[name]) for number, name in enumerate(steps, 1)]
-    rig = Rig(vehicles(links_with(arm_m), QUICK_HORIZON if quick else HORIZON), CONDITIONS[condition], seed)
+    rig = Rig(vehicles(links_with(arm_m), QUICK_HORIZON if quick else HORIZON), conditions, seed)
     record = rig.fly(SLOT_S * (len(steps) + 1), events, progress)
     per_slot = round(SLOT_S / 0.02)
     errors = [record[name].formation_error_m() for name in ("h2", "h3")]
@@ -72,7 +71,7 @@ def fly_steps(
 
 
 def run(options: Options, tell: Tell) -> Result:
-    """Fly with every arm: once in ideal conditions, and on every seed in the laboratory.
+    """Fly with every arm: once in ideal conditions, and on every seed in those of the laboratory.
 
     Returns
     -------
@@ -82,20 +81,20 @@ def run(options: Options, tell: Tell) -> Result:
     arms, steps = (ARMS_M[1:2], tuple(STEPS)[:1]) if options.quick else (ARMS_M, tuple(STEPS))
     cases = [
         (condition, arm_m, seed)
-        for condition, seeds in (("ideal", options.seeds[:1]), ("laboratory", options.seeds))
+        for condition, seeds in options.beside_ideal.items()
         for arm_m in arms
         for seed in seeds
     ]
     works = [
         Work(
             f"{arm_m:g} m, {condition}, seed {seed}",
-            partial(fly_steps, arm_m, condition, seed, steps, options.quick),
+            partial(fly_steps, arm_m, PRESETS[condition], seed, steps, options.quick),
         )
         for condition, arm_m, seed in cases
     ]
     flights = run_all(works, options.processes, tell)
     document: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
-    for condition in CONDITIONS:
+    for condition in options.beside_ideal:
         document[condition] = {}
         for arm_m in arms:
             flown = [
@@ -125,7 +124,8 @@ def draw_turning(document: dict[str, Any], figure: Any) -> None:
         Empty `matplotlib.figure.Figure`.
     """
     figure.set_size_inches(8, 4)
-    for axes, (condition, table) in zip(figure.subplots(1, 2, sharey=True), document.items(), strict=True):
+    panels = figure.subplots(1, len(document), sharey=True, squeeze=False)[0]
+    for axes, (condition, table) in zip(panels, document.items(), strict=True):
         arms = list(table)
         for step in table[arms[0]]:
             axes.plot(arms, [table[arm][step]["max_mm"] for arm in arms], "o-", label=step)

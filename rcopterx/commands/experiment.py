@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.numbers import different_numbers
+from simulator.conditions import PRESETS
 
 QUICK_HELP = "Short flights, to see that it works; the figures mean little."
 
@@ -30,6 +31,9 @@ def experiment(
     processes: Annotated[
         int, typer.Option(metavar="N", min=1, help="Processor cores to use; the flights stay the same.")
     ] = 1,
+    conditions: Annotated[
+        str, typer.Option(metavar="PRESET", help="Conditions of the laboratory: " + ", ".join(PRESETS) + ".")
+    ] = "laboratory",
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
 ) -> None:
     """Fly an experiment of the paper in simulation, faster than real time, and tell its figures."""
@@ -44,12 +48,16 @@ def experiment(
         raise typer.BadParameter(
             f"unknown experiment {name!r}, known are {', '.join(EXPERIMENTS)}", param_hint="NAME"
         )
+    if conditions not in PRESETS:
+        raise typer.BadParameter(
+            f"unknown preset {conditions!r}, known are {', '.join(PRESETS)}", param_hint="--conditions"
+        )
     chosen = EXPERIMENTS[name]
     numbers = (
         tuple(range(seed, seed + chosen.flights)) if seeds is None else different_numbers(seeds, "--seeds")
     )
     check_plot(plot)
-    result = chosen.run(Options(numbers, quick, processes), ProgressLine(name))
+    result = chosen.run(Options(numbers, quick, processes, conditions), ProgressLine(name))
     if plot is not None:
         save_figure(result, plot)
         typer.echo(f"figure: {plot}", err=True)

@@ -6,13 +6,14 @@ import pytest
 from agents.formation.topology import ancestors, cycle
 from experiments.chain import draw_chain, figures, fly_shape, generation, shapes
 from experiments.record import rms
+from simulator.conditions import LABORATORY
 
 SHAPES = shapes()
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_every_follower_stays_beside_its_leaders(name: str) -> None:
-    errors = fly_shape(SHAPES[name], 0, quick=True)
+    errors = fly_shape(SHAPES[name], LABORATORY, 0, quick=True)
     assert errors.keys() == {vehicle for vehicle, own in SHAPES[name].items() if own}
     for vehicle, values in errors.items():
         assert rms(values) < 0.02, vehicle

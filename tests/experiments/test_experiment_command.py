@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from experiments.runner import Options, Work, run_all
 from rcopterx.cli import app
+from simulator.conditions import HELICOPTERS
 
 runner = CliRunner()
 
@@ -26,6 +27,17 @@ def test_experiments_are_listed() -> None:
         "turning",
         "swapping",
     ]
+
+
+def test_experiments_fly_in_the_conditions_that_are_asked_for() -> None:
+    result = runner.invoke(app, ["experiment", "hover", "--conditions", "storm"])
+    assert result.exit_code == 2
+    assert "known are ideal, laboratory, helicopter, helicopters" in " ".join(
+        result.output.replace("│", " ").split()
+    )
+    assert Options((3, 4), preset="helicopters").conditions is HELICOPTERS
+    assert Options((3, 4), preset="helicopters").beside_ideal == {"ideal": (3,), "helicopters": (3, 4)}
+    assert Options((3, 4), preset="ideal").beside_ideal == {"ideal": (3,)}
 
 
 def test_hover_prints_its_document_and_draws_its_figure(

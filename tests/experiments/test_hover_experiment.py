@@ -7,11 +7,13 @@ from experiments.horizon import SET_POINTS, draw_horizon, fly_horizon
 from experiments.horizon import figures as horizon_figures
 from experiments.hover import SETTINGS, figures, fly_hover
 from experiments.schemes import CASCADE, PAPER
+from simulator.conditions import LABORATORY
 
 
 def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_predecessor() -> None:
     squares = {
-        setting.scheme.name: np.mean(np.square(fly_hover(setting, 0, 15.0)), axis=0) for setting in SETTINGS
+        setting.scheme.name: np.mean(np.square(fly_hover(setting, LABORATORY, 0, 15.0)), axis=0)
+        for setting in SETTINGS
     }
     assert (squares["cascade"] < squares["paper"] / 2).all()
     assert (squares["paper"][:2] < squares["kunz_2013"][:2]).all()
@@ -29,7 +31,7 @@ def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
 def test_horizon_measures_steps_and_weighs_errors() -> None:
     from matplotlib.figure import Figure
 
-    flights = {scheme.name: fly_horizon(scheme, 18, 0, 1.0) for scheme in (PAPER, CASCADE)}
+    flights = {scheme.name: fly_horizon(scheme, 18, LABORATORY, 0, 1.0) for scheme in (PAPER, CASCADE)}
     table = {"18": {name: horizon_figures([flight]) for name, flight in flights.items()}}
     for name, row in table["18"].items():
         assert len(flights[name].step_s) == 40  # a second less the steps that load code

@@ -15,18 +15,19 @@ from experiments.swapping import (
     goals_of,
     places,
 )
+from simulator.conditions import LABORATORY
 
 
 @pytest.mark.parametrize("case", [ANTIPODES, RANDOM])
 def test_everybody_arrives_and_nobody_comes_too_close(case: str) -> None:
-    table = figures(fly_swap(case, 3, quick=True))
+    table = figures(fly_swap(case, LABORATORY, 3, quick=True))
     assert table["minimum_distance_m"] > HARD_M
     assert table["finished_s"] is not None
     assert table["fallbacks"] == 0
 
 
 def test_without_avoidance_they_would_collide() -> None:
-    table = figures(fly_swap(WITHOUT, 0, quick=True))
+    table = figures(fly_swap(WITHOUT, LABORATORY, 0, quick=True))
     assert table["minimum_distance_m"] < 0.5 * HARD_M
 
 
@@ -41,7 +42,7 @@ def test_everybody_has_a_place_of_its_own_to_go_to(case: str) -> None:
 def test_figure_shows_tracks_and_distances() -> None:
     from matplotlib.figure import Figure
 
-    swap = fly_swap(ANTIPODES, 0, quick=True)
+    swap = fly_swap(ANTIPODES, LABORATORY, 0, quick=True)
     figure = Figure()
     draw_swapping({(ANTIPODES, 0): swap, (RANDOM, 0): swap, (WITHOUT, 0): swap}, figure)
     assert len(figure.axes) == 3
