@@ -63,7 +63,7 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     profile: Literal["tracker1", "tracker2", "tracker3"] = "tracker3"
     seed: Annotated[int, Meta(ge=0)] = 0
     conditions: str = "laboratory"
-    """Name of a preset: `ideal` or `laboratory`."""
+    """Name of a preset: `ideal`, `laboratory`, `helicopter` or `helicopters`."""
     condition_overrides: dict[str, Any] = {}
     """Single values that differ from the preset."""
     start: dict[Name, Four] = {}

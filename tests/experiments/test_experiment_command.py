@@ -32,9 +32,8 @@ def test_experiments_are_listed() -> None:
 def test_experiments_fly_in_the_conditions_that_are_asked_for() -> None:
     result = runner.invoke(app, ["experiment", "hover", "--conditions", "storm"])
     assert result.exit_code == 2
-    assert "known are ideal, laboratory, helicopter, helicopters" in " ".join(
-        result.output.replace("│", " ").split()
-    )
+    told = " ".join(result.output.replace("│", " ").split())
+    assert "known are ideal, laboratory, helicopter, helicopters" in told
     assert Options((3, 4), preset="helicopters").conditions is HELICOPTERS
     assert Options((3, 4), preset="helicopters").beside_ideal == {"ideal": (3,), "helicopters": (3, 4)}
     assert Options((3, 4), preset="ideal").beside_ideal == {"ideal": (3,)}
