@@ -10,6 +10,7 @@ from bus.messages import ControlTask, ExternalInput, FloatArray
 from bus.requests import TakeControl
 from bus.subscription import Inbox
 from vehicles.state import Array
+from vehicles.tuples import four
 
 
 class ExternalControl:
@@ -99,14 +100,14 @@ class ExternalControl:
                 number=task.number,
                 period_s=self._controller.period_s,
                 motion=_eight(estimate.motion),
-                actuator=_four(estimate.actuator),
-                disturbance=_four(estimate.disturbance),
+                actuator=four(estimate.actuator),
+                disturbance=four(estimate.disturbance),
                 reference=FloatArray.of(task.reference.samples),
-                last_input=_four(task.last_input),
-                hover_input=_four(model.hover_input),
-                input_gain=_four(model.b),
-                input_min=_four(model.u_min),
-                input_max=_four(model.u_max),
+                last_input=four(task.last_input),
+                hover_input=four(model.hover_input),
+                input_gain=four(model.b),
+                input_min=four(model.u_min),
+                input_max=four(model.u_max),
             )
         )
 
@@ -114,11 +115,6 @@ class ExternalControl:
         if self._controller is not None:
             self._pilot.use_controller(self._controller.own)
         self._controller, self.client = None, ""
-
-
-def _four(values: Array) -> tuple[float, float, float, float]:
-    a, b, c, d = values.tolist()
-    return (a, b, c, d)
 
 
 def _eight(values: Array) -> tuple[float, float, float, float, float, float, float, float]:

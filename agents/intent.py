@@ -1,9 +1,7 @@
 """Going on after a restart: what an agent means to do, told in time, and taken up by its successor."""
 
-from collections.abc import Mapping
 from typing import Final
 
-import msgspec
 import numpy as np
 
 from agents.flight.followed import FollowedLeader
@@ -20,10 +18,11 @@ from agents.references.set_points import (
     SmoothTurn,
 )
 from agents.references.trajectory import COLUMNS, POSITION, YAW
+from agents.telemetry import in_message
 from agents.tuning.configuration import Configuration
 from bus.intent import Intent, OffsetMove
-from bus.messages import FloatArray, Place, SetPoint, Setting
-from vehicles.state import Array
+from bus.messages import FloatArray, SetPoint
+from vehicles.tuples import three
 
 _END_OF_TIME_S: Final = 1e9
 
@@ -61,7 +60,7 @@ def intent_of(
         epoch=epoch,
         frame=frame,
         yaw_rad=yaw_rad,
-        set_point=SetPoint(position_m=_place(end.position_m[0]), yaw_rad=float(end.yaw_rad[0])),
+        set_point=SetPoint(position_m=three(end.position_m[0]), yaw_rad=float(end.yaw_rad[0])),
         path=None if path is None else FloatArray.of(path.path.knots),
         path_elapsed_s=0.0 if path is None else time_s - path.start_s,
         floor_m=task.floor_m,
@@ -71,7 +70,7 @@ def intent_of(
         moves=tuple(
             OffsetMove(
                 leader=link.leader,
-                start_offset_m=_place(link.start.position_m),
+                start_offset_m=three(link.start.position_m),
                 start_yaw_offset_rad=link.start.yaw_rad,
                 elapsed_s=time_s - link.start_s,
                 duration_s=link.duration_s,
@@ -80,9 +79,9 @@ def intent_of(
             if link.start is not None and time_s < link.start_s + link.duration_s
         ),
         controller=configuration.controller,
-        controller_settings=_in_message(configuration.controller_settings),
+        controller_settings=in_message(configuration.controller_settings),
         estimator=configuration.estimator,
-        estimator_settings=_in_message(configuration.estimator_settings),
+        estimator_settings=in_message(configuration.estimator_settings),
     )
 
 
@@ -150,13 +149,3 @@ def _moving(link: FollowedLeader, move: OffsetMove | None, told_s: float) -> Fol
     return FollowedLeader(
         link.leader, link.target, link.weight, start, told_s - move.elapsed_s, move.duration_s
     )
-
-
-def _place(values: Array) -> Place:
-    x, y, z = values.tolist()
-    return (x, y, z)
-
-
-def _in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
-    """Settings as they travel: numbers, words and rows of numbers."""
-    return msgspec.convert(dict(settings), dict[str, Setting])

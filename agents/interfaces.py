@@ -126,7 +126,7 @@ class Controller(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LimitScale:
-    """Shares of a vehicle's limits to plan with, each above 0 and at most 1.
+    """Scale of a vehicle's limits to plan with, each fraction above 0 and at most 1.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class LimitScale:
         for name in ("inputs", "rates"):
             four = getattr(self, name)
             if len(four) != 4 or not all(0.0 < fraction <= 1.0 for fraction in four):
-                raise ValueError(f"share of {name}: four numbers above 0 and at most 1, got {four}")
+                raise ValueError(f"scale of {name}: four numbers above 0 and at most 1, got {four}")
 
 
 FULL_LIMITS = LimitScale()
@@ -152,10 +152,10 @@ FULL_LIMITS = LimitScale()
 
 @runtime_checkable
 class ScalesLimits(Protocol):
-    """A controller that can leave authority to the vehicles that follow (control.md section 6)."""
+    """A controller that can plan within what its followers can do, too (control.md section 6)."""
 
-    def set_limit_scale(self, share: LimitScale) -> None:
-        """Plan with a share of the vehicle's limits, from the next step on."""
+    def set_limit_scale(self, limit_scale: LimitScale) -> None:
+        """Plan within a fraction of the vehicle's limits, from the next step on."""
         ...
 
 

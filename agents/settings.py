@@ -10,8 +10,7 @@ from agents.tuning.configuration import Configuration
 from bus.messages import LeaderLink
 from bus.session import BusAddress
 from vehicles.model import Model
-
-Three = tuple[float, float, float]
+from vehicles.tuples import Three
 
 
 @dataclass(frozen=True)

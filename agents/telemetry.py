@@ -5,14 +5,17 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
+import msgspec
+
 from agents.following.leader_plans import LeaderPlans
 from agents.following.links import present_link, target_link
 from agents.pacing import Pacing, SolveTimer
 from agents.pilot import ControlOutput, Pilot
 from agents.settings import AgentSettings
 from agents.tuning.changes import Tuning
-from bus.messages import AgentStatus, Command, Diagnostics, FloatArray, LeaderLink, Plan, SetPoint
+from bus.messages import AgentStatus, Command, Diagnostics, FloatArray, LeaderLink, Plan, SetPoint, Setting
 from vehicles.state import YAW, Array, heading_matrix
+from vehicles.tuples import three
 
 
 class Source(Protocol):
@@ -76,11 +79,11 @@ def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) 
         phase=pilot.guidance.phase.value,
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
-        set_point=SetPoint(position_m=_three(position), yaw_rad=yaw_rad),
+        set_point=SetPoint(position_m=three(position), yaw_rad=yaw_rad),
         following=_following(pilot),
         assigned=tuple(target_link(link) for link in pilot.guidance.assigned),
         following_mode=following_mode,
-        position_m=None if motion is None else _three(motion[:3]),
+        position_m=None if motion is None else three(motion[:3]),
         velocity_m_s=None if motion is None else _inertial_velocity(motion),
         yaw_rad=None if motion is None else float(motion[YAW]),
         path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
@@ -124,6 +127,8 @@ class DiagnosticsCollector:
         return Diagnostics(
             controller=configuration.controller,
             estimator=configuration.estimator,
+            controller_settings=in_message(configuration.controller_settings),
+            estimator_settings=in_message(configuration.estimator_settings),
             horizon=pilot.controller.horizon,
             client=client,
             pose_age_s=pose_age_s,
@@ -143,6 +148,11 @@ class DiagnosticsCollector:
         )
 
 
+def in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
+    """Settings as they travel: numbers, strings and rows of numbers."""
+    return msgspec.convert(dict(settings), dict[str, Setting])
+
+
 def prefixed(topic: str, counts: Mapping[str, int]) -> dict[str, int]:
     """Counts of refused messages by topic and reason."""
     return {f"{topic}.{kind}": count for kind, count in counts.items()}
@@ -153,11 +163,6 @@ def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
     for each in counts:
         total.update(each)
     return dict(total)
-
-
-def _three(values: Array) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return (x, y, z)
 
 
 def _inertial_velocity(motion: Array) -> tuple[float, float, float]:

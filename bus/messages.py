@@ -271,6 +271,9 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
 
     controller: Name
     estimator: Name
+    controller_settings: Settings = {}
+    """Settings that the fleet file or a request has given; all others have their defaults."""
+    estimator_settings: Settings = {}
     horizon: Count
     client: Text = ""
     """External program that flies the vehicle; empty while its own controller does."""

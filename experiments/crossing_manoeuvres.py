@@ -8,12 +8,13 @@ from experiments import steps
 from experiments.checks import avoided, controlled, distance_kept, ends_at, transmitters_undisturbed
 from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Step, in_order, pause
+from vehicles.tuples import Three
 
 RADIUS_M: Final = 0.8
 FIVE: Final = ("h1", "h2", "h3", "h4", "h5")
 
 
-def on_circle(turn_deg: float) -> dict[str, steps.Three]:
+def on_circle(turn_deg: float) -> dict[str, Three]:
     """Places of five vehicles on a circle a metre above the floor, turned by an angle."""
     found = {}
     for number, name in enumerate(FIVE):

@@ -13,8 +13,7 @@ from agents.pilot import Pilot
 from agents.references.paths import FlightPath
 from agents.references.set_points import TurnLimits
 from bus.messages import LeaderLink
-
-Three = tuple[float, float, float]
+from vehicles.tuples import Three
 
 
 @dataclass(frozen=True)

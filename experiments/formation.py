@@ -23,6 +23,7 @@ from experiments.schemes import CASCADE, PAPER, SCHEMES, Scheme
 from simulator.conditions import PRESETS, Conditions
 from simulator.plant import Pose
 from vehicles.state import MOTION_SIZE, YAW, Array
+from vehicles.tuples import Three
 from vehicles.types import COAXIAL
 
 LEADER: Final = "h1"
@@ -33,7 +34,6 @@ SETTLED_S: Final = 5.0
 QUICK_SLOTS: Final = 7
 HORIZON: Final = 50
 
-Three = tuple[float, float, float]
 HALF: Final = math.pi
 QUARTER: Final = math.pi / 2
 

@@ -31,6 +31,7 @@ from experiments.fault_manoeuvres import FAULT_ROWS
 from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Say, Step, Wait, go_to, in_order, leader_of, pause
 from ground_station.fleet import Fleet
+from vehicles.tuples import Three
 
 PAPER_PERIOD_S: Final = 4.0
 PAPER_SET_POINTS: Final = (
@@ -73,7 +74,7 @@ RIGHT: Final = (-0.4, -0.5, 0.0)
 """Places of h2 and h3 in the trio."""
 
 
-def _place(second_m: steps.Three, third_m: steps.Three, frame: str = "inertial") -> Step:
+def _place(second_m: Three, third_m: Three, frame: str = "inertial") -> Step:
     """Put both followers of the trio somewhere else and wait until they are there."""
     return in_order(
         steps.follow("h2", "h1", second_m, frame), steps.follow("h3", "h1", third_m, frame), steps.formed()

@@ -14,11 +14,11 @@ from ground_station.scenario import inject_faults
 from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
 from simulator.faults import Fault, fault_text
+from vehicles.tuples import Three
 
 Say = Callable[[str], None]
 Wait = Callable[[float], None]
 Step = Callable[[Fleet, Say, Wait], None]
-Three = tuple[float, float, float]
 
 SETTLED_M: Final = 0.08
 REST_S: Final = 0.5

@@ -22,6 +22,7 @@ from simulator.conditions import Conditions
 from simulator.plant import Pose
 from transmitter_gateway.limits import SurveillanceLimits
 from vehicles.state import Array
+from vehicles.tuples import three
 from vehicles.types import COAXIAL
 
 VEHICLES: Final = 10
@@ -123,12 +124,12 @@ def fly_swap(
     starts, goals = places(count), goals_of(case, count, seed)
     names = [f"h{number + 1}" for number in range(count)]
     vehicles = [
-        RigVehicle(name, COAXIAL, Pose(_three(place)), CASCADE.controller, CASCADE.settings, horizon=HORIZON)
+        RigVehicle(name, COAXIAL, Pose(three(place)), CASCADE.controller, CASCADE.settings, horizon=HORIZON)
         for name, place in zip(names, starts, strict=True)
     ]
     options = RigOptions(clearance=None if case == WITHOUT else CLEARANCE)
     rig = Rig(vehicles, conditions, seed, options)
-    events = [GoTo(START_S, name, _three(goal)) for name, goal in zip(names, goals, strict=True)]
+    events = [GoTo(START_S, name, three(goal)) for name, goal in zip(names, goals, strict=True)]
     record = rig.fly(QUICK_FLIGHT_S if quick else FLIGHT_S, events, progress)
     return _swap(record, rig, names, goals)
 
@@ -143,11 +144,6 @@ def _swap(record: FlightRecord, rig: Rig, names: list[str], goals: Array) -> Swa
         sum(rig.pilots[name].avoiding_ticks for name in names),
         sum(len(record[name].time_s) for name in names),
     )
-
-
-def _three(place: Array) -> tuple[float, float, float]:
-    x, y, z = place.tolist()
-    return (x, y, z)
 
 
 def run(options: Options, tell: Tell) -> Result:

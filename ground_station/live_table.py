@@ -13,7 +13,7 @@ from ground_station.state import VehicleState
 STALE_S = 0.5
 COLUMNS = (
     "vehicle", "phase", "transmitter", "link", "controller", "follows", "x y z [m]", "error [mm]",
-    "pose age [ms]", "command age [ms]", "solve p50 / p99 [ms]", "missed", "fallbacks, rejections",
+    "pose age [ms]", "command age [ms]", "solve p50 / p99 [ms]", "missed periods", "fallbacks, rejections",
 )  # fmt: skip
 
 

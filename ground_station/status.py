@@ -153,7 +153,7 @@ def readable(status: Mapping[str, Any]) -> str:
         if agent is not None:
             leaders = ", ".join(link["leader"] for link in agent["following"])
             words += [agent["controller"], f"follows {leaders}" if leaders else "leads"]
-            words.append(f"missed {agent['missed_ticks']}")
+            words.append(f"{agent['missed_ticks']} control periods missed")
         if table["error_mm"] is not None:
             words.append(f"error {table['error_mm']:.0f} mm")
         lines.append(f"  {name}: {', '.join(words)}")

@@ -28,11 +28,11 @@ from vehicles.state import (
     Y,
     Z,
 )
+from vehicles.tuples import Four
 
 STATE_SIZE = MOTION_SIZE + 3
 """Motion and the three integral states."""
 
-Four = tuple[float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 
 

@@ -122,16 +122,16 @@ class CascadeController(GuardedController):
         """Keep clear of these in the next step (`agents.interfaces.AvoidsObstacles`)."""
         self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
 
-    def set_limit_scale(self, share: LimitScale) -> None:
-        """Plan with a share of the vehicle's limits, from the next step on.
+    def set_limit_scale(self, limit_scale: LimitScale) -> None:
+        """Plan within a fraction of the vehicle's limits, from the next step on.
 
-        The share of the inputs is what is left to accelerate with once the disturbance is balanced, because
+        The input fraction is what is left to accelerate with once the disturbance is balanced, because
         that is what followers must be able to do as well: a gust that carries a leader along does not make it
         faster, and one that brakes it is balanced with the rest of the range.
         """
         hover, limits = self._model.hover_input, self._limits
         positions = (np.append(limits.state_min[:3], -_FREE), np.append(limits.state_max[:3], _FREE))
-        slower = np.array(share.rates)
+        slower = np.array(limit_scale.rates)
         rates = (slower * limits.state_min[3:], slower * limits.state_max[3:])
         self._steady_bounds, self._horizontal_bounds = (
             tuple(
@@ -140,7 +140,7 @@ class CascadeController(GuardedController):
             )
             for axes in (_STEADY, _HORIZONTAL)
         )
-        whole = np.array(share.inputs)
+        whole = np.array(limit_scale.inputs)
         part = np.where(whole < 1.0, whole, np.inf)
         self._share = part * (limits.input_min - hover), part * (limits.input_max - hover)
 
@@ -248,7 +248,7 @@ class CascadeController(GuardedController):
         return qp.solve(first[: self._levels], push[axes], target if clear is None else clear(target))
 
     def _shared(self, axes: slice, least: Array, most: Array) -> tuple[Array, Array]:
-        """Bounds of the commands by the share; where the disturbance leaves none of it, the whole range."""
+        """Bounds of the commands by the limit scale; the whole range where the disturbance leaves nothing."""
         lower, upper = np.maximum(least, self._share[0][axes]), np.minimum(most, self._share[1][axes])
         fits = upper - lower > _NARROWEST
         return np.where(fits, lower, least), np.where(fits, upper, most)

@@ -17,8 +17,8 @@ from agents.formation.law import combined_reference, follower_reference
 from agents.interfaces import Estimate
 from agents.phases import AIRBORNE, Event, Phase, next_phase
 from agents.references.paths import FlightPath
+from agents.references.quintic import PEAK_TO_MEAN_SPEED
 from agents.references.set_points import (
-    PEAK_TO_MEAN_SPEED,
     PathReference,
     ReferenceSource,
     SetPointReference,

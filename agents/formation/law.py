@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from agents.references.quintic import rest_to_rest
 from agents.references.trajectory import (
     ACCELERATION,
     POSITION,
@@ -66,13 +67,7 @@ class OffsetTransition:
     def sampled(self, period_s: float, stages: int) -> tuple[Array, Array, Array]:
         """Offset x, y, z, yaw, its rate and its acceleration at the stages; three arrays of shape (N, 4)."""
         s = np.clip((self.elapsed_s + period_s * np.arange(stages)) / self.duration_s, 0.0, 1.0)[:, None]
-        begin, end = _four(self.start), _four(self.target)
-        span = end - begin
-        return (
-            begin + span * s**3 * (10 + s * (6 * s - 15)),
-            span * 30 * s**2 * (1 - s) ** 2 / self.duration_s,
-            span * 60 * s * (1 - s) * (1 - 2 * s) / self.duration_s**2,
-        )
+        return rest_to_rest(_pose(self.start), _pose(self.target), s, self.duration_s)
 
 
 def follower_reference(
@@ -111,7 +106,7 @@ def follower_reference(
         value, rate, acceleration = offset.sampled(period_s, stages)
     else:
         frame = offset.frame
-        value = np.tile(_four(offset), (stages, 1))
+        value = np.tile(_pose(offset), (stages, 1))
         rate = acceleration = np.zeros((stages, 4))
     if frame == "heading":
         value, rate, acceleration = _carried_round(reference, value, rate, acceleration)
@@ -150,7 +145,7 @@ def _carried_round(
     )
 
 
-def _four(offset: FormationOffset) -> Array:
+def _pose(offset: FormationOffset) -> Array:
     return np.append(offset.position_m, offset.yaw_rad)
 
 

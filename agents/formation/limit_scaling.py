@@ -1,4 +1,4 @@
-"""Leaders leave authority to their followers (control.md section 6), whoever these are at the moment.
+"""Leaders plan within what their followers can do (control.md section 6), whoever these are at the moment.
 
 A leader that flies at its own limits cannot be followed by an equal vehicle in a gust, and not at all by one
 that accelerates less. So a leader plans with four fifths of what the weakest of its followers may plan with,
@@ -24,7 +24,7 @@ SHORTEST_ARM_M = 0.02
 
 
 def limit_scale_of(links: FormationGraph, models: Mapping[str, Model], name: str) -> LimitScale:
-    """Share of its own limits a vehicle may plan with.
+    """Scale of its own limits a vehicle may plan with.
 
     Parameters
     ----------
@@ -35,15 +35,15 @@ def limit_scale_of(links: FormationGraph, models: Mapping[str, Model], name: str
     name
         The vehicle.
     """
-    return _share(links, models, name, len(links))
+    return _scale(links, models, name, len(links))
 
 
-def _share(links: FormationGraph, models: Mapping[str, Model], name: str, levels: int) -> LimitScale:
-    """Share by the followers of so many levels; there are no more of them, except in a cycle."""
+def _scale(links: FormationGraph, models: Mapping[str, Model], name: str, levels: int) -> LimitScale:
+    """Scale by the followers of so many levels; there are no more of them, except in a cycle."""
     inputs, rates = np.ones(4), np.ones(4)
     followers = [other for other in links if name in leaders_of(links, other)] if levels else []
     for other in followers:
-        below = _share(links, models, other, levels - 1)
+        below = _scale(links, models, other, levels - 1)
         weaker, slower = _compared(models.get(other), models.get(name))
         inputs = np.minimum(inputs, LEADER_LIMIT_SCALE * weaker * below.inputs)
         rates = np.minimum(rates, slower * below.rates)
@@ -145,7 +145,7 @@ class LimitScaling:
         fixed = "input_range" in settings
         if fixed or not isinstance(controller, ScalesLimits) or not links.keys() - {self._vehicle}:
             return
-        share = limit_scale_of(links, self._models, self._vehicle)
-        if self._told is None or self._told[0] is not controller or self._told[1] != share:
-            controller.set_limit_scale(share)
-            self._told = (controller, share)
+        scale = limit_scale_of(links, self._models, self._vehicle)
+        if self._told is None or self._told[0] is not controller or self._told[1] != scale:
+            controller.set_limit_scale(scale)
+            self._told = (controller, scale)

@@ -10,8 +10,8 @@ from agents.formation.present import AT_WORK, formation_of
 from agents.formation.topology import FormationGraph, followers, places
 from bus.messages import AgentStatus, LeaderLink
 from vehicles.state import Array
+from vehicles.tuples import Three
 
-Three = tuple[float, float, float]
 TOLERANCE_M = 1e-6
 NOBODY: Mapping[str, Array] = MappingProxyType({})
 

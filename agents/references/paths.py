@@ -11,18 +11,18 @@ from typing import Final
 
 import numpy as np
 
+from agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic
 from agents.references.trajectory import COLUMNS, YAW
 from agents.references.turns import nearest_heading, whole_turns
 from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
+from vehicles.tuples import Three
 
 KNOT_COLUMNS: Final = 1 + COLUMNS
 MAX_KNOTS: Final = 600
 RUN_IN_SPEED_M_S: Final = 0.5
 RUN_IN_TURN_RAD_S: Final = 1.5
 _CHECKED_EVERY_S: Final = 0.02
-
-Three = tuple[float, float, float]
 
 
 class PathError(ValueError):
@@ -84,7 +84,12 @@ def run_in_time_s(path: FlightPath, present: Array) -> float:
     way_m = float(np.linalg.norm(first[:3] - present[:3]))
     turn_rad = abs(nearest_heading(float(first[3]), float(present[YAW])) - float(present[YAW]))
     speed = float(np.linalg.norm(present[4:7])) / RUN_IN_SPEED_M_S
-    return max(1.0, 1.875 * way_m / RUN_IN_SPEED_M_S, 1.875 * turn_rad / RUN_IN_TURN_RAD_S, 2.0 * speed)
+    return max(
+        1.0,
+        PEAK_TO_MEAN_SPEED * way_m / RUN_IN_SPEED_M_S,
+        PEAK_TO_MEAN_SPEED * turn_rad / RUN_IN_TURN_RAD_S,
+        2.0 * speed,
+    )
 
 
 def path_problem(path: FlightPath, model: Model, low_m: Three, high_m: Three) -> str | None:
@@ -132,33 +137,3 @@ def path_problem(path: FlightPath, model: Model, low_m: Three, high_m: Three) ->
                 f"the vehicle can; {factor:.2f} times as slow it could be flown"
             )
     return None
-
-
-def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
-    """Quintic Hermite interpolation.
-
-    Parameters
-    ----------
-    before, after
-        Rows of four values, their rates and their accelerations at both ends, shape (k, 12).
-    span, s
-        Time between the ends, and the fraction of it that has passed, shape (k, 1).
-
-    Returns
-    -------
-    Array
-        Rows of the same kind, shape (k, 12).
-    """
-    p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
-    p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2
-    gap = p1 - p0 - v0 - 0.5 * a0
-    slope, bend = v1 - v0 - a0, a1 - a0
-    c3, c4, c5 = (
-        10 * gap - 4 * slope + 0.5 * bend,
-        -15 * gap + 7 * slope - bend,
-        6 * gap - 3 * slope + 0.5 * bend,
-    )
-    value = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-    rate = v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + 5 * s * c5)))
-    acceleration = a0 + s * (6 * c3 + s * (12 * c4 + 20 * s * c5))
-    return np.column_stack((value, rate / span, acceleration / span**2))

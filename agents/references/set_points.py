@@ -8,7 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from agents.references.paths import FlightPath, quintic
+from agents.references.paths import FlightPath
+from agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic, rest_to_rest
 from agents.references.trajectory import (
     ACCELERATION,
     COLUMNS,
@@ -22,8 +23,6 @@ from agents.references.trajectory import (
 )
 from vehicles.state import Array
 
-PEAK_TO_MEAN_SPEED = 1.875
-"""Ratio of the peak to the mean speed of a quintic that starts and ends at rest."""
 _TURN_DURATIONS_S = np.geomspace(0.2, 120.0, 90)
 _TURN_MOMENTS = np.linspace(0.0, 1.0, 21)
 
@@ -89,12 +88,11 @@ class SmoothMove:
         """See `ReferenceSource.sample`."""
         at = (time_s - self.start_s + period_s * np.arange(stages)) / self.duration_s
         s = np.clip(at, 0.0, 1.0)[:, None]
-        span = self.end_m - self.start_m
         samples = np.zeros((stages, COLUMNS))
         samples[:, YAW] = self.yaw_rad
-        samples[:, POSITION] = self.start_m + span * s**3 * (10 + s * (6 * s - 15))
-        samples[:, VELOCITY] = span * 30 * s**2 * (1 - s) ** 2 / self.duration_s
-        samples[:, ACCELERATION] = span * 60 * s * (1 - s) * (1 - 2 * s) / self.duration_s**2
+        samples[:, POSITION], samples[:, VELOCITY], samples[:, ACCELERATION] = rest_to_rest(
+            self.start_m, self.end_m, s, self.duration_s
+        )
         return Trajectory(samples, period_s)
 
     def finished(self, time_s: float) -> bool:

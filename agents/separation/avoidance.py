@@ -1,4 +1,4 @@
-"""Which plans of others a vehicle keeps clear of in a control period. Pure; knows no bus."""
+"""Which plans of others constrain the plan of a vehicle in a control period. Pure; knows no bus."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -40,15 +40,15 @@ class SeparationEllipsoid:
 
 @dataclass(frozen=True, slots=True)
 class Neighbour:
-    """Another vehicle: its newest plan, and the share of the ellipsoid that is kept clear of it."""
+    """Another vehicle: its newest plan, and the scale of the ellipsoid that separates from it."""
 
     plan: LeaderPlan
-    share: float
+    scale: float
 
 
 @dataclass(frozen=True, slots=True)
 class Near:
-    """Whom to keep clear of.
+    """Vehicles that come near.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Near:
 
 
 def near(
-    clearance: SeparationEllipsoid,
+    ellipsoid: SeparationEllipsoid,
     neighbours: Mapping[str, Neighbour],
     own_m: Array,
     period_s: float,
@@ -76,7 +76,7 @@ def near(
 
     Parameters
     ----------
-    clearance
+    ellipsoid
         The ellipsoid.
     neighbours
         The others by name.
@@ -95,14 +95,14 @@ def near(
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf
     for name in sorted(neighbours):
-        plan, share = neighbours[name].plan, neighbours[name].share
-        if share <= 0.0:
+        plan, scale = neighbours[name].plan, neighbours[name].scale
+        if scale <= 0.0:
             continue
         other_m = plan.trajectory.positions_from(plan.ahead_s + delay_s, period_s, len(own_m))
         squares = (own_m - other_m) ** 2
-        distance = float(np.sqrt((squares @ clearance.stiffness).min())) / share
+        distance = float(np.sqrt((squares @ ellipsoid.stiffness).min())) / scale
         closest = min(closest, distance)
         closest_m = min(closest_m, float(np.sqrt(squares.sum(axis=1).min())))
         if distance < NEAR:
-            obstacles.append(Obstacle(other_m, share * clearance.horizontal_m, share * clearance.vertical_m))
+            obstacles.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
     return Near(tuple(obstacles), closest < TOUCHING, closest_m)

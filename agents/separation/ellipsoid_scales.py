@@ -1,7 +1,7 @@
-"""How much of the ellipsoid a vehicle keeps clear of each other one: by who follows whom, and where.
+"""Size of the ellipsoid that separates a vehicle from each other one: by who follows whom, and where.
 
-Every vehicle works it out by itself from what all of them say of themselves. Strangers both keep clear of
-each other, as in traffic without right of way; who passes on which side is settled in
+Every vehicle works it out by itself from what all of them say of themselves. Vehicles of different formations
+both avoid each other, as in traffic without right of way; who passes on which side is settled in
 `agents.controllers.clearance`.
 """
 
@@ -13,13 +13,13 @@ from agents.separation.avoidance import SeparationEllipsoid
 from vehicles.state import Array
 
 FORMATION_SCALE: Final = 0.9
-"""Share of the distance of two places in a formation that its vehicles keep."""
+"""Fraction of the distance of two places in a formation that its vehicles keep."""
 
 
 def ellipsoid_scale(
-    clearance: SeparationEllipsoid, links: FormationGraph, places: Mapping[str, Array], name: str, other: str
+    ellipsoid: SeparationEllipsoid, links: FormationGraph, places: Mapping[str, Array], name: str, other: str
 ) -> float:
-    """Share of the ellipsoid that a vehicle keeps clear of another one.
+    """Scale of the ellipsoid that a vehicle keeps free of another one.
 
     Nothing of its followers, whose plans are made from its own: a leader gives no way to them. Places in a
     formation that an operator has chosen are respected: mates keep at most `FORMATION_SCALE` of their
@@ -27,7 +27,7 @@ def ellipsoid_scale(
 
     Parameters
     ----------
-    clearance
+    ellipsoid
         The ellipsoid.
     links
         Who follows whom.
@@ -47,4 +47,4 @@ def ellipsoid_scale(
     if not mates or name not in places or other not in places:
         return 1.0
     gap_m = places[name][:3] - places[other][:3]
-    return min(1.0, FORMATION_SCALE * float(clearance.normalised(gap_m)))
+    return min(1.0, FORMATION_SCALE * float(ellipsoid.normalised(gap_m)))

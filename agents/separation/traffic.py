@@ -48,7 +48,7 @@ class Traffic:
     ----------
     vehicle
         Own name.
-    clearance
+    ellipsoid
         The ellipsoid; None for no avoidance.
     subscribe
         Opens a subscription to the plan of a vehicle, one that does not wake the loop.
@@ -59,14 +59,14 @@ class Traffic:
     def __init__(
         self,
         vehicle: str,
-        clearance: SeparationEllipsoid | None,
+        ellipsoid: SeparationEllipsoid | None,
         subscribe: Callable[[str], Subscription[Plan]],
     ) -> None:
         self._vehicle = vehicle
-        self._clearance = clearance
+        self._ellipsoid = ellipsoid
         self._subscribe = subscribe
         self._inboxes: dict[str, Subscription[Plan]] = {}
-        self._shares: dict[str, float] = {}
+        self._scales: dict[str, float] = {}
         self._looks: dict[str, int] = {}
         self._ticks = 0
         self._rejected: Counter[str] = Counter()
@@ -74,7 +74,7 @@ class Traffic:
     def due(self) -> bool:
         """Whether it is time for another look; to be asked once in every control period."""
         self._ticks += 1
-        return self._clearance is not None and self._ticks % TEND_EVERY_TICKS == 1
+        return self._ellipsoid is not None and self._ticks % TEND_EVERY_TICKS == 1
 
     def tend(self, own: AgentStatus, others: Mapping[str, AgentStatus]) -> None:
         """Look who could come near, and hear those.
@@ -86,14 +86,14 @@ class Traffic:
         others
             Newest statuses of those who are not silent.
         """
-        if self._clearance is None:
+        if self._ellipsoid is None:
             return
         wanted: dict[str, float] = {}
         if own.phase == Phase.FLYING and own.position_m is not None:
             links, heads = formation_of({**others, self._vehicle: own})
             where = places(links, heads)
-            self._shares = {
-                name: ellipsoid_scale(self._clearance, links, where, self._vehicle, name) for name in others
+            self._scales = {
+                name: ellipsoid_scale(self._ellipsoid, links, where, self._vehicle, name) for name in others
             }
             mates = {
                 name
@@ -104,13 +104,13 @@ class Traffic:
             }
             ahead = way(own)
             for name, status in others.items():
-                if status.position_m is None or not self._shares[name]:
+                if status.position_m is None or not self._scales[name]:
                     continue
                 if name in mates:
                     gap = np.subtract(status.position_m, own.position_m)
                     if np.linalg.norm(gap - (where[name] - where[self._vehicle])[:3]) < IN_PLACE_M:
                         continue
-                distance = float(self._clearance.normalised(ahead[:, None] - way(status)).min())
+                distance = float(self._ellipsoid.normalised(ahead[:, None] - way(status)).min())
                 if distance < MEET:
                     wanted[name] = distance
         self._hear(sorted(wanted, key=lambda name: wanted[name])[:MOST])
@@ -130,7 +130,7 @@ class Traffic:
 
     def neighbours(self, clock: FleetClock, plans: Mapping[str, LeaderPlan]) -> dict[str, Neighbour]:
         """Those who are heard, and the leaders, whose plans are known anyway."""
-        if self._clearance is None:
+        if self._ellipsoid is None:
             return {}
         found = {name: plan for name, plan in plans.items() if plan.ahead_s < OLDEST_S}
         for name, inbox in self._inboxes.items():
@@ -141,7 +141,7 @@ class Traffic:
             if plan.ahead_s < OLDEST_S:
                 found[name] = plan
         return {
-            name: Neighbour(plan, self._shares[name]) for name, plan in found.items() if name in self._shares
+            name: Neighbour(plan, self._scales[name]) for name, plan in found.items() if name in self._scales
         }
 
     @property

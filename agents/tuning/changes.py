@@ -44,7 +44,7 @@ def prepare(
     wanted: Configuration,
     model: Model,
     period_s: float,
-    share: LimitScale,
+    limit_scale: LimitScale,
     occasion: Occasion,
 ) -> Replacement:
     """Build what differs between two configurations and let it run a few steps.
@@ -56,7 +56,7 @@ def prepare(
     """
     controller = estimator = None
     if (wanted.controller, wanted.controller_settings) != (present.controller, present.controller_settings):
-        controller = wanted.controller_for(model, period_s, share)
+        controller = wanted.controller_for(model, period_s, limit_scale)
         motion = occasion.estimate.motion
         reference = hold(motion[:3], float(motion[YAW]), period_s, controller.horizon)
         controller.reset(occasion.estimate, occasion.last_input)
@@ -81,7 +81,7 @@ class Tuning:
         The vehicle's pilot.
     period_s
         Control period.
-    share
+    limit_scale
         What the followers leave the vehicle until more is known of them.
     wake
         Called from the thread when there is something to `finish`.
@@ -92,13 +92,13 @@ class Tuning:
         configuration: Configuration,
         pilot: Pilot,
         period_s: float,
-        share: LimitScale,
+        limit_scale: LimitScale,
         wake: Callable[[], None] = lambda: None,
     ) -> None:
         self.configuration = configuration
         self._pilot = pilot
         self._period_s = period_s
-        self._share = share
+        self._limit_scale = limit_scale
         self._wake = wake
         self._thread: threading.Thread | None = None
         self._result: Replacement | ValueError | None = None
@@ -127,7 +127,9 @@ class Tuning:
     def _prepare(self, wanted: Configuration, occasion: Occasion) -> None:
         try:
             model = self._pilot.model
-            self._result = prepare(self.configuration, wanted, model, self._period_s, self._share, occasion)
+            self._result = prepare(
+                self.configuration, wanted, model, self._period_s, self._limit_scale, occasion
+            )
         except ValueError as error:
             self._result = error
         except Exception as error:  # noqa: BLE001 - a controller of somebody else may raise anything

@@ -57,7 +57,7 @@ class Configuration:
             estimator_settings={**kept_by_estimator, **estimator_settings},
         )
 
-    def controller_for(self, model: Model, period_s: float, share: LimitScale) -> Controller:
+    def controller_for(self, model: Model, period_s: float, limit_scale: LimitScale) -> Controller:
         """Build the controller.
 
         Parameters
@@ -66,7 +66,7 @@ class Configuration:
             The vehicle.
         period_s
             Control period.
-        share
+        limit_scale
             What the vehicle's followers leave it; a fixed `input_range` of the settings goes before.
 
         Raises
@@ -76,7 +76,7 @@ class Configuration:
         """
         built = CONTROLLERS.build(self.controller, model, period_s, self.controller_settings)
         if isinstance(built, ScalesLimits) and "input_range" not in self.controller_settings:
-            built.set_limit_scale(share)
+            built.set_limit_scale(limit_scale)
         return built
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:

@@ -22,8 +22,8 @@ from experiments import checks
 from experiments.checks import Check
 from ground_station.recorder import Record, Recording
 from ground_station.report import FlightFigures
+from vehicles.tuples import Three
 
-Three = tuple[float, float, float]
 NAMES = ("h1", "h2")
 
 

@@ -36,7 +36,9 @@ def test_the_status_of_a_ready_fleet_names_everything_and_is_json(fleet: Fleet) 
     assert vehicle["transmitter"]["state"] == "disarmed"
     assert vehicle["pose_age_s"] < 1
     text = readable(status)
-    assert text.startswith("lab: ready\n  h1: ground, transmitter disarmed, paper, leads, missed 0")
+    assert text.startswith(
+        "lab: ready\n  h1: ground, transmitter disarmed, paper, leads, 0 control periods missed"
+    )
 
 
 def test_a_fleet_nobody_heard_of_has_a_status_with_what_is_missing(

@@ -24,9 +24,7 @@ from bus.messages import (
 )
 from ground_station.recorder import Record, Recording
 from ground_station.report import FlightFigures, percentiles, rms_and_max
-
-Four = tuple[float, float, float, float]
-Three = tuple[float, float, float]
+from vehicles.tuples import Four, Three
 
 
 class Flight:

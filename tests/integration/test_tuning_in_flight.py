@@ -46,7 +46,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(l
             and status is not None
             and status.phase == "flying"
             and status.diagnostics.horizon == 24
-            and status.controller_settings.get("input_weights") == (2.0, 2.0, 15.0, 5.0)
+            and status.diagnostics.controller_settings.get("input_weights") == (2.0, 2.0, 15.0, 5.0)
         )
 
     fleet.wait_until(restored, 15, "h2 does not fly with what was tuned")

@@ -32,9 +32,9 @@ class Sharing(NotedController):
         super().__init__(np.zeros((1, 4)))
         self.shares: list[float] = []
 
-    def set_limit_scale(self, share: LimitScale) -> None:
-        assert len(set(share.inputs)) == 1
-        self.shares.append(share.inputs[0])
+    def set_limit_scale(self, limit_scale: LimitScale) -> None:
+        assert len(set(limit_scale.inputs)) == 1
+        self.shares.append(limit_scale.inputs[0])
 
 
 def test_every_level_of_followers_below_takes_a_share() -> None:

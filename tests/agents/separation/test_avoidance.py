@@ -1,4 +1,4 @@
-"""Who is near, and how much of the ellipsoid is kept clear of whom."""
+"""Who is near, and how large the ellipsoid between two vehicles is."""
 
 import numpy as np
 import pytest
@@ -29,11 +29,11 @@ HEADS = {"h1": np.array([0.0, 0, 1, 0]), "h4": np.array([0.2, 0, 1, 0])}
 WHERE = places(LINKS, HEADS)
 
 
-def flying(velocity: float, start: float, ahead_s: float = 0.0, share: float = 1.0) -> Neighbour:
+def flying(velocity: float, start: float, ahead_s: float = 0.0, scale: float = 1.0) -> Neighbour:
     samples = np.zeros((30, COLUMNS))
     samples[:, 0] = start + velocity * 0.02 * np.arange(30)
     samples[:, 4] = velocity
-    return Neighbour(LeaderPlan(Trajectory(samples, 0.02), ahead_s), share)
+    return Neighbour(LeaderPlan(Trajectory(samples, 0.02), ahead_s), scale)
 
 
 def test_only_plans_that_come_near_are_kept_clear_of() -> None:
@@ -51,12 +51,12 @@ def test_an_old_plan_is_read_at_the_present_and_goes_on_beyond_its_end() -> None
 
 
 def test_the_share_shrinks_the_ellipsoid_and_what_counts_as_near() -> None:
-    beside = flying(0.0, 0.35 * 0.5 * (NEAR + 0.1), share=0.5)
+    beside = flying(0.0, 0.35 * 0.5 * (NEAR + 0.1), scale=0.5)
     assert near(CLEARANCE, {"h2": beside}, OWN, 0.02, 0.0).obstacles == ()
-    nearer = flying(0.0, 0.35 * 0.5 * (NEAR - 0.1), share=0.5)
+    nearer = flying(0.0, 0.35 * 0.5 * (NEAR - 0.1), scale=0.5)
     (obstacle,) = near(CLEARANCE, {"h2": nearer}, OWN, 0.02, 0.0).obstacles
     assert obstacle.horizontal_m == pytest.approx(0.175)
-    assert near(CLEARANCE, {"h2": flying(0.0, 0.0, share=0.0)}, OWN, 0.02, 0.0).obstacles == ()
+    assert near(CLEARANCE, {"h2": flying(0.0, 0.0, scale=0.0)}, OWN, 0.02, 0.0).obstacles == ()
 
 
 @pytest.mark.parametrize("axes", [(0.0, 0.6), (0.35, -1.0), (6.0, 0.6), (float("nan"), 0.6)])
@@ -72,8 +72,8 @@ def test_a_leader_gives_no_way_to_those_who_follow_it() -> None:
 
 
 def test_chosen_places_closer_than_the_ellipsoid_are_respected() -> None:
-    share = ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h3", "h2")
-    assert share == pytest.approx(FORMATION_SCALE * 0.3 / 0.35)
+    scale = ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h3", "h2")
+    assert scale == pytest.approx(FORMATION_SCALE * 0.3 / 0.35)
     assert ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h2", "h1") == 1.0
 
 

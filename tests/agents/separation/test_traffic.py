@@ -11,8 +11,8 @@ from agents.flight.fleet_clock import FleetClock
 from agents.separation.avoidance import SeparationEllipsoid
 from agents.separation.traffic import MOST, PATIENCE, TEND_EVERY_TICKS, Traffic, way
 from bus.messages import AgentStatus, LeaderLink, SetPoint
+from vehicles.tuples import Three
 
-Three = tuple[float, float, float]
 BESIDE = LeaderLink(leader="h1", offset_m=(-0.4, 0.0, 0.0))
 
 
@@ -109,7 +109,7 @@ def test_plans_come_on_the_own_clock_with_their_shares() -> None:
     road.bus.deliver(plan_of("h3", frame=9, epoch=2))
     found = road.traffic.neighbours(road.clock, {})
     assert list(found) == ["h2"]
-    assert found["h2"].share == 1.0
+    assert found["h2"].scale == 1.0
     assert found["h2"].plan.ahead_s == pytest.approx(0.0)
     assert found["h2"].plan.trajectory.position_m[0] == pytest.approx([0.4, 0.0, 1.0])
 

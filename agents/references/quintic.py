@@ -1,0 +1,65 @@
+"""Quintic polynomials: smooth from one state to another, or from rest to rest."""
+
+from typing import Final
+
+import numpy as np
+
+from vehicles.state import Array
+
+PEAK_TO_MEAN_SPEED: Final = 1.875
+"""Ratio of the peak to the mean speed from rest to rest."""
+
+
+def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple[Array, Array, Array]:
+    """Quintic from rest to rest.
+
+    Parameters
+    ----------
+    begin, end
+        Values at the ends, shape (m,).
+    s
+        Fraction of the time that has passed, 0 to 1, shape (k, 1).
+    duration_s
+        Time between the ends.
+
+    Returns
+    -------
+    tuple of Array
+        Values, rates and accelerations, shape (k, m) each.
+    """
+    span = end - begin
+    return (
+        begin + span * s**3 * (10 + s * (6 * s - 15)),
+        span * 30 * s**2 * (1 - s) ** 2 / duration_s,
+        span * 60 * s * (1 - s) * (1 - 2 * s) / duration_s**2,
+    )
+
+
+def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
+    """Quintic Hermite interpolation.
+
+    Parameters
+    ----------
+    before, after
+        Rows of four values, their rates and their accelerations at both ends, shape (k, 12).
+    span, s
+        Time between the ends, and the fraction of it that has passed, shape (k, 1).
+
+    Returns
+    -------
+    Array
+        Rows of the same kind, shape (k, 12).
+    """
+    p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
+    p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2
+    gap = p1 - p0 - v0 - 0.5 * a0
+    slope, bend = v1 - v0 - a0, a1 - a0
+    c3, c4, c5 = (
+        10 * gap - 4 * slope + 0.5 * bend,
+        -15 * gap + 7 * slope - bend,
+        6 * gap - 3 * slope + 0.5 * bend,
+    )
+    value = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
+    rate = v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + 5 * s * c5)))
+    acceleration = a0 + s * (6 * c3 + s * (12 * c4 + 20 * s * c5))
+    return np.column_stack((value, rate / span, acceleration / span**2))
