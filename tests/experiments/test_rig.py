@@ -20,7 +20,7 @@ from experiments.rig import (
     total_fallbacks,
 )
 from experiments.schemes import NO_HURRY
-from simulator.conditions import IDEAL, LABORATORY, Conditions
+from simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
 from vehicles.types import COAXIAL, QUADROTOR
@@ -247,3 +247,13 @@ def test_leaders_come_before_their_followers() -> None:
     leaders = {"h4": ["h3", "h2"], "h3": ["h1"], "h2": ["h1"], "h1": []}
     order = flying_order(leaders)
     assert all(order.index(one) < order.index(name) for name, links in leaders.items() for one in links)
+
+
+@pytest.mark.parametrize("conditions", [HELICOPTER, HELICOPTERS])
+def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Conditions) -> None:
+    vehicle = RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), "pid")
+    record = Rig([vehicle], conditions, 1).fly(12.0)["h1"]
+    assert record.touchdowns == 0
+    settled = record.motion[record.time_s > 6.0, :3] - (0.0, 0.0, 1.0)
+    assert np.linalg.norm(settled, axis=1).max() < 0.3
+    assert np.ptp(record.inputs[record.time_s > 6.0, :2], axis=0).max() < 1.0, "no limit cycle at the stops"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from simulator.helicopter_dynamics import STATE_SIZE, HelicopterDynamics, State, level_state
 from simulator.helicopter_parameters import GRAVITY_M_S2, NOMINAL_PLATEAU_M_S2, HelicopterParameters
@@ -126,6 +127,48 @@ def test_yaw_gyro_holds_the_rate_that_the_stick_asks_for() -> None:
     vehicle = HelicopterParameters.nominal()
     state = flown(HelicopterDynamics(vehicle), hovering(vehicle), 3.0, throttle=(HOVER[0], 0.1))
     assert state[12] == pytest.approx(0.1 * 111 / 5, rel=0.01)
+
+
+def test_yaw_stick_acts_as_identified_where_the_rotors_are_fast() -> None:
+    vehicle = replace(HelicopterParameters.nominal(), rotor_lag_upper_s=0.01, rotor_lag_lower_s=0.01)
+    dynamics, state = HelicopterDynamics(vehicle), hovering(vehicle)
+    rates = []
+    for _ in range(4):
+        state = flown(dynamics, state, 0.1, throttle=(HOVER[0], 0.1))
+        rates.append(state[12])
+    late = 0.01
+    identified = [0.1 * 111 / 5 * (1 - math.exp(-5 * (0.1 * n - late))) for n in range(1, 5)]
+    assert rates == pytest.approx(identified, rel=0.05)
+
+
+@given(rates=st.tuples(*[st.floats(-8, 8)] * 3), velocity=st.tuples(*[st.floats(-3, 3)] * 3))
+@settings(max_examples=15, deadline=None)
+def test_body_without_rotors_and_air_keeps_its_energy_and_angular_momentum(
+    rates: tuple[float, ...], velocity: tuple[float, ...]
+) -> None:
+    vehicle = replace(
+        HelicopterParameters.nominal(),
+        spring_upper_n_m=1e-12,
+        spring_lower_n_m=1e-12,
+        drag_per_s=(0.0, 0.0),
+        added_damping=0.0,
+    )
+    inertia = np.array(vehicle.inertia_kg_m2)
+
+    def conserved(state: State) -> tuple[float, Array]:
+        motion = vehicle.mass_kg * (0.5 * np.sum(np.square(state[3:6])) + GRAVITY_M_S2 * state[2])
+        body = np.array(state[10:13])
+        w, x, y, z = state[6:10]
+        momentum = Rotation.from_quat([x, y, z, w]).apply(inertia * body)
+        return float(motion + 0.5 * inertia @ body**2), momentum
+
+    rest = level_state(HIGH, 0.4, (0.0, 0.0))
+    start: State = (*rest[:3], *velocity, *rest[6:10], *rates, *rest[13:])
+    end = flown(HelicopterDynamics(vehicle), start, 0.5, throttle=None)
+    energy, momentum = conserved(start)
+    energy_later, momentum_later = conserved(end)
+    assert energy_later == pytest.approx(energy, rel=1e-5)
+    assert momentum_later == pytest.approx(momentum, abs=2e-3 * float(np.linalg.norm(momentum)) + 1e-9)
 
 
 @given(yaw=st.floats(-3, 3), pitch=st.floats(-1, 1), roll=st.floats(-1, 1))
