@@ -1,1 +1,1 @@
-"""Interchangeable estimators, one file each."""
+"""Interchangeable estimators: from poses and applied inputs to motion and disturbance. One file each."""

@@ -1,1 +1,1 @@
-"""Flying one vehicle: phases, the reference of the moment, the fleet clock, prediction through the delay."""
+"""Flying one vehicle: what it is to do now (guidance), what time it is, where it will be after the delay."""

@@ -1,1 +1,1 @@
-"""Following leaders: their plans, requests that change them, what happens when they are lost."""
+"""Following leaders: their plans as they arrive, changes of leaders, and what happens when one is lost."""

@@ -1,1 +1,1 @@
-"""The formation law and what follows from it, without bus and clock: offsets, topology, succession."""
+"""The formation, without clock: the formation law, who follows whom, places, limits, succession."""

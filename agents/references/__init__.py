@@ -1,1 +1,1 @@
-"""Where a vehicle shall be: trajectories, set points and paths, as functions of time."""
+"""References as functions of time: trajectories, set points, smooth moves and paths."""

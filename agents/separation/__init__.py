@@ -1,1 +1,1 @@
-"""Keeping clear of other vehicles by their plans."""
+"""Separation from other vehicles: whose plans are needed, and which of them constrain the own one."""

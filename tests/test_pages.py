@@ -1,0 +1,45 @@
+"""Promises of the pages that speak of the tree: what they name is there, and what is there they name."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+ROWS = re.findall(r"^\| ([^|]+) \|[^|]+\|[^|]*\| `([^`]+)`(?: `([^`]+)`)? \|$", GLOSSARY, re.MULTILINE)
+
+
+def test_every_row_of_the_glossary_names_where_its_term_is_defined() -> None:
+    rows = [line for line in GLOSSARY.splitlines() if line.startswith("| ")]
+    headings = sum(line.startswith(("| term ", "| --- ")) for line in rows)
+    assert len(ROWS) == len(rows) - headings > 40
+
+
+@pytest.mark.parametrize(("term", "path", "name"), ROWS, ids=[row[0] for row in ROWS])
+def test_a_term_is_defined_where_the_glossary_says(term: str, path: str, name: str) -> None:
+    source = (ROOT / path).read_text(encoding="utf-8")
+    assert not name or re.search(rf"^(class|def) {name}\b|^{name}\b.*=", source, re.MULTILINE)
+
+
+def test_no_term_is_explained_twice() -> None:
+    terms = [term for term, _, _ in ROWS]
+    assert len(set(terms)) == len(terms)
+
+
+@pytest.mark.parametrize("path", sorted(set(re.findall(r"`([a-z_]+/[a-z_/]*(?:\.py)?)`", ARCHITECTURE))))
+def test_what_the_architecture_names_is_there(path: str) -> None:
+    assert (ROOT / path).exists() or (ROOT / "agents" / path).exists()
+
+
+def test_the_architecture_names_every_folder_and_every_part_of_an_agent() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    for folder in settings["tool"]["importlinter"]["root_packages"]:
+        assert f"`{folder}/`" in ARCHITECTURE
+    for part in (ROOT / "agents").iterdir():
+        if part.is_dir() and (part / "__init__.py").exists():
+            assert f"`{part.name}/`" in ARCHITECTURE
+        elif part.suffix == ".py" and part.stem != "__init__":
+            assert f"`{part.stem}`" in ARCHITECTURE
