@@ -209,6 +209,20 @@ class InjectedFault(Struct, frozen=True, forbid_unknown_fields=True):
     """Its `kind` and its fields; docs/motion_capture.md lists them; the simulator refuses others."""
 
 
+class Identify(Request, frozen=True, kw_only=True):
+    """Which fleet is up here? Asked before anything else, so that nobody steers another fleet than meant."""
+
+
+class IdentifyReply(Reply, frozen=True, kw_only=True):
+    """The fleet of a router."""
+
+    fleet: Name
+    host: Name
+    digest: Text
+    """Digest of the fleet file; two programs with the same one mean the same fleet."""
+    vehicles: Annotated[tuple[Name, ...], Meta(max_length=64)] = ()
+
+
 class Inject(Request, frozen=True, kw_only=True):
     """Let the simulated laboratory show faults: its Tracker or its radio modules, now or later."""
 
@@ -261,6 +275,7 @@ VERBS: Final = {
             "what the previous transmitter gateway last wrote",
             RecallTransmitterReply,
         ),
+        Verb("identify", "router", Identify, "which fleet is up", IdentifyReply),
         Verb("inject", "simulator", Inject, "let the simulated laboratory show faults"),
     )
 }

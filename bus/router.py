@@ -4,12 +4,22 @@ import os
 import signal
 
 import zenoh
+from zenoh.handlers import Callback
 
+from bus import channels
+from bus.codec import encode
 from bus.endpoints import reason_of, router_config
 from bus.realtime import request_realtime
+from bus.requests import IdentifyReply
 
 
-def run_router(listen: list[str], connect: list[str], namespace: str | None, realtime_priority: int) -> None:
+def run_router(
+    listen: list[str],
+    connect: list[str],
+    namespace: str | None,
+    realtime_priority: int,
+    identity: IdentifyReply | None = None,
+) -> None:
     """Route until SIGTERM or SIGINT.
 
     Parameters
@@ -18,6 +28,8 @@ def run_router(listen: list[str], connect: list[str], namespace: str | None, rea
         See `bus.endpoints.router_config`.
     realtime_priority
         SCHED_FIFO priority, 0 for none.
+    identity
+        Answer to whoever asks which fleet this is; None leaves the question open.
 
     Raises
     ------
@@ -35,5 +47,18 @@ def run_router(listen: list[str], connect: list[str], namespace: str | None, rea
         session = zenoh.open(router_config(listen, connect, namespace))
     except zenoh.ZError as error:
         raise OSError(f"router cannot listen on {', '.join(listen)}: {reason_of(error)}") from None
+    if identity is not None:
+        _identify(session, identity)
     os.read(ended, 1)
     session.close()
+
+
+def _identify(session: zenoh.Session, identity: IdentifyReply) -> None:
+    payload = encode(identity)
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(key, payload)
+
+    key = channels.request_key(identity.fleet, identity.host, "identify")
+    session.declare_queryable(key, Callback(answer, indirect=False), complete=True)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import TypeVar
@@ -14,7 +15,7 @@ from bus.channels import Channel
 from bus.codec import RejectedError, decode, encode
 from bus.endpoints import client_config, reason_of
 from bus.messages import Message
-from bus.requests import VERBS, Reply, Request, Verb, verb_of
+from bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from bus.subscription import Subscription, UnitSubscriptions
 
 M = TypeVar("M", bound=Message)
@@ -291,6 +292,18 @@ class Session:
             if now_s >= give_up_s:
                 raise RequestFailedError(f"nobody serves {verb.name} for {unit}")
             time.sleep(RETRY_S)
+
+    def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:
+        """Which fleet the routers say is up here: an answer for each router that is linked and can tell."""
+        pattern = channels.request_key("*", "*", "identify")
+        found = []
+        for reply in self._zenoh.get(
+            pattern, payload=encode(Identify()), timeout=timeout_s, target=zenoh.QueryTarget.ALL
+        ):
+            if reply.ok is not None:
+                with suppress(RejectedError):
+                    found.append(decode(reply.ok.payload.to_bytes(), IdentifyReply))
+        return found
 
     def _reply(self, unit: str, verb: Verb, payload: bytes) -> Reply:
         try:

@@ -12,12 +12,13 @@ from pathlib import Path
 from bus.session import BusUnreachableError
 from deploy.fleet_check import check_fleet
 from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.fleet_file.snapshot import write_snapshot
 from deploy.membership import MembershipService
 from deploy.processes import processes_of
 from deploy.recall import RecallService
 from deploy.roles.addresses import bus_address
 from deploy.roles.tracker import check_motion_capture, tracker_address
-from deploy.run_directory import run_directory, serial_path
+from deploy.run_directory import run_directory, serial_path, snapshot_path
 from deploy.supervisor import Supervisor
 
 WATCH_S = 0.1
@@ -95,8 +96,8 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     Parameters
     ----------
-    fleet, fleet_path
-        The fleet file, loaded, and where it is.
+    fleet
+        The fleet file, loaded: changes that are made to the file later do not matter.
     host
         Which host this is.
     without
@@ -109,7 +110,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         nothing was started.
     """
 
-    def __init__(self, fleet: FleetFile, fleet_path: Path, host: str, without: Collection[str] = ()) -> None:
+    def __init__(self, fleet: FleetFile, host: str, without: Collection[str] = ()) -> None:
         directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = processes_of(fleet, host)
         _check_absent(fleet, without)
@@ -117,7 +118,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         missing = check_resources(fleet, host, directory, without)
         self.directory = directory
         agents = {f"agent-{name}" for name in without}
-        self.supervisor = Supervisor(specs, fleet_path, directory / "log", without=agents)
+        self._snapshot = snapshot_path(host, directory)
+        self.supervisor = Supervisor(specs, self._snapshot, directory / "log", without=agents)
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._fleet = fleet
         self._host = host
@@ -127,6 +129,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._membership: MembershipService | None = None
 
     def __enter__(self) -> "Launcher":
+        write_snapshot(self._fleet, self._snapshot)
         self._thread.start()
         vehicles = self._fleet.vehicles.items()
         agents = [name for name, vehicle in vehicles if vehicle.host == self._host]

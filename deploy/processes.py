@@ -28,9 +28,9 @@ class ProcessSpec:
     unit: str
     stop_order: int
 
-    def command(self, fleet_path: Path) -> list[str]:
-        """Command line that starts the process."""
-        return [sys.executable, "-m", "deploy.roles", self.role, self.unit, str(fleet_path)]
+    def command(self, snapshot: Path) -> list[str]:
+        """Command line that starts the process by the snapshot of a fleet file."""
+        return [sys.executable, "-m", "deploy.roles", self.role, self.unit, str(snapshot)]
 
 
 def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:

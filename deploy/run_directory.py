@@ -7,8 +7,8 @@ from pathlib import Path
 LONGEST_SOCKET_PATH = 100
 
 
-def run_directory(fleet_name: str, namespace: str | None) -> Path:
-    """Directory of a fleet on this host, created if missing.
+def base_directory() -> Path:
+    """Directory of all fleets on this host.
 
     `RCOPTERX_RUN` overrides the place; else `XDG_RUNTIME_DIR` is used where it exists, else the directory for
     temporary files.
@@ -20,7 +20,12 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
             base = str(Path(runtime) / "rcopterx")
         else:
             base = str(Path(tempfile.gettempdir()) / f"rcopterx-{os.getuid()}")
-    path = Path(base) / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
+    return Path(base)
+
+
+def run_directory(fleet_name: str, namespace: str | None) -> Path:
+    """Directory of a fleet on this host, created if missing; it lies in `base_directory`."""
+    path = base_directory() / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
     (path / "log").mkdir(parents=True, exist_ok=True)
     return path
 
@@ -28,6 +33,11 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
 def serial_path(port: str, directory: Path) -> Path:
     """Serial device of a transmitter: relative ones live in the run directory."""
     return Path(port) if Path(port).is_absolute() else directory / port
+
+
+def snapshot_path(host: str, directory: Path) -> Path:
+    """Where the snapshot of the fleet file lies that the processes of a host go by."""
+    return directory / f"fleet-{host}.json"
 
 
 def router_socket(host: str, directory: Path) -> str | None:

@@ -17,7 +17,7 @@ from deploy.roles.run import end_with_parent, name_process, run_reporting, runne
 from deploy.spare_process import READY, Job
 
 
-def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | None:
+def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | None:
     """Prepare these jobs, wait for one of them on standard input.
 
     Returns
@@ -26,7 +26,7 @@ def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | 
         Does the job; None when the supervisor closed the pipe instead.
     """
     name_process("spare")
-    fleet = load_fleet(fleet_path)
+    fleet = load_fleet(snapshot)
     pilots = {unit: pilot_of(fleet, unit) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs}
     os.write(sys.stdout.fileno(), READY)
@@ -45,7 +45,7 @@ def wait_for_job(fleet_path: Path, jobs: Sequence[Job]) -> Callable[[], None] | 
 
 
 def main() -> None:
-    """Entry point: `python -m deploy.spare FLEET_FILE ROLE:UNIT...`."""
+    """Entry point: `python -m deploy.spare SNAPSHOT ROLE:UNIT...`."""
     end_with_parent()
     jobs = [(role, unit) for role, _, unit in (word.partition(":") for word in sys.argv[2:])]
     run = wait_for_job(Path(sys.argv[1]), jobs)

@@ -27,16 +27,16 @@ class SpareProcess:
 
     Parameters
     ----------
-    fleet_path
-        Fleet file handed to the spare.
+    snapshot
+        Snapshot of the fleet file handed to the spare.
     jobs
         Roles and units it must be able to take over; none means that there is never a spare.
     log
         Log file of the spare until it takes over.
     """
 
-    def __init__(self, fleet_path: Path, jobs: Sequence[Job], log: Path) -> None:
-        self._fleet_path = fleet_path
+    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path) -> None:
+        self._snapshot = snapshot
         self._jobs = tuple(jobs)
         self._log = log
         self._process: subprocess.Popen[bytes] | None = None
@@ -53,7 +53,7 @@ class SpareProcess:
         words = [f"{role}:{unit}" for role, unit in self._jobs]
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "deploy.spare", str(self._fleet_path), *words],
+                [sys.executable, "-m", "deploy.spare", str(self._snapshot), *words],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,

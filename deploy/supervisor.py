@@ -59,8 +59,8 @@ class Supervisor:
     ----------
     specs
         Processes in starting order.
-    fleet_path
-        Fleet file handed to each.
+    snapshot
+        Snapshot of the fleet file handed to each.
     log_directory
         One log file per process goes here.
     clock
@@ -72,18 +72,18 @@ class Supervisor:
     def __init__(
         self,
         specs: list[ProcessSpec],
-        fleet_path: Path,
+        snapshot: Path,
         log_directory: Path,
         clock: Callable[[], float] = time.monotonic,
         without: Collection[str] = (),
     ) -> None:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
-        self._fleet_path = fleet_path.resolve()
+        self._snapshot = snapshot.resolve()
         self._logs = log_directory
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
-        self._spare = SpareProcess(self._fleet_path, jobs, log_directory / "spare.log")
+        self._spare = SpareProcess(self._snapshot, jobs, log_directory / "spare.log")
 
     def start(self, name: str) -> None:
         """Start one process; the spare process takes its place if it can and is ready."""
@@ -93,7 +93,7 @@ class Supervisor:
         if child.process is None:
             with log_path.open("ab") as log:
                 child.process = subprocess.Popen(
-                    child.spec.command(self._fleet_path),
+                    child.spec.command(self._snapshot),
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,

@@ -121,8 +121,10 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         self._vehicles: dict[str, AsyncVehicle] = {}
 
     @classmethod
-    def connect(cls, path: str | Path, host: str | None = None, timeout_s: float = 3.0) -> "AsyncFleet":
-        """Join the running fleet of a fleet file, or of the shipped fleet of this name."""
+    def connect(
+        cls, path: str | Path | None = None, host: str | None = None, timeout_s: float = 3.0
+    ) -> "AsyncFleet":
+        """Join the fleet that is up on this computer, or the running one of a fleet file or shipped fleet."""
         return cls(_Joined(path, host, timeout_s))
 
     @classmethod
@@ -198,7 +200,7 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
 class _Joined(AbstractContextManager[Fleet]):
     """Joins a running fleet when it is entered."""
 
-    def __init__(self, path: str | Path, host: str | None, timeout_s: float) -> None:
+    def __init__(self, path: str | Path | None, host: str | None, timeout_s: float) -> None:
         self._path, self._host, self._timeout_s = path, host, timeout_s
 
     def __enter__(self) -> Fleet:

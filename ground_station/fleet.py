@@ -19,6 +19,7 @@ from deploy.fleet_file.shipped import fleet_path
 from deploy.formation_check import links_of
 from deploy.launcher import Launcher
 from deploy.roles.transmitters import limits_of
+from ground_station.joining import fleet_that_is_up
 from ground_station.observer import Observer
 from ground_station.regroup import RegroupError, formation_leader, regroup, swapped
 from ground_station.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
@@ -55,6 +56,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     ------
     BusUnreachableError
         No router answers: the fleet is not up.
+    WrongFleetError
+        The router belongs to another fleet, or to one that was started from another version of the file.
     """
 
     def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
@@ -63,8 +66,13 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         self._vehicles = {name: Vehicle(self, name) for name in file.vehicles}
 
     @classmethod
-    def connect(cls, path: str | Path, host: str | None = None, timeout_s: float = 3.0) -> "Fleet":
-        """Join the running fleet of a fleet file, or of the shipped fleet of this name."""
+    def connect(
+        cls, path: str | Path | None = None, host: str | None = None, timeout_s: float = 3.0
+    ) -> "Fleet":
+        """Join the fleet that is up on this computer, or the running one of a fleet file or shipped fleet."""
+        if path is None:
+            file, here = fleet_that_is_up()
+            return cls(file, host or here, timeout_s)
         return cls(load_fleet(fleet_path(str(path))), host, timeout_s)
 
     def __exit__(

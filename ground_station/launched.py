@@ -38,11 +38,10 @@ def launched(path: str | Path, host: str | None = None, without: Collection[str]
     NotReachedError
         Something kept missing; says what.
     """
-    where = fleet_path(str(path))
-    file = load_fleet(where)
+    file = load_fleet(fleet_path(str(path)))
     if host is None and len(file.hosts) > 1:
         raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
-    with processes_up(file, where, host or next(iter(file.hosts)), without) as fleet, fleet:
+    with processes_up(file, host or next(iter(file.hosts)), without) as fleet, fleet:
         fleet.wait_ready()
         yield fleet
         if any(vehicle.state.airborne for vehicle in fleet):
@@ -50,14 +49,12 @@ def launched(path: str | Path, host: str | None = None, without: Collection[str]
 
 
 @contextmanager
-def processes_up(file: FleetFile, path: Path, host: str, without: Collection[str] = ()) -> Iterator[Fleet]:
+def processes_up(file: FleetFile, host: str, without: Collection[str] = ()) -> Iterator[Fleet]:
     """Start the processes of a host and join their fleet; at the end the processes stop, landed or not.
 
     Parameters
     ----------
-    file, path
-        The fleet file, loaded, and where it is.
-    host, without
+    file, host, without
         See `Launcher`, also for the errors.
 
     Yields
@@ -66,7 +63,7 @@ def processes_up(file: FleetFile, path: Path, host: str, without: Collection[str
         With its `launcher`; its processes may still be starting.
     """
     with (
-        Launcher(file, path, host, without) as launcher,
+        Launcher(file, host, without) as launcher,
         closing(Fleet(file, host, FIRST_ROUTER_S)) as fleet,
     ):
         fleet.launcher = launcher

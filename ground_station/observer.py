@@ -14,6 +14,7 @@ from bus.session import Session
 from bus.subscription import Inbox
 from deploy.fleet_file.schema import FleetFile
 from deploy.roles.addresses import bus_address
+from ground_station.joining import WrongFleetError, check_identity
 from ground_station.state import VehicleState, tracker_notes, tracker_problems
 from ground_station.waiting import Notifier, NotReachedError
 
@@ -43,6 +44,8 @@ class Observer:
     ------
     BusUnreachableError
         No router answers: the fleet is not up.
+    WrongFleetError
+        The router belongs to another fleet, or to one that was started from another version of the file.
     """
 
     def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
@@ -50,6 +53,11 @@ class Observer:
         self._notifier = Notifier()
         address = bus_address(file, host or next(iter(file.hosts)))
         self.session = Session(address, wake=self._notifier.notify, timeout_s=timeout_s)
+        try:
+            check_identity(self.session, file)
+        except WrongFleetError:
+            self.session.close()
+            raise
         self._agents = self.session.subscribe_all(channels.AGENT_STATUS)
         self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)
         self._poses = self.session.subscribe_all(channels.POSE)

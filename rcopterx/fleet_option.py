@@ -10,7 +10,9 @@ from bus.session import BusUnreachableError
 from deploy.fleet_file.reading import load_fleet
 from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.fleet_file.shipped import fleet_path
+from deploy.running import running_fleets
 from ground_station.fleet import Fleet
+from ground_station.joining import fleet_that_is_up
 from ground_station.vehicle import FLIGHT_ERRORS, lines_of
 
 DEFAULT_FLEET = "trio"
@@ -23,6 +25,15 @@ FleetArgument = Annotated[
 ]
 FleetOption = Annotated[
     str, typer.Option("--fleet", "-f", metavar="FLEET", help="Fleet file (TOML), or name of a shipped one.")
+]
+RunningFleetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--fleet",
+        "-f",
+        metavar="FLEET",
+        help="Fleet file (TOML), or name of a shipped one. Default: the fleet that is up on this computer.",
+    ),
 ]
 HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
 
@@ -63,15 +74,23 @@ def _say(error: Exception) -> None:
 
 
 @contextmanager
-def running_fleet(name: str, host: str | None = None, router_within_s: float = ROUTER_S) -> Iterator[Fleet]:
-    """Join the running fleet of a file, whose router answers within a time."""
+def running_fleet(name: str | None, router_within_s: float = ROUTER_S) -> Iterator[Fleet]:
+    """Join the fleet that is up, or the running one of a file, whose router answers within a time."""
     with user_errors():
-        file = load_fleet(fleet_path(name))
+        file, host = fleet_that_is_up() if name is None else (load_fleet(fleet_path(name)), None)
         try:
             fleet = Fleet(file, host, router_within_s)
         except BusUnreachableError as error:
-            raise BusUnreachableError(f"{error}; is the fleet up? (rcopterx up {name})") from None
+            raise BusUnreachableError(f"{error}; is the fleet up? {_up_now(name)}") from None
         try:
             yield fleet
         finally:
             fleet.close()
+
+
+def _up_now(name: str | None) -> str:
+    """What to do about a fleet that does not answer."""
+    others = sorted({running.fleet for running in running_fleets()})
+    if others:
+        return f"on this computer {', '.join(others)} is; leave out -f to use it"
+    return f"(rcopterx up {name})"

@@ -14,6 +14,7 @@ from msgspec import inspect
 from bus.messages import Name
 from deploy.fleet_file.consistency import check_consistency
 from deploy.fleet_file.schema import FleetError, FleetFile, GatewayConfig, HostConfig, VehicleConfig
+from deploy.fleet_file.snapshot import SUFFIX, read_snapshot
 
 T = TypeVar("T")
 
@@ -26,7 +27,7 @@ def load_fleet(path: Path) -> FleetFile:
     Parameters
     ----------
     path
-        A TOML file.
+        A TOML file, or a snapshot of one (JSON).
 
     Returns
     -------
@@ -38,6 +39,8 @@ def load_fleet(path: Path) -> FleetFile:
     FleetError
         Names the file, the path of the bad field, and what is allowed.
     """
+    if path.suffix == SUFFIX:
+        return read_snapshot(path)
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:

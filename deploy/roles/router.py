@@ -1,13 +1,37 @@
 """The role of the bus router of a host; it needs no numerical library."""
 
+from bus.requests import IdentifyReply
 from bus.router import run_router
 from deploy.fleet_file.schema import FleetFile
+from deploy.fleet_file.snapshot import digest_of, write_snapshot
 from deploy.roles.addresses import router_endpoints
 from deploy.roles.priorities import Priority
+from deploy.run_directory import run_directory, snapshot_path
+from deploy.running import RunningFleet, recorded
 
 
 def run(fleet: FleetFile, host: str) -> None:
-    """Route messages for a host; links to the routers of the hosts before it in the file."""
+    """Route messages for a host, and tell whoever asks which fleet is up here."""
     hosts = list(fleet.hosts)
-    others = [fleet.endpoint(other) for other in hosts[: hosts.index(host)]]
-    run_router(router_endpoints(fleet, host), others, fleet.bus.namespace, Priority.ROUTER.of(fleet))
+    directory = run_directory(fleet.name, fleet.bus.namespace)
+    snapshot = snapshot_path(host, directory)
+    digest = digest_of(fleet)
+    write_snapshot(fleet, snapshot)
+    endpoints = router_endpoints(fleet, host)
+    running = RunningFleet(
+        fleet=fleet.name,
+        digest=digest,
+        namespace=fleet.bus.namespace,
+        host=host,
+        endpoints=endpoints,
+        others=[fleet.endpoint(other) for other in hosts if other != host],
+        vehicles=list(fleet.vehicles),
+        snapshot=str(snapshot),
+    )
+    identity = IdentifyReply(
+        accepted=True, fleet=fleet.name, host=host, digest=digest, vehicles=tuple(fleet.vehicles)
+    )
+    # Routers link to those of the hosts before them in the file; one link between two is enough.
+    earlier = [fleet.endpoint(other) for other in hosts[: hosts.index(host)]]
+    with recorded(directory, running):
+        run_router(endpoints, earlier, fleet.bus.namespace, Priority.ROUTER.of(fleet), identity)

@@ -35,7 +35,8 @@ def fly(
             "--fleet",
             "-f",
             metavar="FLEET",
-            help="Fleet file (TOML), or name of a shipped one. Default: the fleet the manoeuvre is made for.",
+            help="Fleet file (TOML), or name of a shipped one. Default: the fleet that is up on this "
+            "computer; with --up the fleet the manoeuvre is made for.",
         ),
     ] = None,
     start: Annotated[bool, typer.Option("--up", help="Start the fleet first, stop it afterwards.")] = False,
@@ -90,7 +91,7 @@ def _fly_rows(rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, resul
             with interruptible(fleet or row.fleet, None) as (running, interrupts):
                 _fly_row(row, running, interrupts.event, Progress(row, number, len(rows)), results)
         return
-    with running_fleet(fleet or rows[0].fleet) as running:
+    with running_fleet(fleet) as running:
         for number, row in enumerate(rows, 1):
             _fly_row(row, running, threading.Event(), Progress(row, number, len(rows)), results)
 

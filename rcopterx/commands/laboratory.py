@@ -15,6 +15,7 @@ from bus.realtime import request_realtime
 from deploy.fleet_file.reading import load_fleet
 from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.fleet_file.shipped import fleet_path
+from ground_station.joining import fleet_that_is_up
 from ground_station.scenario import (
     FaultRefusedError,
     ScenarioError,
@@ -24,7 +25,7 @@ from ground_station.scenario import (
     inject_faults,
     read_scenario,
 )
-from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, running_fleet, user_errors
+from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet, user_errors
 from simulator.faults import TimedFault, fault_text
 from simulator.tracker_replay import ReplayProgress, TrackerReplay
 from vicon_gateway.recording import RecordedConnection, RecordingError, connections, read_records
@@ -117,16 +118,16 @@ def inject(
         Path | None, typer.Option(metavar="FILE", help="TOML file with faults and their times.")
     ] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List all faults and their fields.")] = False,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Let the simulated laboratory go wrong: its Tracker or a radio module, now or by a scenario file."""
     if show_list:
         _show_faults()
         return
     with user_errors():
-        file = load_fleet(fleet_path(fleet))
+        file = fleet_that_is_up()[0] if fleet is None else load_fleet(fleet_path(fleet))
         if file.simulator is None:
-            raise FleetError(f"{fleet} flies hardware: there is no simulator to inject faults into")
+            raise FleetError(f"{file.name} flies hardware: there is no simulator to inject faults into")
         options = {"subject": subject, "other": other, "duration_s": seconds}
         try:
             lines = _wanted(file, fault, fields or [], options, scenario)

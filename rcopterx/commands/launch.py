@@ -54,13 +54,12 @@ def interruptible(
     name: str, host: str | None, without: Sequence[str] = ()
 ) -> Iterator[tuple[Fleet, Interrupts]]:
     """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
-    path = fleet_path(name)
-    file = load_fleet(path)
+    file = load_fleet(fleet_path(name))
     this_host = chosen_host(file, host)
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)
-    with processes_up(file, path, this_host, without) as fleet:
+    with processes_up(file, this_host, without) as fleet:
         try:
             yield fleet, interrupts
         finally:

@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 
 from bus.messages import Setting
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, running_fleet
+from rcopterx.fleet_option import RunningFleetOption, running_fleet
 
 Vehicles = Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.")]
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
 
 
-def arm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Let the agents command the transmitters. Rotors stay still until take-off."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
@@ -22,7 +22,7 @@ def arm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
         typer.echo("armed")
 
 
-def disarm(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def disarm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Keep the throttle low until armed again."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
@@ -36,7 +36,7 @@ def takeoff(
     height: Annotated[
         float, typer.Option(metavar="METRES", min=0.2, help="Height above the floor in metres.")
     ] = 1.0,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Arm and take off, and wait until the vehicles fly."""
     with running_fleet(fleet) as running:
@@ -52,7 +52,7 @@ def goto(
     y: Annotated[float, typer.Argument(help="y in the inertial frame in metres.")],
     z: Annotated[float, typer.Argument(help="Height z in metres.")],
     yaw: Annotated[float, typer.Argument(help="Heading in degrees; more than a turn is allowed.")] = 0.0,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Give a leader a new set point: goto h1 -0.5 0 1."""
     with running_fleet(fleet) as running:
@@ -69,7 +69,7 @@ def follow(
     frame: Annotated[
         str, typer.Option(help="inertial: offset fixed in the room; heading: turns with the leader.")
     ] = "inertial",
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Let a vehicle follow another one's plan, in flight or on the floor."""
     if frame not in ("inertial", "heading"):
@@ -80,7 +80,7 @@ def follow(
         typer.echo(running[vehicle].follow(leader, offset_m, math.radians(yaw), frame))
 
 
-def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def lead(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Let a vehicle follow nobody; it holds its place."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
@@ -91,7 +91,7 @@ def lead(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
 def swap(
     first: Annotated[str, typer.Argument(metavar="VEHICLE")],
     second: Annotated[str, typer.Argument(metavar="VEHICLE")],
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Let two vehicles change roles, for instance leader and follower; all keep their places in space."""
     with running_fleet(fleet) as running:
@@ -99,7 +99,7 @@ def swap(
         typer.echo("\n".join(running.swap(first, second)))
 
 
-def promote(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Make a vehicle the leader of its whole formation; all keep their places in space."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
@@ -118,7 +118,7 @@ def tune(
     ] = None,
     controller: Annotated[str | None, typer.Option(metavar="NAME", help="Fly with this controller.")] = None,
     estimator: Annotated[str | None, typer.Option(metavar="NAME", help="Estimate with this one.")] = None,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Change controller, estimator, weights, limits or horizon in flight: tune h2 horizon=30."""
     of_controller: dict[str, Setting] = {}
@@ -144,7 +144,7 @@ def join(
     height: Annotated[
         float, typer.Option(metavar="METRES", min=0.2, help="Take-off height above the floor in metres.")
     ] = 1.0,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Let a vehicle that was left out take off and join its formation; the others fly on."""
     with running_fleet(fleet) as running:
@@ -152,7 +152,7 @@ def join(
         typer.echo(running.join(vehicle, height))
 
 
-def leave(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def leave(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Land a vehicle and end its agent; the others fly on."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
@@ -160,7 +160,7 @@ def leave(vehicle: Vehicle, fleet: FleetOption = DEFAULT_FLEET) -> None:
         typer.echo(f"{vehicle} has left")
 
 
-def land(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def land(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Land, wait for the floor, and disarm."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
@@ -168,7 +168,7 @@ def land(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
         typer.echo("landed")
 
 
-def kill(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Cut the motors at once, latching. Vehicles in the air fall. `rcopterx reset` ends it."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
@@ -176,7 +176,7 @@ def kill(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
         typer.echo("killed")
 
 
-def reset(vehicles: Vehicles = None, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def reset(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Leave the killed state; the vehicles are disarmed then."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)

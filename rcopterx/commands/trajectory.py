@@ -11,7 +11,7 @@ import typer
 from agents.references.path_shapes import HEADINGS, circle, figure_eight, spiral, through
 from agents.references.paths import FlightPath, PathError
 from rcopterx.commands.steer import Vehicle, known_vehicles, three
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, running_fleet
+from rcopterx.fleet_option import RunningFleetOption, running_fleet
 
 SHAPES = ("circle", "figure-eight", "spiral", "waypoints")
 
@@ -36,7 +36,7 @@ def trajectory(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw it (svg, png, pdf) instead of flying it.")
     ] = None,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Fly a trajectory with a vehicle that follows nobody; its followers come along."""
     middle = three(center)

@@ -21,7 +21,7 @@ from ground_station.live_table import fleet_view
 from ground_station.status import fleet_check, fleet_status, readable
 from ground_station.waiting import NotReachedError
 from rcopterx.commands.steer import Vehicles, known_vehicles
-from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, ROUTER_S, FleetOption, running_fleet
+from rcopterx.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
 
 QUIT_KEYS = b"qQ\x04"
 """q and Ctrl-D; Ctrl-C comes as a signal."""
@@ -31,7 +31,7 @@ VIEW_PERIOD_S = 0.05
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 
 
-def status(as_json: JsonOption = False, fleet: FleetOption = DEFAULT_FLEET) -> None:
+def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> None:
     """Tell once what every vehicle does. Exit code 1 if the fleet is not up."""
     with running_fleet(fleet) as running:
         running.wait_for_status()
@@ -45,7 +45,7 @@ def check(
         float, typer.Option(metavar="SECONDS", min=0, help="Wait so long for everything to be ready.")
     ] = 1.5,
     as_json: JsonOption = False,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """List what blocks take-off. Exit code 0 if nothing does, 1 otherwise."""
     with running_fleet(fleet, router_within_s=max(ROUTER_S, wait)) as running:
@@ -62,7 +62,7 @@ def top(
     period: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.05, help="Time between two pictures in seconds.")
     ] = 0.2,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Show the fleet until q or Ctrl-C; without a terminal, show it once."""
     console = Console()
@@ -81,7 +81,7 @@ def view(
     port: Annotated[
         int, typer.Option(metavar="PORT", min=1, max=65535, help="Port of the web page on this computer.")
     ] = 8080,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Show the fleet in the browser until Ctrl-C; set points of leaders can be dragged."""
     if find_spec("viser") is None:

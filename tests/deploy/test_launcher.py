@@ -78,7 +78,7 @@ def test_an_address_in_use_is_refused_by_its_field(
         with pytest.raises(
             FleetError, match=rf"^{field}: 127\.0\.0\.1:{taken} cannot be used: .*already up\?"
         ):
-            Launcher(parse_fleet(text), tmp_path / "lab.toml", "main")
+            Launcher(parse_fleet(text), "main")
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
@@ -167,7 +167,7 @@ def test_nobody_and_unknown_vehicles_cannot_be_left_out(
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     with pytest.raises(FleetError, match=words):
-        Launcher(parse_fleet(on_free_ports(PAIR)), tmp_path / "lab.toml", "main", without)
+        Launcher(parse_fleet(on_free_ports(PAIR)), "main", without)
 
 
 def test_serial_devices_of_other_hosts_are_not_looked_for(tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_a_wrong_file_stops_the_start_before_any_process(
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     text = on_free_ports(PAIR + 'control = { controller = "x" }')
     with pytest.raises(FleetError, match=r"vehicles\.h2\.control"):
-        Launcher(parse_fleet(text), tmp_path / "lab.toml", "main")
+        Launcher(parse_fleet(text), "main")
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 

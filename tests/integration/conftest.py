@@ -27,9 +27,7 @@ def fleets(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
             path = directory / "lab.toml"
             path.write_text(text)
             file = load_fleet(path)
-            launchers = {
-                host: stack.enter_context(Launcher(file, path, host, without)) for host in file.hosts
-            }
+            launchers = {host: stack.enter_context(Launcher(file, host, without)) for host in file.hosts}
             fleet = Fleet(file, timeout_s=10)
             stack.callback(fleet.close)
             fleet.wait_ready(timeout_s=30)

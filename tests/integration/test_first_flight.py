@@ -232,5 +232,5 @@ def test_second_fleet_on_the_same_addresses_is_refused_and_the_first_is_undistur
 
     flying = launch()
     with pytest.raises(FleetError, match=r"router_port.*in use"):
-        Launcher(load_fleet(Path(flying.path)), Path(flying.path), "main")
+        Launcher(load_fleet(Path(flying.path)), "main")
     assert Fleet(flying.fleet.file).session.connected()
