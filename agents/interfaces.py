@@ -4,9 +4,12 @@ Write a class with the methods of `Controller` (or `Estimator`), register it und
 `rcopterx.controllers` (or `rcopterx.estimators`), and it flies in the same fleet.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from agents.references.trajectory import Trajectory
 from vehicles.state import Array
@@ -14,10 +17,51 @@ from vehicles.state import Array
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One pose of the motion capture: position [m], shape (3,), and wrapped or unwrapped yaw [rad]."""
+    """One pose of the motion capture.
+
+    Attributes
+    ----------
+    position_m
+        Inertial frame, shape (3,).
+    yaw_rad
+        Wrapped or unwrapped.
+    tilt
+        Horizontal components of the body's upward axis in the inertial frame, shape (2,): a vehicle tilted
+        forward accelerates forward. None where the tracker gives positions and headings only.
+    """
 
     position_m: Array
     yaw_rad: float
+    tilt: Array | None = None
+
+    @classmethod
+    def of_pose(cls, position_m: Sequence[float], quaternion_xyzw: Sequence[float]) -> "Measurement":
+        """Measurement of a rigid body from its position and the unit quaternion of its attitude."""
+        x, y, z, w = quaternion_xyzw
+        yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return cls(np.array(position_m), yaw_rad, np.array((2 * (x * z + w * y), 2 * (y * z - w * x))))
+
+
+@dataclass(frozen=True, slots=True)
+class TiltEstimate:
+    """What an estimator knows of the tilt of a vehicle that has a tilt model (`vehicles.tilt`).
+
+    Attributes
+    ----------
+    core
+        Core states of the tilt model, inertial frame, shape (n,).
+    servo
+        Pitch and roll stick after the servo's lag, trim included, body frame, shape (2,).
+    wind_m_s2
+        Horizontal acceleration by the wind, inertial frame, shape (2,).
+    trim
+        Offsets of the pitch and roll stick: at minus these the swash plate is level, shape (2,).
+    """
+
+    core: Array
+    servo: Array
+    wind_m_s2: Array
+    trim: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +77,24 @@ class Estimate:
     disturbance
         Unmodelled accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,); zeros where an
         estimator does not tell.
+    tilt
+        The tilt of a vehicle with a tilt model, which predicts better than the first two entries of actuator
+        and disturbance: those are then what a first-order lag would need to explain the same acceleration.
+        None for vehicles without tilt model, and where an estimator does not tell.
     """
 
     motion: Array
     actuator: Array
     disturbance: Array
+    tilt: TiltEstimate | None = None
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether every number is."""
+        parts = [self.motion, self.actuator, self.disturbance]
+        if self.tilt is not None:
+            parts += [self.tilt.core, self.tilt.servo, self.tilt.wind_m_s2, self.tilt.trim]
+        return all(np.isfinite(part).all() for part in parts)
 
 
 class Estimator(Protocol):

@@ -1,6 +1,5 @@
 """What an agent observes of its vehicle: poses, periods without one, and what its transmitter applied."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
@@ -83,7 +82,5 @@ class Observation:
 def _stamped(pose: Pose) -> StampedMeasurement:
     measurement = None
     if pose.position_m is not None and pose.quaternion_xyzw is not None:
-        x, y, z, w = pose.quaternion_xyzw
-        yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        measurement = Measurement(np.array(pose.position_m), yaw_rad)
+        measurement = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
     return StampedMeasurement(pose.epoch, pose.frame, pose.period_s, measurement)

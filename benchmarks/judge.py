@@ -4,8 +4,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from agents.controllers.active_set import ChainSolution
 from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.chain_qp import ChainQP, ChainSolution
+from agents.controllers.chain_qp import ChainQP
 from agents.controllers.stage_qp import StageQP, StageSolution
 from benchmarks.peer_piqp import ExactChainQP, ExactStageQP
 from vehicles.model import Model

@@ -6,8 +6,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
+from agents.controllers.active_set import ChainSolution
 from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.chain_qp import ChainQP, ChainSolution
+from agents.controllers.chain_qp import ChainQP
 from agents.controllers.stage_qp import Indices, Outcome, StageQP, sparse_with_places
 from vehicles.state import Array
 

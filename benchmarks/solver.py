@@ -29,7 +29,7 @@ from agents.interfaces import Controller
 from benchmarks.flight import Moment, record_flight
 from benchmarks.judge import judged_chain, judged_stage
 from vehicles.state import Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 HORIZONS: Final = (10, 18, 30, 50, 80, 110)
 STEPS: Final = 2000
@@ -73,11 +73,15 @@ class Contestant:
             stage = self._workspace(StageQP)
             stage = stage if errors is None else judged_stage(stage, errors)
             paper = type("Contestant", (PaperController,), {"workspace": stage})
-            return cast(Controller, paper(COAXIAL, PERIOD_S, PaperSettings(horizon=horizon, **self.settings)))
+            return cast(
+                Controller, paper(COAXIAL_LAG, PERIOD_S, PaperSettings(horizon=horizon, **self.settings))
+            )
         chain = self._workspace(ChainQP)
-        chain = chain if errors is None else judged_chain(chain, errors, COAXIAL)
+        chain = chain if errors is None else judged_chain(chain, errors, COAXIAL_LAG)
         cascade = type("Contestant", (CascadeController,), {"workspace": chain})
-        return cast(Controller, cascade(COAXIAL, PERIOD_S, CascadeSettings(horizon=horizon, **self.settings)))
+        return cast(
+            Controller, cascade(COAXIAL_LAG, PERIOD_S, CascadeSettings(horizon=horizon, **self.settings))
+        )
 
     def _workspace(self, own: type[Any]) -> type[Any]:
         if self.workspace is None:
@@ -134,7 +138,7 @@ def run(
         `early_stops`: steps on which a solver gave up. `missing`: contestants whose package is not installed.
     """
     present = {name: contestant for name, contestant in CONTESTANTS.items() if contestant.installed}
-    flight = record_flight(COAXIAL, PERIOD_S, steps, seed)
+    flight = record_flight(COAXIAL_LAG, PERIOD_S, steps, seed)
     results = {}
     with _pinned():
         for horizon in horizons:
@@ -188,7 +192,7 @@ def _timed(
 
 
 def _on_limits(inputs: Array) -> bool:
-    at_limit = (inputs <= COAXIAL.u_min + ON_LIMIT) | (inputs >= COAXIAL.u_max - ON_LIMIT)
+    at_limit = (inputs <= COAXIAL_LAG.u_min + ON_LIMIT) | (inputs >= COAXIAL_LAG.u_max - ON_LIMIT)
     return bool(at_limit.any())
 
 

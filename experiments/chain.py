@@ -20,7 +20,7 @@ from experiments.schemes import CASCADE
 from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 SLOT_S: Final = 5.0
 SETTLED_S: Final = 5.0
@@ -72,7 +72,7 @@ def vehicles(links: FormationGraph, horizon: int = HORIZON) -> list[RigVehicle]:
         found.append(
             RigVehicle(
                 name,
-                COAXIAL,
+                COAXIAL_LAG,
                 Pose((x, y, z), yaw),
                 CASCADE.controller,
                 CASCADE.settings,

@@ -24,7 +24,7 @@ from simulator.conditions import PRESETS, Conditions
 from simulator.plant import Pose
 from vehicles.state import MOTION_SIZE, YAW, Array
 from vehicles.tuples import Three
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 LEADER: Final = "h1"
 FOLLOWERS: Final = ("h2", "h3")
@@ -124,12 +124,12 @@ def following(offset_m: Three, yaw_offset_rad: float = 0.0) -> LeaderLink:
 def formation(scheme: Scheme, horizon: int = HORIZON) -> list[RigVehicle]:
     """One leader and two followers in the air, a metre above the floor."""
     leader = RigVehicle(
-        LEADER, COAXIAL, Pose((0.0, 0.0, 1.0)), scheme.controller, scheme.settings, horizon=horizon
+        LEADER, COAXIAL_LAG, Pose((0.0, 0.0, 1.0)), scheme.controller, scheme.settings, horizon=horizon
     )
     followers = [
         RigVehicle(
             name,
-            COAXIAL,
+            COAXIAL_LAG,
             Pose((NEAR[name][0], NEAR[name][1], 1.0 + NEAR[name][2])),
             scheme.controller,
             scheme.settings,
@@ -186,7 +186,7 @@ def bound_excess(record: FlightRecord) -> Array:
     worst = np.zeros(len(bounded))
     for vehicle in record.vehicles.values():
         states = vehicle.motion[vehicle.time_s >= SETTLED_S][:, bounded]
-        over = np.maximum(states - COAXIAL.state_max, COAXIAL.state_min - states)
+        over = np.maximum(states - COAXIAL_LAG.state_max, COAXIAL_LAG.state_min - states)
         worst = np.maximum(worst, over.max(axis=0))
     return worst
 

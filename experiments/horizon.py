@@ -16,7 +16,7 @@ from experiments.schemes import CASCADE, PAPER, Scheme
 from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import YAW, Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 HORIZONS: Final = (10, 18, 30, 50, 80, 110)
 QUICK_HORIZONS: Final = (10, 50)
@@ -63,7 +63,7 @@ def fly_horizon(
         Of this scheme and horizon.
     """
     vehicle = RigVehicle(
-        "h1", COAXIAL, Pose((0.0, 0.0, 1.4)), scheme.controller, scheme.settings, horizon=horizon
+        "h1", COAXIAL_LAG, Pose((0.0, 0.0, 1.4)), scheme.controller, scheme.settings, horizon=horizon
     )
     hover = Rig([vehicle], conditions, seed).fly(hover_s, progress=progress)["h1"]
     changes = [

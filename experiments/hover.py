@@ -13,7 +13,7 @@ from experiments.schemes import CASCADE, KUNZ, PAPER, Scheme
 from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import YAW, Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 FLIGHT_S: Final = 120.0
 QUICK_FLIGHT_S: Final = 15.0
@@ -54,7 +54,7 @@ def fly_hover(
     """
     scheme = setting.scheme
     vehicle = RigVehicle(
-        "h1", COAXIAL, Pose(SET_POINT_M), scheme.controller, scheme.settings, horizon=setting.horizon
+        "h1", COAXIAL_LAG, Pose(SET_POINT_M), scheme.controller, scheme.settings, horizon=setting.horizon
     )
     rig = Rig([vehicle], conditions, seed)
     flown = rig.fly(flight_s, progress=progress)["h1"]

@@ -20,7 +20,7 @@ from experiments.schemes import CASCADE, PAPER, SCHEMES, Scheme
 from simulator.conditions import PRESETS, Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S: Final = 0.02
 START_S: Final = 3.0
@@ -65,7 +65,7 @@ def fly_path(
     first = path.sample(np.zeros(1))[0]
     vehicle = RigVehicle(
         "h1",
-        COAXIAL,
+        COAXIAL_LAG,
         Pose((first[0], first[1], first[2]), first[3]),
         setting.scheme.controller,
         setting.scheme.settings,

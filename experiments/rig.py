@@ -222,7 +222,7 @@ class Rig:
 
     def _measured(self, name: str) -> StampedMeasurement:
         pose = self._laboratory.measured_pose(name)
-        measurement = Measurement(np.array(pose.position_m), pose.yaw_rad)
+        measurement = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
         return StampedMeasurement(1, self._frame, self._options.frame_period_s, measurement)
 
     def _apply(self, event: Event) -> None:

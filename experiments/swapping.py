@@ -23,7 +23,7 @@ from simulator.plant import Pose
 from transmitter_gateway.limits import SurveillanceLimits
 from vehicles.state import Array
 from vehicles.tuples import three
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 VEHICLES: Final = 10
 QUICK_VEHICLES: Final = 4
@@ -88,7 +88,7 @@ class Swap:
 
     def outside_m(self) -> float:
         """Farthest that any vehicle was outside the volume in which it plans."""
-        low, high = np.array(COAXIAL.state_min[:3]), np.array(COAXIAL.state_max[:3])
+        low, high = np.array(COAXIAL_LAG.state_min[:3]), np.array(COAXIAL_LAG.state_max[:3])
         return float(np.maximum(self.tracks_m - high, low - self.tracks_m).max(initial=0.0))
 
     def finished_s(self) -> float | None:
@@ -124,7 +124,9 @@ def fly_swap(
     starts, goals = places(count), goals_of(case, count, seed)
     names = [f"h{number + 1}" for number in range(count)]
     vehicles = [
-        RigVehicle(name, COAXIAL, Pose(three(place)), CASCADE.controller, CASCADE.settings, horizon=HORIZON)
+        RigVehicle(
+            name, COAXIAL_LAG, Pose(three(place)), CASCADE.controller, CASCADE.settings, horizon=HORIZON
+        )
         for name, place in zip(names, starts, strict=True)
     ]
     options = RigOptions(clearance=None if case == WITHOUT else CLEARANCE)

@@ -106,8 +106,13 @@ class FirstOrderPlant(Plant):
         self._full = p * p, r * r, t * t, y * y
 
     def _attitude(self, actuator: Four) -> tuple[float, float]:
-        if self._tilt_limit_rad == 0.0 or self.on_floor:
+        """Pitch and roll; where sticks are accelerations, the tilt that these accelerations need."""
+        if self.on_floor:
             return 0.0, 0.0
+        if self._tilt_limit_rad == 0.0:
+            b_x, b_y = self.model.input_gain[:2]
+            gravity = self.model.gravity_m_s2
+            return math.atan(b_x * actuator[0] / gravity), -math.atan(b_y * actuator[1] / gravity)
         return self._tilt_limit_rad * actuator[0], -self._tilt_limit_rad * actuator[1]
 
     def _acceleration(self, velocity: Four, actuator: Four, weather: Four) -> Four:

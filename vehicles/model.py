@@ -28,12 +28,45 @@ from vehicles.state import (
     Y,
     Z,
 )
+from vehicles.tilt import TiltModel
 from vehicles.tuples import Four
 
 STATE_SIZE = MOTION_SIZE + 3
 """Motion and the three integral states."""
 
 Seven = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How far a true vehicle may be from its model: what a controller has to bear.
+
+    Raises
+    ------
+    ValueError
+        A number out of its range; the message begins with its name.
+    """
+
+    gain_factor: float
+    """The gain of a stick may be larger or smaller by this factor."""
+    delay_s: float
+    """The transport delay may be longer by this."""
+    frequency_fraction: float
+    """The frequency of the tilt may be off by this fraction."""
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.gain_factor <= 4.0:
+            raise ValueError(f"gain_factor: must be from 1 to 4, got {self.gain_factor}")
+        if not 0.0 <= self.delay_s <= 0.2:
+            raise ValueError(f"delay_s: must be from 0 to 0.2, got {self.delay_s}")
+        if not 0.0 <= self.frequency_fraction < 1.0:
+            raise ValueError(f"frequency_fraction: must be from 0 to below 1, got {self.frequency_fraction}")
+
+
+UNIDENTIFIED = Uncertainty(gain_factor=1.7, delay_s=0.03, frequency_fraction=0.25)
+"""A vehicle of which only the type is known."""
+IDENTIFIED = Uncertainty(gain_factor=1.3, delay_s=0.015, frequency_fraction=0.1)
+"""A vehicle whose model was fitted to its own flight."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +88,8 @@ class Model:
     damping: Four
     """k_x, k_y, k_z, k_psi [1/s], negative for a stable vehicle."""
     lag_s: Four
-    """First-order actuator lag of each input."""
+    """First-order actuator lag of each input; with a tilt model those of pitch and roll are the equivalent
+    for controllers that know nothing slower than a lag."""
     delay_s: float
     """Transport delay from a pose to the first effect of the command computed from it."""
     hover_thrust: float
@@ -75,11 +109,15 @@ class Model:
     gravity_m_s2: float = 9.81
     integrator_gain: float = 2.0
     """k_i of equation (1)."""
+    tilt: TiltModel | None = None
+    """How pitch and roll sticks become acceleration; None for a first-order lag, `lag_s`."""
+    uncertainty: Uncertainty = UNIDENTIFIED
+    """How far the true vehicle may be from these numbers."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            numbers = value if isinstance(value, tuple) else () if isinstance(value, str) else (value,)
+            numbers = value if isinstance(value, tuple) else (value,) if isinstance(value, float) else ()
             if not all(map(math.isfinite, numbers)):
                 raise ValueError(f"{field.name}: every number must be finite, got {value}")
         for name in ("input_gain", "gravity_m_s2", "state_scale", "input_scale"):

@@ -1,13 +1,15 @@
 """The vehicle types that come with rcopterx."""
 
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
 from vehicles.model import Model
 from vehicles.quadrotor import QUADROTOR
+from vehicles.tilt import TiltModel
 
-COAXIAL: Final = Model(
-    kind="coaxial",
+COAXIAL_LAG: Final = Model(
+    kind="coaxial_lag",
     input_gain=(2.0, 2.1, 18.0, 111.0),
     damping=(-0.5, -0.4, 0.0, -5.0),
     lag_s=(0.06, 0.06, 0.08, 0.03),
@@ -22,7 +24,26 @@ COAXIAL: Final = Model(
     state_shift=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     input_shift=(0.0, 0.0, 0.5, 0.0),
 )
-"""Blade mCX2: parameters of [11], limits and scaling of the paper's section VI-A (control.md 2, 3, 6)."""
+"""Blade mCX2 as the paper models it: parameters of [11], limits and scaling of the paper's section VI-A
+(control.md 2, 3, 6), sticks that act as accelerations after a lag."""
 
-TYPES: Final = MappingProxyType({model.kind: model for model in (COAXIAL, QUADROTOR)})
+COAXIAL: Final = replace(
+    COAXIAL_LAG,
+    kind="coaxial",
+    lag_s=(0.12, 0.12, 0.11, 0.11),
+    tilt=TiltModel(
+        frequency_rad_s=12.7,
+        damping_ratio=0.25,
+        bar_time_constant_s=1.25,
+        upper_phase_rad=-0.112,
+        lower_phase_rad=0.297,
+        upper_share=0.241,
+        direct_m=0.011,
+        servo_lag_s=0.03,
+    ),
+)
+"""A coaxial helicopter with stabilizer bar of which nothing else is known: gains and limits of the mCX2, tilt
+of the Skybotix CoaX shrunk to between the mCX2 and itself (helicopter.md sections 2, 3)."""
+
+TYPES: Final = MappingProxyType({model.kind: model for model in (COAXIAL, COAXIAL_LAG, QUADROTOR)})
 """Vehicle types by name."""

@@ -101,12 +101,12 @@ class GuardedController(ABC):
         self._last_inputs = None
         self._last_plan = None
         self._shifted_for_s = 0.0
-        if _is_finite(estimate):
+        if estimate.is_finite:
             self._start(_capped(estimate), self._usable_input(last_input))
 
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
         """Compute one control step (`agents.interfaces.Controller.step`)."""
-        if not _is_finite(estimate):
+        if not estimate.is_finite:
             return self._step_without_state()
         estimate = _capped(estimate)
         usable = self._usable_reference(reference, estimate)
@@ -201,18 +201,10 @@ class GuardedController(ABC):
         return ControlStep(within, plan, fallback, iterations)
 
 
-def _is_finite(estimate: Estimate) -> bool:
-    return bool(
-        np.isfinite(estimate.motion).all()
-        and np.isfinite(estimate.actuator).all()
-        and np.isfinite(estimate.disturbance).all()
-    )
-
-
 def _capped(estimate: Estimate) -> Estimate:
     """Estimate within what arithmetic can bear; the same object in every real flight."""
     values = np.concatenate((estimate.motion, estimate.actuator, estimate.disturbance))
     if (np.abs(values) <= _ESTIMATE_CAP).all():
         return estimate
     motion, actuator, disturbance = np.split(np.clip(values, -_ESTIMATE_CAP, _ESTIMATE_CAP), (8, 12))
-    return Estimate(motion, actuator, disturbance)
+    return Estimate(motion, actuator, disturbance, estimate.tilt)

@@ -7,41 +7,37 @@ frozen ones, with actuator lags as states, estimated disturbances in the predict
 the reference as input reference.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final
 
 import msgspec
 import numpy as np
 
 from agents.controllers.base import GuardedController, Solution
+from agents.controllers.cascade_lag import LagProblem
 from agents.controllers.cascade_terms import (
-    HeadingCost,
+    Bounds,
+    HorizontalProblem,
+    HorizontalTask,
     chain_reference,
     riccati_cost,
-    to_body,
+    solve_chain,
 )
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.chain_qp import ChainQP, ChainSolution
-from agents.controllers.clearance import SLOTS, Clearances, clearances
+from agents.controllers.cascade_tilt import TiltProblem
+from agents.controllers.chain import ChainParameters
+from agents.controllers.chain_qp import ChainQP
+from agents.controllers.clearance import Clearances, clearances
 from agents.controllers.disturbance_observer import DisturbanceObserver
 from agents.controllers.roll_out import lag_poles
 from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
+from agents.controllers.weights import default_input_weights, default_state_weights
 from agents.interfaces import Estimate, LimitScale, Obstacle
 from agents.references.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
 from vehicles.state import U_THRUST, Array
 
-HEADING_TOLERANCE_RAD: Final = 2e-5
-TURN_TOLERANCE_RAD: Final = 4e-6
-"""A heading plan that differs less (turn: per period) leaves the matrices as they are: the error stays below
-a tenth of a millimetre after two seconds at full speed."""
-
 _FREE: Final = 1e9
 """Bound of a heading, which has none."""
-_NARROWEST: Final = 0.01
-"""Range of a command that is still worth planning with."""
 _HORIZONTAL: Final = slice(0, 2)
 _STEADY: Final = slice(2, 4)
 """The vertical and yaw among the four axes x, y, z, yaw: constant matrices, independent of all else."""
@@ -50,10 +46,10 @@ _STEADY: Final = slice(2, 4)
 class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
     """Settings of the cascade."""
 
-    state_weights: EightWeights = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
-    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid."""
-    input_weights: FourWeights = (1.5, 1.5, 15.0, 5.0)
-    """Diagonal of R: pitch, roll, thrust, yaw."""
+    state_weights: EightWeights | None = None
+    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid; by default from the vehicle's model."""
+    input_weights: FourWeights | None = None
+    """Diagonal of R: pitch, roll, thrust, yaw; by default from the model and its uncertainty."""
     actuator_lag: bool = True
     """Model the actuators' lag."""
     feed_forward: bool = True
@@ -103,20 +99,34 @@ class CascadeController(GuardedController):
         self._decay = 1.0 + period_s * model.k
         self._levels = 3 if settings.actuator_lag else 2
         self._steady_chain = steady = self._parameters(_STEADY, (True, False))
-        self._horizontal_chain = horizontal = self._parameters(_HORIZONTAL, (True, True))
         self._steady = self.workspace(steady, settings.max_iterations)
-        self._horizontal = self.workspace(horizontal, settings.max_iterations)
-        # Only periods in which somebody comes near pay for the rows that keep clear.
-        crowded = replace(horizontal, clearances=SLOTS, clearance_weight=settings.separation_weight)
-        self._crowded = ChainQP(crowded, settings.max_iterations)
+        self._horizontal = self._horizontal_problem()
         self._obstacles: tuple[Obstacle, ...] = ()
-        self._heading_cost = HeadingCost(horizontal, self._decay[_HORIZONTAL])
         decay = self._decay[_STEADY]
         stages = self._horizon + self._levels - 2
         turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
         self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
-        self._heading_plan: Array | None = None
         self.set_limit_scale(LimitScale(4 * (settings.input_range,)))
+
+    def _horizontal_problem(self) -> HorizontalProblem:
+        settings, parameters = self._settings, self._parameters(_HORIZONTAL, (True, True))
+        if self._model.tilt is not None:
+            return TiltProblem(
+                self._model,
+                parameters,
+                settings.separation_weight,
+                settings.max_iterations,
+                settings.feed_forward,
+                settings.disturbance_compensation,
+            )
+        return LagProblem(
+            parameters,
+            self._decay[_HORIZONTAL],
+            self.workspace,
+            settings.separation_weight,
+            settings.max_iterations,
+            settings.feed_forward,
+        )
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
         """Keep clear of these in the next step (`agents.interfaces.AvoidsObstacles`)."""
@@ -134,9 +144,9 @@ class CascadeController(GuardedController):
         slower = np.array(limit_scale.rates)
         rates = (slower * limits.state_min[3:], slower * limits.state_max[3:])
         self._steady_bounds, self._horizontal_bounds = (
-            tuple(
-                np.concatenate((positions[side][axes], rates[side][axes], inputs[axes]))
-                for side, inputs in enumerate((limits.input_min, limits.input_max))
+            (
+                np.concatenate((positions[0][axes], rates[0][axes], limits.input_min[axes])),
+                np.concatenate((positions[1][axes], rates[1][axes], limits.input_max[axes])),
             )
             for axes in (_STEADY, _HORIZONTAL)
         )
@@ -145,7 +155,9 @@ class CascadeController(GuardedController):
         self._share = part * (limits.input_min - hover), part * (limits.input_max - hover)
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
-        weights = np.array(self._settings.state_weights)
+        state, inputs = self._settings.state_weights, self._settings.input_weights
+        weights = np.array(default_state_weights(self._model) if state is None else state)
+        effort = np.array(default_input_weights(self._model) if inputs is None else inputs)
         poles = lag_poles(self._model, self._period_s)
         return ChainParameters(
             stages=self._horizon,
@@ -154,7 +166,7 @@ class CascadeController(GuardedController):
             pole=poles[axes] if self._settings.actuator_lag else None,
             position_weights=weights[:4][axes],
             velocity_weights=weights[4:][axes],
-            input_weights=np.array(self._settings.input_weights)[axes],
+            input_weights=effort[axes],
             soft_weight=self._settings.soft_weight,
             position_bounded=position_bounded,
         )
@@ -163,7 +175,6 @@ class CascadeController(GuardedController):
         self._observer.start(estimate.motion, last_input)
         self._steady.forget()
         self._horizontal.forget()
-        self._crowded.forget()
 
     def _compute(
         self,
@@ -173,24 +184,23 @@ class CascadeController(GuardedController):
     ) -> Solution:
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
-        aim = self._steady_reference(reference)
         clear = self._clearances(estimate, reference)
-        bounds = self._steady_bounds
-        steady = self._solve(
-            self._steady, _STEADY, estimate, push, aim, bounds, None if clear is None else clear.bound_heights
+        first = np.stack((estimate.motion[2:4], estimate.motion[6:8], estimate.actuator[2:4]))
+        steady = solve_chain(
+            self._steady,
+            first,
+            push[_STEADY],
+            self._steady_reference(reference),
+            self._steady_bounds,
+            self._share_of(_STEADY),
+            None if clear is None else clear.bound_heights,
         )
-        heading = steady.flat[:, 1]
-        self._linearize(heading)
-        aim, bounds = self._horizontal_reference(heading, reference), self._horizontal_bounds
-        if clear is None:
-            self._crowded.forget()
-            horizontal = self._solve(self._horizontal, _HORIZONTAL, estimate, push, aim, bounds)
-        else:
-            self._horizontal.forget()
-            self._crowded.set_matrices(*self._matrices)
-            self._crowded.set_clearances(clear.directions)
-            rows = partial(clear.add_rows, steady.flat[: self._horizon, 0])
-            horizontal = self._solve(self._crowded, _HORIZONTAL, estimate, push, aim, bounds, rows)
+        heading, height_m = steady.flat[:, 1], steady.flat[: self._horizon, 0]
+        horizontal = self._horizontal.solve(
+            HorizontalTask(estimate, push[_HORIZONTAL], heading, reference, clear, height_m),
+            self._horizontal_bounds,
+            self._share_of(_HORIZONTAL),
+        )
         inputs = np.concatenate((horizontal.inputs, steady.inputs), axis=1)
         np.maximum(inputs, self._limits.input_min, out=inputs)
         np.minimum(inputs, self._limits.input_max, out=inputs)
@@ -224,34 +234,8 @@ class CascadeController(GuardedController):
             self._observer.observe(estimate.motion, self._last_plan)
         return np.asarray(told + self._observer.disturbance(estimate.motion))
 
-    def _solve(
-        self,
-        qp: ChainQP,
-        axes: slice,
-        estimate: Estimate,
-        push: Array,
-        reference: tuple[Array, Array],
-        bounds: tuple[Array, ...],
-        clear: Callable[[ChainTarget], ChainTarget] | None = None,
-    ) -> ChainSolution:
-        rows, terminal = reference
-        balance = qp.balance(push[axes])
-        lower, upper = bounds[0].copy(), bounds[1].copy()
-        lower[4:], upper[4:] = self._shared(axes, lower[4:] + balance, upper[4:] + balance)
-        commands = rows[:, 4:]
-        np.maximum(commands, lower[4:], out=commands)
-        np.minimum(commands, upper[4:], out=commands)
-        first = np.empty((3, 2))
-        first[0], first[1] = estimate.motion[:4][axes], estimate.motion[4:][axes]
-        first[2] = estimate.actuator[axes]
-        target = ChainTarget(rows, terminal, lower, upper)
-        return qp.solve(first[: self._levels], push[axes], target if clear is None else clear(target))
-
-    def _shared(self, axes: slice, least: Array, most: Array) -> tuple[Array, Array]:
-        """Bounds of the commands by the limit scale; the whole range where the disturbance leaves nothing."""
-        lower, upper = np.maximum(least, self._share[0][axes]), np.minimum(most, self._share[1][axes])
-        fits = upper - lower > _NARROWEST
-        return np.where(fits, lower, least), np.where(fits, upper, most)
+    def _share_of(self, axes: slice) -> Bounds:
+        return self._share[0][axes], self._share[1][axes]
 
     def _steady_reference(self, reference: Trajectory) -> tuple[Array, Array]:
         """The vertical and yaw: their frame is the inertial one."""
@@ -262,46 +246,6 @@ class CascadeController(GuardedController):
         if self._settings.feed_forward:
             after = velocity + self._period_s * samples[:, 10:12]
         return chain_reference(self._steady_chain, position, velocity, after, carried)
-
-    def _horizontal_reference(self, heading: Array, reference: Trajectory) -> tuple[Array, Array]:
-        """Velocities and accelerations in the body frame of the planned heading."""
-        samples, stages = reference.samples, self._horizon
-        middle = 0.5 * (heading[1:] + heading[:-1])
-        if len(middle) == stages:
-            middle = np.append(middle, middle[-1])
-        c, s = np.cos(middle[: stages + 1]), np.sin(middle[: stages + 1])
-        inertial = samples[:, 4:6]
-        velocity = to_body(c[:-1], s[:-1], inertial)
-        turn = heading[1 : stages + 1] - heading[:stages]
-        carried = self._decay[:2] * velocity
-        carried[:, 0] += turn * velocity[:, 1]
-        carried[:, 1] -= turn * velocity[:, 0]
-        after = carried
-        if self._settings.feed_forward:
-            after = to_body(c[1:], s[1:], inertial + self._period_s * samples[:, 8:10])
-        return chain_reference(self._horizontal_chain, samples[:, :2], velocity, after, carried)
-
-    def _linearize(self, heading: Array) -> None:
-        """Matrices of the horizontal chain along the planned heading."""
-        known = self._heading_plan
-        if known is not None:
-            moved = heading - known
-            turned = moved[1:] - moved[:-1]
-            if np.abs(moved).max() < HEADING_TOLERANCE_RAD and np.abs(turned).max() < TURN_TOLERANCE_RAD:
-                return
-        self._heading_plan = heading
-        middle = 0.5 * (heading[1:] + heading[:-1])
-        turn = np.empty((len(middle), 2, 2))
-        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(middle)
-        turn[:, 1, 0] = np.sin(middle)
-        turn[:, 0, 1] = -turn[:, 1, 0]
-        transition = np.empty((len(middle) - 1, 2, 2))
-        transition[:, 0, 0], transition[:, 1, 1] = self._decay[:2]
-        transition[:, 0, 1] = heading[1:-1] - heading[:-2]
-        transition[:, 1, 0] = -transition[:, 0, 1]
-        last = float(middle[self._horizon - 1])
-        self._matrices = turn, transition, self._heading_cost.at(last)
-        self._horizontal.set_matrices(*self._matrices)
 
     def _plan(self, flat: Array) -> Trajectory:
         """Trajectory whose velocities and accelerations are the differences of its positions."""

@@ -4,11 +4,125 @@ control.md section 6. Horizontal quantities that depend on the heading are turne
 heading of the vehicle's own yaw plan, so a reference that is another vehicle's plan is reproduced exactly.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Protocol
+
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from agents.controllers.chain import ChainParameters
+from agents.controllers.active_set import ChainSolution
+from agents.controllers.chain import ChainParameters, ChainTarget
+from agents.controllers.chain_qp import ChainQP
+from agents.controllers.clearance import Clearances
+from agents.interfaces import Estimate
+from agents.references.trajectory import Trajectory
 from vehicles.state import Array, heading_matrix
+
+Bounds = tuple[Array, Array]
+"""Lower and upper."""
+
+_NARROWEST: Final = 0.01
+"""Range of a command that is still worth planning with."""
+
+
+@dataclass(frozen=True, slots=True)
+class HorizontalTask:
+    """What the horizontal problem of a control step is given.
+
+    Attributes
+    ----------
+    estimate
+        Present estimate.
+    push
+        Disturbance to predict with, body frame, shape (2,).
+    heading
+        Planned yaw of the stages and at least one more.
+    reference
+        N stages.
+    clear
+        Separation constraints; None while nobody is near.
+    height_m
+        Planned heights of the stages, shape (N,).
+    """
+
+    estimate: Estimate
+    push: Array
+    heading: Array
+    reference: Trajectory
+    clear: Clearances | None
+    height_m: Array
+
+
+class HorizontalProblem(Protocol):
+    """The cascade's horizontal problem for one kind of vehicle."""
+
+    def forget(self) -> None:
+        """Start the next solve from nothing."""
+        ...
+
+    def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
+        """Solve for the sticks of the horizon.
+
+        Parameters
+        ----------
+        task
+            What is given.
+        bounds
+            Of position (inertial), velocity (body) and stick, shape (6,) each.
+        share
+            Of the sticks once the disturbance is balanced, shape (2,) each.
+
+        Returns
+        -------
+        ChainSolution
+            The minimiser, or the best point found.
+        """
+        ...
+
+
+def solve_chain(
+    qp: ChainQP,
+    first: Array,
+    push: Array,
+    reference: tuple[Array, Array],
+    bounds: Bounds,
+    share: Bounds,
+    clear: Callable[[ChainTarget], ChainTarget] | None = None,
+) -> ChainSolution:
+    """Solve one chain.
+
+    Parameters
+    ----------
+    qp
+        Its workspace.
+    first
+        Position, velocity, actuator of stage 1, shape (3, m).
+    push
+        Acceleration that acts at every stage, shape (m,).
+    reference
+        Rows and terminal state of `chain_reference`; commands are cut to their bounds in place.
+    bounds, share
+        As in `HorizontalProblem.solve`.
+    clear
+        Adds separation constraints to the target.
+    """
+    rows, terminal = reference
+    balance = qp.balance(push)
+    lower, upper = bounds[0].copy(), bounds[1].copy()
+    lower[4:], upper[4:] = within_share(lower[4:] + balance, upper[4:] + balance, share)
+    commands = rows[:, 4:]
+    np.maximum(commands, lower[4:], out=commands)
+    np.minimum(commands, upper[4:], out=commands)
+    target = ChainTarget(rows, terminal, lower, upper)
+    return qp.solve(first[: qp.levels], push, target if clear is None else clear(target))
+
+
+def within_share(least: Array, most: Array, share: Bounds) -> Bounds:
+    """Bounds of the commands by the share; where the disturbance leaves none of it, the whole range."""
+    lower, upper = np.maximum(least, share[0]), np.minimum(most, share[1])
+    fits = upper - lower > _NARROWEST
+    return np.where(fits, lower, least), np.where(fits, upper, most)
 
 
 def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0) -> Array:

@@ -223,6 +223,27 @@ class Chain:
                 self._first_transition @ first_state[1] + push
             )
 
+    def rest(self) -> None:
+        """Begin from standing still where the measured state leads to."""
+        levels = self.parameters.levels
+        self.flat[levels:-1] = self.flat[levels - 1]
+
+    def shift(self) -> None:
+        """Begin one stage on."""
+        self.flat[:-2] = self.flat[1:-1]
+
+    def point(self) -> Array:
+        """The present positions, to come back to."""
+        return self.flat.copy()
+
+    def restore(self, point: Array) -> None:
+        """Go back to a point."""
+        self.flat[:] = point
+
+    def positions(self) -> Array:
+        """Positions y, shape (N + levels - 1, m), the first N of which are the stages'."""
+        return self.flat[:-1].copy()
+
     def values(self) -> Array:
         """Rows at the present positions, shape (N, 3 m + K)."""
         return np.asarray(np.einsum("srk,sk->sr", self._rows, self._flat_windows))

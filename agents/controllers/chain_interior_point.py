@@ -5,17 +5,79 @@ multiplier z both positive; 1/w is zero for a hard bound, and the inverse penalt
 excess z/w is thereby eliminated. Each step costs one banded factorisation and two solves.
 """
 
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
-from agents.controllers.chain import Chain, ChainTarget
+from agents.controllers.chain import ChainParameters, ChainTarget
 from vehicles.state import Array
 
 RESIDUAL: Final = 1e-7
 START_MULTIPLIER: Final = 10.0
 START_SLACK: Final = 0.1
 TO_BOUNDARY: Final = 0.99
+
+
+class StageProblem(Protocol):
+    """Rows and cost of a problem, and its point; see `Chain` for what the members mean."""
+
+    parameters: ChainParameters
+    weights: Array
+    bounded: Array
+    soft_weights: Array
+    inputs: slice
+
+    def rest(self) -> None:
+        """Begin from standing still."""
+        ...
+
+    def shift(self) -> None:
+        """Begin one stage on."""
+        ...
+
+    def point(self) -> Array:
+        """The present point, to come back to."""
+        ...
+
+    def restore(self, point: Array) -> None:
+        """Go back to a point."""
+        ...
+
+    def positions(self) -> Array:
+        """Positions of the stages and further ones that their accelerations need."""
+        ...
+
+    def values(self) -> Array:
+        """Rows at the present point."""
+        ...
+
+    def change_of_values(self, step: Array) -> Array:
+        """Change of the rows under a step."""
+        ...
+
+    def move(self, step: Array) -> None:
+        """Take a step."""
+        ...
+
+    def roll_out(self, inputs: Array) -> None:
+        """Go to the point that inputs lead to."""
+        ...
+
+    def gradient(self, pull: Array) -> Array:
+        """Derivative of sum(pull * rows)."""
+        ...
+
+    def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
+        """As `gradient`, with the terminal cost's part."""
+        ...
+
+    def factorize(self, weights: Array) -> Array | None:
+        """Factor of the Hessian with row weights; None if it is not definite."""
+        ...
+
+    def solve(self, factor: Array, right_side: Array) -> Array:
+        """Solve with a factor from `factorize`."""
+        ...
 
 
 class InteriorPoint:
@@ -36,7 +98,7 @@ class InteriorPoint:
         Factorisations so far.
     """
 
-    def __init__(self, chain: Chain, target: ChainTarget) -> None:
+    def __init__(self, chain: StageProblem, target: ChainTarget) -> None:
         self._chain, self._target = chain, target
         self._mask = np.stack((chain.bounded, chain.bounded))
         self._count = self._mask.sum()

@@ -1,86 +1,13 @@
-"""Solver of a chain's quadratic program: hard input bounds, soft state bounds.
+"""Quadratic program of a chain (`agents.controllers.chain`): vehicles with lags, the vertical, yaw."""
 
-Inside its bounds the problem is solved by one factorisation, which is kept as long as the matrices stay.
-With bounds active, the first guess is that those of the previous solution are active again: one stage on,
-because time has passed, or at the same stages, because a vehicle that cruises along a bound sees the same
-problem at every step. Semismooth Newton steps on the augmented Lagrangian settle from one of the two guesses
-in one to four factorisations. When they do not (a set point was moved), a primal-dual interior-point method
-solves from scratch.
-"""
+from functools import partial
 
-from dataclasses import dataclass
-from typing import Final
-
-import numpy as np
-
+from agents.controllers.active_set import ActiveSetQP, ChainSolution
 from agents.controllers.chain import Chain, ChainParameters, ChainTarget
-from agents.controllers.chain_interior_point import InteriorPoint
 from vehicles.state import Array
 
-INPUT_PENALTY: Final = 1e6
-"""Penalty parameter of the augmented Lagrangian, against input weights of about one."""
-INPUT_TOLERANCE: Final = 1e-5
-"""Largest distance to an active input bound that counts as solved; what is left is cut off."""
-ACTIVE_SET_STEPS: Final = 5
-SECOND_GUESS_STEPS: Final = 3
-MULTIPLIER_STEPS: Final = 12
-READABLE_GAPS: Final = (1e-2, 1e-4, 1e-6)
-"""Mean complementarities at which the active bounds are read off an interior point; the last one is exact."""
 
-
-@dataclass(slots=True)
-class ActiveBounds:
-    """Guess of what binds.
-
-    Attributes
-    ----------
-    side
-        Bound each row presses on, shape (N, 3 m + K): -1 lower, 1 upper, 0 none; None if no row
-        presses on any.
-    multipliers
-        Of the input bounds, shape (N, m).
-    """
-
-    side: Array | None
-    multipliers: Array
-
-    def copy(self) -> "ActiveBounds":
-        """An independent copy."""
-        return ActiveBounds(None if self.side is None else self.side.copy(), self.multipliers.copy())
-
-    def moved_on(self, bounded: Array) -> "ActiveBounds":
-        """The same bounds one stage earlier, where rows are `bounded`."""
-        moved = self.copy()
-        if moved.side is not None:
-            moved.multipliers[:-2] = self.multipliers[1:-1]
-            moved.side[:-1] = moved.side[1:].copy()
-            moved.side *= bounded
-        return moved
-
-
-@dataclass(frozen=True, slots=True)
-class ChainSolution:
-    """What was found.
-
-    Attributes
-    ----------
-    flat
-        Positions y, shape (N + levels - 1, m), the first N of which are the stages'.
-    inputs
-        Shape (N - 1, m), within their bounds to `INPUT_TOLERANCE` if solved.
-    solved
-        False if the iterations ran out.
-    iterations
-        Newton steps.
-    """
-
-    flat: Array
-    inputs: Array
-    solved: bool
-    iterations: int
-
-
-class ChainQP:
+class ChainQP(ActiveSetQP):
     """Workspace of one chain.
 
     Parameters
@@ -92,40 +19,28 @@ class ChainQP:
     """
 
     def __init__(self, parameters: ChainParameters, max_iterations: int) -> None:
-        self._chain = Chain(parameters)
-        self._max_iterations = max_iterations
-        self._weigh_bounds()
-        self._unbound = ActiveBounds(None, np.zeros((parameters.stages, parameters.axes)))
-        self._active = self._unbound.copy()
-        self._cruising = False
-        self._factor: Array | None = None
-        self._factor_side: Array | None = None
-        self._warm = False
+        self._flat_chain = Chain(parameters)
+        super().__init__(self._flat_chain, max_iterations)
+
+    @property
+    def levels(self) -> int:
+        """States per axis."""
+        return self._flat_chain.parameters.levels
 
     def set_matrices(self, turn: Array, transition: Array, terminal_cost: Array) -> None:
         """Replace E, F and the terminal cost (`Chain.set_matrices`)."""
-        self._chain.set_matrices(turn, transition, terminal_cost)
+        self._flat_chain.set_matrices(turn, transition, terminal_cost)
         self._factor = None
 
     def set_clearances(self, directions: Array) -> None:
         """Replace the rows that keep clear of others (`Chain.set_clearances`)."""
-        self._chain.set_clearances(directions)
+        self._flat_chain.set_clearances(directions)
         self._weigh_bounds()
         self._factor = None
 
-    def _weigh_bounds(self) -> None:
-        chain = self._chain
-        self._penalty: Array = chain.bounded * chain.soft_weights
-        self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
-        self._can_press = chain.bounded > 0.0
-
     def balance(self, disturbance: Array) -> Array:
         """What a disturbance adds to the inputs (`Chain.balance`)."""
-        return self._chain.balance(disturbance)
-
-    def forget(self) -> None:
-        """Start the next solve from nothing."""
-        self._warm = False
+        return self._flat_chain.balance(disturbance)
 
     def solve(self, first_state: Array, disturbance: Array, target: ChainTarget) -> ChainSolution:
         """Solve with new numbers, starting from the last solution shifted by one stage.
@@ -144,146 +59,5 @@ class ChainQP:
         ChainSolution
             The minimiser, or the best point found.
         """
-        chain = self._chain
-        if self._warm:
-            chain.flat[:-2] = chain.flat[1:-1]
-        chain.set_start(first_state, disturbance)
-        if not self._warm:
-            levels = chain.parameters.levels
-            chain.flat[levels:-1] = chain.flat[levels - 1]
-        solved, iterations = self._warm_start(target)
-        if not solved:
-            solved, further = self._interior_point(target)
-            iterations += further
-        self._warm = True
-        inputs = chain.values()[:-1, chain.inputs]
-        if not solved:
-            inputs = np.clip(inputs, *self._input_bounds(target))
-            chain.roll_out(inputs)
-        return ChainSolution(chain.flat[:-1].copy(), inputs - chain.balance(disturbance), solved, iterations)
-
-    def _warm_start(self, target: ChainTarget) -> tuple[bool, int]:
-        """Active-set steps from either guess, the one that was right last time first."""
-        if not self._warm:
-            self._active = self._unbound.copy()
-            return self._active_set(target, ACTIVE_SET_STEPS)
-        moved, same = self._active.moved_on(self._chain.bounded), self._active
-        first, second = (same, moved) if self._cruising else (moved, same)
-        start = self._chain.flat.copy()
-        self._active = first.copy()
-        solved, iterations = self._active_set(target, ACTIVE_SET_STEPS)
-        if solved or same.side is None:
-            return solved, iterations
-        self._chain.flat[:] = start
-        self._active = second
-        solved, further = self._active_set(target, SECOND_GUESS_STEPS)
-        self._cruising = solved and not self._cruising
-        return solved, iterations + further
-
-    def _active_set(self, target: ChainTarget, most: int) -> tuple[bool, int]:
-        """Semismooth Newton steps between multiplier updates; False if `most` of them do not settle.
-
-        Steps that change no bound only bring the multipliers to where they belong. They need no new
-        factorisation and are not counted against `most`.
-        """
-        chain, active = self._chain, self._active
-        values = chain.values()
-        changes = 0
-        for iteration in range(1, MULTIPLIER_STEPS + most + 1):
-            step = self._newton_step(values, target)
-            if step is None:
-                return False, iteration
-            chain.move(step)
-            values = chain.values()
-            side = self._pressed_side(values, target)
-            settled = _same(side, active.side)
-            active.side = side
-            if settled and self._update_multipliers(values, target):
-                return True, iteration
-            changes += not settled
-            if changes == most:
-                return False, iteration
-        return False, MULTIPLIER_STEPS + most
-
-    def _newton_step(self, values: Array, target: ChainTarget) -> Array | None:
-        """Step to the minimum with the present side's bounds active; None if there is none."""
-        chain, side = self._chain, self._active.side
-        pull = chain.weights * (values - target.rows)
-        if side is None:
-            weights = chain.weights
-        else:
-            active = self._penalty * np.abs(side)
-            weights = chain.weights + active
-            pull += active * (values - np.where(side > 0.0, target.upper, target.lower))
-            pull[:, chain.inputs] += np.abs(side[:, chain.inputs]) * self._active.multipliers
-        if self._factor is None or not _same(side, self._factor_side):
-            self._factor, self._factor_side = chain.factorize(weights), side
-            if self._factor is None:
-                return None
-        return chain.solve(self._factor, -chain.cost_gradient(pull, target))
-
-    def _pressed_side(self, values: Array, target: ChainTarget) -> Array | None:
-        """Which bound each row presses on: -1 lower, 1 upper, 0 none; None if no row presses on any."""
-        pressed = values
-        if self._active.side is not None:
-            pressed = values.copy()
-            pressed[:, self._chain.inputs] += self._active.multipliers / INPUT_PENALTY
-        above, below = pressed > target.upper, pressed < target.lower
-        above &= self._can_press
-        below &= self._can_press
-        if above.any() or below.any():
-            return above.astype(float) - below
-        return None
-
-    def _update_multipliers(self, values: Array, target: ChainTarget) -> bool:
-        """One step of the method of multipliers; True if the inputs lie within and on their bounds."""
-        if self._active.side is None:
-            self._active.multipliers[:] = 0.0
-            return True
-        columns = self._chain.inputs
-        inputs = values[:-1, columns]
-        lower, upper = self._input_bounds(target)
-        multipliers = self._active.multipliers[:-1]
-        pressed = inputs + multipliers / INPUT_PENALTY
-        updated = INPUT_PENALTY * (pressed - np.clip(pressed, lower, upper))
-        # The change is the distance to the bound, outside or inside: a row that presses must lie on it.
-        distance = np.abs(updated - multipliers).max() / INPUT_PENALTY
-        multipliers[:] = updated
-        return bool(distance <= INPUT_TOLERANCE)
-
-    def _input_bounds(self, target: ChainTarget) -> tuple[Array, Array]:
-        """Of the inputs of the horizon, which are the same at every stage."""
-        columns = self._chain.inputs
-        return (
-            np.atleast_2d(target.lower)[0, columns],
-            np.atleast_2d(target.upper)[0, columns],
-        )
-
-    def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
-        """Interior-point steps until the active bounds can be read off and give the exact solution."""
-        method = InteriorPoint(self._chain, target)
-        for gap in READABLE_GAPS:
-            closed = method.run(gap, self._max_iterations)
-            inside = self._chain.flat.copy()
-            self._take_over(method)
-            solved, _ = self._active_set(target, ACTIVE_SET_STEPS)
-            if solved:
-                return True, method.iterations
-            self._chain.flat[:] = inside
-            if not closed:
-                break
-        return closed, method.iterations
-
-    def _take_over(self, method: InteriorPoint) -> None:
-        """Active bounds and multipliers of an interior point."""
-        pressing = method.multipliers > method.slacks
-        self._active.side = pressing[0].astype(float) - pressing[1]
-        upper, lower = method.multipliers * pressing
-        self._active.multipliers[:] = (upper - lower)[:, self._chain.inputs]
-        self._factor = None
-
-
-def _same(one: Array | None, other: Array | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return bool((one == other).all())
+        start = partial(self._flat_chain.set_start, first_state, disturbance)
+        return self._solve(start, self.balance(disturbance), target)

@@ -15,7 +15,7 @@ ESTIMATORS: Final = Registry[Estimator](
     "estimator",
     "rcopterx.estimators",
     {
-        "extended_kalman": "agents.estimators.extended_kalman:ExtendedKalmanEstimator",
+        "extended_kalman": "agents.estimators.extended_kalman:extended_kalman",
         "finite_difference": "agents.estimators.finite_difference:FiniteDifferenceEstimator",
         "kalman": "agents.estimators.kalman:KalmanEstimator",
     },

@@ -5,14 +5,18 @@ plain floats because arrays of eight numbers cost more than the arithmetic on th
 """
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from agents.interfaces import Estimate
+from agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
+from agents.interfaces import Estimate, TiltEstimate
 from vehicles.model import Model
-from vehicles.state import Array
+from vehicles.state import XD_BODY, YAW, ZD_BODY, Array, heading_matrix
 
+_PERIOD_DIGITS: Final = 5
+"""Periods are told apart to 10 us, so that the rounding of time stamps costs no preparation."""
 _LONGEST_STEP_S: Final = 0.0201
 """Beyond one 50 Hz period Runge-Kutta steps are split, which keeps positions exact to micrometres."""
 
@@ -21,7 +25,8 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     """Predict a vehicle through a period during which one input acts.
 
     Actuators follow their exact exponential response, the motion (1) is integrated by classical Runge-Kutta
-    steps of at most 20 ms, and the estimated disturbance is taken to last.
+    steps of at most 20 ms, and the estimated disturbance is taken to last. Where the tilt is known, the
+    horizontal motion follows the tilt model instead, and the wind fades.
 
     Parameters
     ----------
@@ -51,7 +56,36 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
         push_end = _push(model, actuator, target, disturbance, step_s)
         motion = _runge_kutta(model, motion, (push, push_middle, push_end), step_s)
         actuator = _after_lag(model, actuator, target, step_s)
-    return Estimate(np.array(motion), np.array(actuator), estimate.disturbance)
+    predicted = Estimate(np.array(motion), np.array(actuator), estimate.disturbance)
+    if estimate.tilt is None or model.tilt is None:
+        return predicted
+    return _with_tilt(model, estimate, estimate.tilt, predicted, applied_input, period_s)
+
+
+def _with_tilt(
+    model: Model, start: Estimate, tilt: TiltEstimate, end: Estimate, applied_input: Array, period_s: float
+) -> Estimate:
+    """The horizontal part of a prediction by the tilt model; heading and height are those of `end`."""
+    system = lateral_system(model, round(period_s, _PERIOD_DIGITS))
+    yaw_rad, end_rad = float(start.motion[YAW]), float(end.motion[YAW])
+    stick = applied_input[:2] + tilt.trim
+    demand = demand_matrix(model, 0.5 * (yaw_rad + end_rad))
+    state = np.concatenate(
+        (
+            start.motion[:2],
+            heading_matrix(yaw_rad) @ start.motion[XD_BODY:ZD_BODY],
+            tilt.core,
+            demand @ tilt.servo,
+            tilt.wind_m_s2,
+        )
+    )
+    state = system.transition @ state + system.demand @ (demand @ stick)
+    motion = end.motion.copy()
+    motion[:2] = state[POSITION]
+    motion[XD_BODY:ZD_BODY] = heading_matrix(end_rad).T @ state[VELOCITY]
+    servo = stick + system.servo_pole * (tilt.servo - stick)
+    after = TiltEstimate(state[system.core], servo, state[system.wind], tilt.trim)
+    return replace(end, motion=motion, tilt=after)
 
 
 def actuator_response(model: Model, actuator: Array, applied_input: Array, period_s: float) -> Array:

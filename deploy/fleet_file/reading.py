@@ -168,16 +168,25 @@ def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
     for name, value in table.items():
         if name not in allowed:
             raise FleetError(f"{where}.{name}: unknown field, allowed are {', '.join(allowed)}")
-        nested = getattr(types.get(name), "cls", None)
+        nested = getattr(_without_none(types[name]), "cls", None) if name in types else None
         if isinstance(value, Mapping) and nested is not None and is_dataclass(nested):
             _refuse_unknown(nested, value, f"{where}.{name}")
 
 
 def replaced(original: T, table: Mapping[str, Any], where: str) -> T:
     """Copy of a dataclass object with some fields changed by a table; errors as in `dataclass_from`."""
-    values = {item.name: getattr(original, item.name) for item in fields(original)}  # type: ignore[arg-type]
     _refuse_unknown(type(original), table, where)
-    return dataclass_from(type(original), values | dict(table), where)
+    return dataclass_from(type(original), _merged(msgspec.to_builtins(original), table), where)
+
+
+def _merged(values: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
+    """Values with those of a table in their place, tables inside tables likewise."""
+    merged = dict(values)
+    for name, value in table.items():
+        before = merged.get(name)
+        both = isinstance(value, Mapping) and isinstance(before, Mapping)
+        merged[name] = _merged(before, value) if both and before is not None else value
+    return merged
 
 
 def _allowed_at(kind: Any, below: str) -> tuple[str, ...]:

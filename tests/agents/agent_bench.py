@@ -13,9 +13,9 @@ from agents.settings import AgentSettings
 from bus import channels
 from bus.messages import AgentStatus, Applied, Command, LeaderLink, Pose
 from bus.session import BusAddress, Session
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
-HOVER = COAXIAL.hover_input
+HOVER = COAXIAL_LAG.hover_input
 FOLLOWING = (LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0)),)
 Join = Callable[..., Session]
 
@@ -25,7 +25,7 @@ def settings_of(address: BusAddress, following: tuple[LeaderLink, ...] = ()) -> 
         bus=address,
         vehicle="h9",
         vehicles=("h1", "h9"),
-        model=COAXIAL,
+        model=COAXIAL_LAG,
         volume_min_m=(-1.2, -1.2, 0.0),
         volume_max_m=(1.2, 1.2, 2.0),
         following=following,
@@ -40,7 +40,7 @@ class Bench:
         self.settings = settings_of(address, following)
         links = [followed_leader(link) for link in following]
         controller = NotedController(HOVER[None, :])
-        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance(links))
+        self.pilot = Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance(links))
         self.others = join()
         self.commands = self.others.subscribe(channels.COMMAND, "h9", depth=256)
         self.plans = self.others.subscribe(channels.PLAN, "h9", depth=256)

@@ -11,9 +11,9 @@ from agents.interfaces import Measurement
 from agents.phases import Phase
 from agents.pilot import Pilot, StampedMeasurement
 from vehicles.model import Model
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
-HOVER = COAXIAL.hover_input
+HOVER = COAXIAL_LAG.hover_input
 UP = (0.1, -0.2, 1.0)
 
 
@@ -28,7 +28,7 @@ def unseen(frame: int) -> StampedMeasurement:
 
 
 def noted(
-    model: Model = COAXIAL, inputs: np.ndarray | None = None, links: tuple[FollowedLeader, ...] = ()
+    model: Model = COAXIAL_LAG, inputs: np.ndarray | None = None, links: tuple[FollowedLeader, ...] = ()
 ) -> Pilot:
     inputs = model.hover_input[None, :] if inputs is None else inputs
     return Pilot(model, NotedController(inputs), ExactEstimator(model), Guidance(links))
@@ -47,7 +47,7 @@ def controller_of(pilot: Pilot) -> NotedController:
     return pilot.controller
 
 
-def real(controller: str, estimator: str, model: Model = COAXIAL, horizon: int = 15) -> Pilot:
+def real(controller: str, estimator: str, model: Model = COAXIAL_LAG, horizon: int = 15) -> Pilot:
     return Pilot(
         model,
         CONTROLLERS.build(controller, model, 0.02, {"horizon": horizon}),

@@ -18,7 +18,7 @@ from bus.codec import encode
 from bus.messages import Plan
 from bus.requests import TakeOff
 from bus.session import BusAddress, RequestFailedError
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_in_the_air_command_and_plan_carry_the_frame_they_answer(bench: Bench) -
 
     bench.step_until(planned, "no plan")
     plan = plans[-1]
-    assert (plan.source, plan.airborne, plan.ancestors, plan.start_s) == ("h9", True, (), COAXIAL.delay_s)
+    assert (plan.source, plan.airborne, plan.ancestors, plan.start_s) == ("h9", True, (), COAXIAL_LAG.delay_s)
 
 
 def test_a_silent_tracker_is_bridged_by_prediction_up_to_a_limit(bench: Bench) -> None:

@@ -10,7 +10,7 @@ from support.hovering import HoveringFlight
 
 from agents.controllers.registry import CONTROLLERS
 from agents.plugins.plain_settings import SettingsError
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_controller"
 
@@ -52,4 +52,4 @@ def test_own_controller_is_found_by_name_and_flies(installed: None) -> None:
 
 def test_its_settings_are_checked_like_those_of_the_others(installed: None) -> None:
     with pytest.raises(SettingsError, match="stiffness"):
-        CONTROLLERS.build("backstepping", COAXIAL, 0.02, {"stiffness": -1.0})
+        CONTROLLERS.build("backstepping", COAXIAL_LAG, 0.02, {"stiffness": -1.0})

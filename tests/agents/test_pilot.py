@@ -9,7 +9,7 @@ from agents.formation.law import FormationOffset
 from agents.phases import Event, Phase
 from agents.pilot import BRIDGE_STAGES, SPOOL_UP_S
 from vehicles.state import U_THRUST
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 
 def test_on_the_floor_the_rotor_stays_off_and_the_controller_is_not_asked() -> None:
@@ -128,7 +128,7 @@ def test_the_next_inputs_are_those_after_the_command() -> None:
     flight = pilot.control({})
     assert flight.input == pytest.approx(inputs[0])
     assert flight.next_inputs == pytest.approx(inputs[1 : 1 + BRIDGE_STAGES])
-    assert flight.start_s == COAXIAL.delay_s
+    assert flight.start_s == COAXIAL_LAG.delay_s
 
 
 def test_every_fallback_of_the_controller_is_counted_by_kind() -> None:

@@ -15,14 +15,14 @@ from agents.interfaces import Measurement
 from agents.phases import Phase
 from agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
 from vehicles.model import Model
-from vehicles.types import COAXIAL, QUADROTOR
+from vehicles.types import COAXIAL_LAG, QUADROTOR
 
 
 @settings(max_examples=30, deadline=None)
 @given(
     delay_s=st.sampled_from([0.0, 0.02, 0.04, 0.047, 0.005, 0.1]),
     rate=st.sampled_from([(0.02, 1), (0.01, 2), (0.005, 4)]),
-    model=st.sampled_from([COAXIAL, QUADROTOR]),
+    model=st.sampled_from([COAXIAL_LAG, QUADROTOR]),
     seed=st.integers(0, 2**32 - 1),
     occluded=st.sets(st.integers(5, 60), max_size=8),
 )
@@ -62,7 +62,7 @@ def test_the_prediction_uses_what_the_gateway_applied_not_what_was_sent() -> Non
 
 
 def test_missing_frames_are_bridged_by_prediction_and_a_resuming_tracker_costs_no_time_twice() -> None:
-    model = COAXIAL
+    model = COAXIAL_LAG
     pilot, plant = noted(model), Plant(model, still(UP), floor_m=None, acting=HOVER)
     pilot.observe(seen(0))
     pilot.note_applied("armed", -1, model.hover_input)
@@ -110,7 +110,7 @@ def test_a_refused_pose_is_counted_as_blind_flight() -> None:
         def correct(self, measurement: Measurement) -> bool:
             return False
 
-    pilot = airborne(Pilot(COAXIAL, NotedController(HOVER[None, :]), Distrustful(), Guidance()))
+    pilot = airborne(Pilot(COAXIAL_LAG, NotedController(HOVER[None, :]), Distrustful(), Guidance()))
     for frame in range(1, 4):
         assert pilot.observe(seen(frame))
     assert pilot.fallbacks["gated_pose"] == 3

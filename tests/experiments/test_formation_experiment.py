@@ -29,7 +29,7 @@ from experiments.rig import Rig
 from experiments.runner import Options, Result
 from experiments.schemes import CASCADE, PAPER, SCHEMES
 from simulator.conditions import IDEAL, LABORATORY
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 
 def test_sequence_changes_set_points_distances_and_headings() -> None:
@@ -48,8 +48,8 @@ def test_sequence_keeps_every_station_inside_the_bounds() -> None:
             place[name] = np.array(position_m)
         for name in FOLLOWERS:
             station = place[LEADER] + place[name]
-            assert (station > COAXIAL.state_min[:3]).all()
-            assert (station < COAXIAL.state_max[:3]).all()
+            assert (station > COAXIAL_LAG.state_min[:3]).all()
+            assert (station < COAXIAL_LAG.state_max[:3]).all()
         distances = [place["h2"] - place["h3"], place["h2"], place["h3"]]
         assert min(float(np.linalg.norm(distance)) for distance in distances) > 0.3
 

@@ -23,19 +23,19 @@ from experiments.schemes import NO_HURRY
 from simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
-from vehicles.types import COAXIAL, QUADROTOR
+from vehicles.types import COAXIAL_LAG, QUADROTOR
 
 OFFSET_M = (-0.4, 0.5, 0.0)
 STEP = GoTo(2.0, "h1", (0.5, 0.0, 1.2), np.pi / 2)
 
 
 def leader(controller: str = "cascade", **settings: object) -> RigVehicle:
-    return RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), controller, settings, horizon=30)
+    return RigVehicle("h1", COAXIAL_LAG, Pose((0.0, 0.0, 1.0)), controller, settings, horizon=30)
 
 
 def follower(controller: str = "cascade", **settings: object) -> RigVehicle:
     return RigVehicle(
-        "h2", COAXIAL, Pose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
+        "h2", COAXIAL_LAG, Pose((-0.4, 0.5, 1.0)), controller, settings, horizon=30,
         following=(LeaderLink(leader="h1", offset_m=OFFSET_M),),
     )  # fmt: skip
 
@@ -104,9 +104,9 @@ def test_cascade_keeps_the_formation_in_the_laboratory() -> None:
 
 def test_leader_leaves_its_follower_authority() -> None:
     record = flown(pair())
-    hover = COAXIAL.hover_input
-    lowest = hover + LEADER_LIMIT_SCALE * (COAXIAL.u_min - hover)
-    highest = hover + LEADER_LIMIT_SCALE * (COAXIAL.u_max - hover)
+    hover = COAXIAL_LAG.hover_input
+    lowest = hover + LEADER_LIMIT_SCALE * (COAXIAL_LAG.u_min - hover)
+    highest = hover + LEADER_LIMIT_SCALE * (COAXIAL_LAG.u_max - hover)
     inputs = record["h1"].inputs
     assert (inputs >= lowest - 1e-4).all()
     assert (inputs <= highest + 1e-4).all()
@@ -251,7 +251,7 @@ def test_leaders_come_before_their_followers() -> None:
 
 @pytest.mark.parametrize("conditions", [HELICOPTER, HELICOPTERS])
 def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Conditions) -> None:
-    vehicle = RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), "pid")
+    vehicle = RigVehicle("h1", COAXIAL_LAG, Pose((0.0, 0.0, 1.0)), "pid")
     record = Rig([vehicle], conditions, 1).fly(12.0)["h1"]
     assert record.touchdowns == 0
     settled = record.motion[record.time_s > 6.0, :3] - (0.0, 0.0, 1.0)

@@ -159,7 +159,10 @@ BAD_FILES = [
     (PAIR.replace("heli2", "heli1"), "vehicles.h2.subject: 'heli1' is already that of vehicles.h1"),
     (PAIR.replace('leader = "h1"', 'leader = "h7"'), "vehicles.h2.follow[0].leader: unknown vehicle 'h7'"),
     (PAIR.replace('leader = "h1"', 'leader = "h2"'), "vehicles.h2.follow[0].leader: h2 cannot follow itself"),
-    (PAIR + 'type = "plane"', "vehicles.h2.type: unknown type 'plane', allowed are coaxial, quadrotor"),
+    (
+        PAIR + 'type = "plane"',
+        "vehicles.h2.type: unknown type 'plane', allowed are coaxial, coaxial_lag, quadrotor",
+    ),
     (PAIR + 'control = { controller = "x" }', "vehicles.h2.control: no controller is called 'x'"),
     (HARDWARE_PAIR.replace("radio-h1", "/dev/ttyNONE9"), "vehicles.h1.transmitter.port: there is no device"),
 ]

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from simulator.conditions import IDEAL, LABORATORY, Conditions
 from simulator.laboratory import Laboratory
 from simulator.plant import Pose
-from vehicles.types import COAXIAL, TYPES
+from vehicles.types import COAXIAL_LAG, TYPES
 
 
 def laboratory(names: tuple[str, ...], seed: int = 0, conditions: Conditions = LABORATORY) -> Laboratory:
-    models = dict.fromkeys(names, COAXIAL)
+    models = dict.fromkeys(names, COAXIAL_LAG)
     start = {name: Pose((0.5 * i, 0.0, 1.0)) for i, name in enumerate(sorted(names))}
     return Laboratory(models, start, conditions, seed)
 
@@ -60,7 +60,7 @@ def test_measured_poses_have_the_stated_noise() -> None:
 
 
 def test_measured_yaw_is_wrapped_and_ideal_measurement_is_exact() -> None:
-    lab = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, 1.0), 3 * math.pi - 0.1)}, IDEAL)
+    lab = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, 1.0), 3 * math.pi - 0.1)}, IDEAL)
     assert lab.true_pose("h1").yaw_rad == pytest.approx(3 * math.pi - 0.1)
     assert lab.measured_pose("h1").yaw_rad == pytest.approx(math.pi - 0.1)
     assert lab.measured_pose("h1").position_m == lab.true_pose("h1").position_m
@@ -68,8 +68,8 @@ def test_measured_yaw_is_wrapped_and_ideal_measurement_is_exact() -> None:
 
 def test_turbulence_moves_a_hovering_vehicle_as_strongly_as_stated() -> None:
     calm = replace(IDEAL, turbulence_rms=LABORATORY.turbulence_rms)
-    lab = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, 100.0))}, calm, 0)
-    lab.set_input("h1", COAXIAL.hover_input)
+    lab = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, 100.0))}, calm, 0)
+    lab.set_input("h1", COAXIAL_LAG.hover_input)
     speeds = []
     for _ in range(3000):
         lab.advance(0.1)
@@ -90,7 +90,7 @@ def test_both_vehicle_types_fly_together() -> None:
 
 def test_unusable_requests_are_refused_by_name() -> None:
     with pytest.raises(ValueError, match="h2: each vehicle needs a model and a start pose"):
-        Laboratory({"h1": COAXIAL, "h2": COAXIAL}, {"h1": Pose((0.0, 0.0, 1.0))}, IDEAL)
+        Laboratory({"h1": COAXIAL_LAG, "h2": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, 1.0))}, IDEAL)
     with pytest.raises(ValueError, match="seed -1 is negative"):
         Laboratory({}, {}, IDEAL, -1)
     with pytest.raises(ValueError, match="no vehicle 'h7'; there are: h1"):

@@ -17,19 +17,21 @@ from simulator.plant import Pose
 from vehicles.model import Model, motion_derivative
 from vehicles.quadrotor import QUADROTOR
 from vehicles.state import ZD_BODY, Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
-HOVER = tuple(COAXIAL.hover_input)
+HOVER = tuple(COAXIAL_LAG.hover_input)
 PROMPT = replace(IDEAL, transport_delay_s=0.0)
 sticks = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.3, 0.8), st.floats(-0.4, 0.4))
 
 
-def flying(model: Model = COAXIAL, conditions: Conditions = PROMPT, height_m: float = 1.0) -> FirstOrderPlant:
+def flying(
+    model: Model = COAXIAL_LAG, conditions: Conditions = PROMPT, height_m: float = 1.0
+) -> FirstOrderPlant:
     return FirstOrderPlant("h1", model, conditions, 0, Pose((0.0, 0.0, height_m), 0.3))
 
 
 def standing(conditions: Conditions = PROMPT) -> FirstOrderPlant:
-    return FirstOrderPlant("h1", COAXIAL, conditions, 0, Pose((0.0, 0.0, 0.0), 0.3))
+    return FirstOrderPlant("h1", COAXIAL_LAG, conditions, 0, Pose((0.0, 0.0, 0.0), 0.3))
 
 
 def fine_integration(model: Model, start: Array, actuator: Array, target: Array, duration_s: float) -> Array:
@@ -49,7 +51,7 @@ def test_flight_agrees_with_fine_integration_of_equation_1(inputs: tuple[float, 
     start = np.array(plant.motion)
     plant.set_input(inputs)
     plant.advance(0.5)
-    expected = fine_integration(COAXIAL, start, np.array(HOVER), np.array(inputs), 0.5)
+    expected = fine_integration(COAXIAL_LAG, start, np.array(HOVER), np.array(inputs), 0.5)
     assert np.allclose(plant.motion, expected, atol=2e-4)
 
 
@@ -67,7 +69,7 @@ def test_flight_does_not_depend_on_how_time_is_cut(inputs: tuple[float, ...], cu
 
 
 def test_hover_input_keeps_an_ideal_vehicle_at_rest() -> None:
-    for model in (COAXIAL, QUADROTOR):
+    for model in (COAXIAL_LAG, QUADROTOR):
         plant = flying(model)
         plant.set_input(model.hover_input)
         plant.advance(10.0)
@@ -99,7 +101,7 @@ def test_inputs_take_effect_after_the_transport_delay() -> None:
 
 
 def test_without_a_stated_delay_the_delay_of_the_model_acts() -> None:
-    plant = FirstOrderPlant("h1", replace(COAXIAL, delay_s=0.03), IDEAL, 0, Pose((0.0, 0.0, 1.0)))
+    plant = FirstOrderPlant("h1", replace(COAXIAL_LAG, delay_s=0.03), IDEAL, 0, Pose((0.0, 0.0, 1.0)))
     plant.set_input((1.0, 0.0, HOVER[2], 0.0))
     plant.advance(0.03)
     assert plant.motion[4] == 0.0
@@ -162,24 +164,24 @@ def test_battery_sag_takes_thrust_over_time() -> None:
 def test_parameters_are_drawn_within_the_stated_fractions() -> None:
     draws = []
     for seed in range(30):
-        plant = FirstOrderPlant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
-        draws.append(plant.model.b / COAXIAL.b - 1)
+        plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
+        draws.append(plant.model.b / COAXIAL_LAG.b - 1)
         assert np.all(np.abs(draws[-1]) <= 0.08)
-        assert np.all(np.abs(plant.model.k - COAXIAL.k) <= 0.08 * np.abs(COAXIAL.k))
-        assert np.all(np.abs(np.divide(plant.model.lag_s, COAXIAL.lag_s) - 1) <= 0.25)
+        assert np.all(np.abs(plant.model.k - COAXIAL_LAG.k) <= 0.08 * np.abs(COAXIAL_LAG.k))
+        assert np.all(np.abs(np.divide(plant.model.lag_s, COAXIAL_LAG.lag_s) - 1) <= 0.25)
         assert np.all(np.abs(plant.trim) <= 0.02)
     assert np.all(np.ptp(draws, axis=0) > 0.1)
 
 
 def test_ideal_specimen_is_the_model() -> None:
     plant = flying()
-    assert plant.model == COAXIAL
+    assert plant.model == COAXIAL_LAG
     assert plant.trim == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_same_seed_repeats_the_flight_exactly_and_another_does_not() -> None:
     def flight(seed: int) -> tuple[float, ...]:
-        plant = FirstOrderPlant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
+        plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, Pose((0.0, 0.0, 1.0)))
         plant.advance(1.0)
         return plant.motion
 
@@ -229,7 +231,7 @@ def test_quaternion_is_the_rotation_by_yaw_pitch_roll(yaw: float, pitch: float, 
 @settings(max_examples=20, deadline=None)
 @given(commands=st.lists(st.one_of(sticks, st.none()), min_size=1, max_size=20), seed=st.integers(0, 99))
 def test_flight_stays_finite_and_above_the_floor(commands: list[tuple[float, ...] | None], seed: int) -> None:
-    plant = FirstOrderPlant("h1", COAXIAL, LABORATORY, seed, Pose((0.0, 0.0, 0.2)))
+    plant = FirstOrderPlant("h1", COAXIAL_LAG, LABORATORY, seed, Pose((0.0, 0.0, 0.2)))
     for command in commands:
         if command is None:
             plant.stop_motors()

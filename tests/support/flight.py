@@ -11,7 +11,7 @@ from agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from agents.references.trajectory import Trajectory, hold
 from vehicles.model import Model
 from vehicles.state import YAW, Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 REST = np.zeros(4)
 
@@ -32,7 +32,7 @@ class Plant:
 
     def __init__(
         self,
-        model: Model = COAXIAL,
+        model: Model = COAXIAL_LAG,
         start: Estimate | None = None,
         floor_m: float | None = 0.0,
         acting: Array = REST,
@@ -76,7 +76,7 @@ class Plant:
 class ExactEstimator:
     """Knows the first pose and the model, and needs nothing else."""
 
-    def __init__(self, model: Model = COAXIAL) -> None:
+    def __init__(self, model: Model = COAXIAL_LAG) -> None:
         self._model = model
         self._estimate = still()
         self.resets = 0

@@ -13,7 +13,7 @@ from simulator.conditions import LABORATORY
 from simulator.laboratory import Laboratory
 from simulator.plant import Pose
 from support.waiting import wait_for
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 
@@ -24,17 +24,17 @@ class HoveringFlight:
     def __init__(self, controller: str, estimator: str = "extended_kalman") -> None:
         configuration = Configuration(controller, estimator, {"horizon": 20})
         self.pilot = Pilot(
-            COAXIAL,
-            configuration.controller_for(COAXIAL, PERIOD_S, FULL_LIMITS),
-            configuration.estimator_for(COAXIAL, PERIOD_S),
+            COAXIAL_LAG,
+            configuration.controller_for(COAXIAL_LAG, PERIOD_S, FULL_LIMITS),
+            configuration.estimator_for(COAXIAL_LAG, PERIOD_S),
             Guidance(),
         )
         self.tuning = Tuning(configuration, self.pilot, PERIOD_S, FULL_LIMITS)
-        self.laboratory = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, 1.0))}, LABORATORY, 4)
+        self.laboratory = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, 1.0))}, LABORATORY, 4)
         self.frame = 0
         self.flown: list[ControlOutput] = []
         self._see()
-        self.pilot.note_applied("armed", 0, COAXIAL.hover_input)
+        self.pilot.note_applied("armed", 0, COAXIAL_LAG.hover_input)
 
     def _see(self) -> None:
         pose = self.laboratory.measured_pose("h1")

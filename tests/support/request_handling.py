@@ -25,13 +25,13 @@ from bus.subscription import Inbox
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
 from support.waiting import FakeClock
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 SETTINGS = AgentSettings(
     bus=BusAddress((), "lab"),
     vehicle="h9",
     vehicles=("h1", "h2", "h9"),
-    model=COAXIAL,
+    model=COAXIAL_LAG,
     volume_min_m=(-1.2, -1.2, 0.0),
     volume_max_m=(1.2, 1.2, 2.0),
 )
@@ -66,7 +66,7 @@ class HandlerBench:
         self.clock = FakeClock()
         self.plan_bus = PlanBus()
         controller = NotedController(np.zeros((1, 4)))
-        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance())
+        self.pilot = Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance())
         self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         peers = PeerStatuses("h9", self.statuses, self.clock)

@@ -8,7 +8,7 @@ from simulator.plant import Pose
 from transmitter_gateway.inputs import State
 from transmitter_gateway.limits import ArbiterLimits
 from vehicles.state import U_THRUST, ZD_BODY
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 HEIGHT_M = 0.9
 HOVER_S = 3.0
@@ -16,7 +16,7 @@ HOVER_S = 3.0
 
 def touchdown_m_s(seed: int, limits: ArbiterLimits) -> float:
     """Hover a simulated vehicle, then end its commands; returns the speed at which it lands."""
-    laboratory = Laboratory({"h1": COAXIAL}, {"h1": Pose((0.0, 0.0, HEIGHT_M), 0.0)}, LABORATORY, seed)
+    laboratory = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, HEIGHT_M), 0.0)}, LABORATORY, seed)
     plant = laboratory.plant("h1")
     bench = Bench(limits)
     bench.fly((0.0, 0.0, 0.55, 0.0))

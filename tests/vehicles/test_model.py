@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 
 @pytest.mark.parametrize(
@@ -26,8 +26,8 @@ from vehicles.types import COAXIAL
 )
 def test_a_parameter_no_vehicle_can_have_is_refused_by_name(change: dict[str, object], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        replace(COAXIAL, **change)  # type: ignore[arg-type]  # any field
+        replace(COAXIAL_LAG, **change)  # type: ignore[arg-type]  # any field
 
 
 def test_a_vehicle_without_lag_and_delay_is_allowed() -> None:
-    assert replace(COAXIAL, lag_s=(0.0,) * 4, delay_s=0.0).delay_s == 0.0  # type: ignore[arg-type]  # four
+    assert replace(COAXIAL_LAG, lag_s=(0.0,) * 4, delay_s=0.0).delay_s == 0.0  # type: ignore[arg-type]  # four

@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 
 from vehicles.model import Model, motion_derivative
 from vehicles.quadrotor import QUADROTOR, TILT_LIMIT_RAD, thrust_acceleration, tilt_limit_rad
-from vehicles.types import COAXIAL, TYPES
+from vehicles.types import COAXIAL, COAXIAL_LAG, TYPES
 
 every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 
 
 def test_types_are_found_by_their_kind() -> None:
     assert TYPES["coaxial"] is COAXIAL
+    assert TYPES["coaxial_lag"] is COAXIAL_LAG
     assert TYPES["quadrotor"] is QUADROTOR
 
 

@@ -8,10 +8,10 @@ from agents.controllers.roll_out import predict
 from agents.interfaces import ControlStep, Estimate, LimitScale
 from agents.references.trajectory import Trajectory, hold
 from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
-HOVER = COAXIAL.hover_input
+HOVER = COAXIAL_LAG.hover_input
 
 
 def state(motion: Array | None = None, disturbance: Array | None = None) -> Estimate:
@@ -20,7 +20,7 @@ def state(motion: Array | None = None, disturbance: Array | None = None) -> Esti
 
 
 def make(**settings: object) -> CascadeController:
-    return CascadeController(COAXIAL, PERIOD_S, CascadeSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
+    return CascadeController(COAXIAL_LAG, PERIOD_S, CascadeSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
 
 
 def first_step(controller: CascadeController, start: Estimate, target: Array) -> ControlStep:
@@ -36,7 +36,7 @@ def test_a_plan_is_what_the_discrete_model_does_under_its_inputs(lag: bool) -> N
     assert result.fallback is None
     assert np.abs(result.inputs[:, 3]).max() == pytest.approx(0.4, abs=1e-3)
     if lag:
-        expected = predict(COAXIAL, start, result.inputs, PERIOD_S)
+        expected = predict(COAXIAL_LAG, start, result.inputs, PERIOD_S)
         assert result.plan.samples[:, :4] == pytest.approx(expected.samples[:, :4], abs=2e-4)
         assert result.plan.samples[:-2, 4:8] == pytest.approx(expected.samples[:-2, 4:8], abs=1e-3)
     else:
@@ -77,7 +77,7 @@ def test_reference_flying_along_x_is_flown_along_x_at_any_heading(yaw: float) ->
     start = state(np.array([0, 0, 1.0, yaw, 0, 0, 0, 0]))
     controller.reset(start, HOVER)
     result = controller.step(start, Trajectory(samples, PERIOD_S), HOVER)
-    push = heading_matrix(yaw) @ (COAXIAL.b[:2] * result.inputs[0, :2])
+    push = heading_matrix(yaw) @ (COAXIAL_LAG.b[:2] * result.inputs[0, :2])
     assert push[0] > 0.05
     assert abs(push[1]) < 0.02 * push[0]
 
@@ -113,7 +113,7 @@ def test_a_step_that_is_still_ahead_is_prepared_for() -> None:
 def test_estimated_disturbance_is_balanced_without_an_error() -> None:
     push = np.array([0.2, -0.15, 0.3, 1.0])
     result = first_step(make(), state(disturbance=push), np.array([0, 0, 1.0, 0]))
-    assert result.inputs[-1] == pytest.approx(HOVER - push / COAXIAL.b, abs=5e-3)
+    assert result.inputs[-1] == pytest.approx(HOVER - push / COAXIAL_LAG.b, abs=5e-3)
     ignored = first_step(
         make(disturbance_compensation=False, integrators=False),
         state(disturbance=push),
@@ -133,10 +133,10 @@ def test_a_trim_that_no_estimator_tells_is_learnt() -> None:
     for _ in range(400):
         last = controller.step(Estimate(motion, actuator, np.zeros(4)), reference, last).inputs[0]
         ahead = predict(
-            COAXIAL, Estimate(motion, actuator, COAXIAL.b * trim), np.tile(last, (2, 1)), PERIOD_S
+            COAXIAL_LAG, Estimate(motion, actuator, COAXIAL_LAG.b * trim), np.tile(last, (2, 1)), PERIOD_S
         )
         motion = ahead.samples[1, :8]
-        actuator = actuator + (1 - np.exp(-PERIOD_S / np.array(COAXIAL.lag_s))) * (last - actuator)
+        actuator = actuator + (1 - np.exp(-PERIOD_S / np.array(COAXIAL_LAG.lag_s))) * (last - actuator)
     assert motion[:3] == pytest.approx([0, 0, 1], abs=2e-3)
 
 
@@ -171,7 +171,7 @@ def test_a_leader_accelerates_no_faster_with_a_gust_behind_it(gust_m_s2: float) 
     controller = make(horizon=40, input_range=0.8)
     estimate = Estimate(state().motion, HOVER, np.array([gust_m_s2, 0.0, 0.0, 0.0]))
     result = first_step(controller, estimate, np.array([1.0, 0.0, 1.0, 0.0]))
-    gain = COAXIAL.b[0]
+    gain = COAXIAL_LAG.b[0]
     commanded = gain * result.inputs[:, 0] + gust_m_s2
     hardest = min(0.8 * gain, gain + gust_m_s2)
     assert commanded.max() == pytest.approx(hardest, abs=1e-3)

@@ -11,7 +11,7 @@ from agents.controllers.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearance
 from agents.interfaces import Estimate, Obstacle
 from agents.references.trajectory import hold
 from vehicles.state import Array
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 STAGES = 4
 PERIOD_S = 0.02
@@ -103,17 +103,17 @@ def test_heights_between_two_others_leave_a_range_to_plan_in(above_m: float, bel
 
 def flown(obstacles: list[Obstacle], goal: Array, steps: int = 250, **settings: object) -> Array:
     """Positions of a vehicle that flies its own plans exactly, from the origin at a height of a metre."""
-    controller = CascadeController(COAXIAL, PERIOD_S, CascadeSettings(horizon=40, **settings))  # type: ignore[arg-type]  # free-form test settings
+    controller = CascadeController(COAXIAL_LAG, PERIOD_S, CascadeSettings(horizon=40, **settings))  # type: ignore[arg-type]  # free-form test settings
     motion = np.array([0, 0, 1.0, 0, 0, 0, 0, 0])
-    estimate = Estimate(motion, COAXIAL.hover_input.copy(), np.zeros(4))
-    controller.reset(estimate, COAXIAL.hover_input)
+    estimate = Estimate(motion, COAXIAL_LAG.hover_input.copy(), np.zeros(4))
+    controller.reset(estimate, COAXIAL_LAG.hover_input)
     track = []
     for _ in range(steps):
         controller.set_obstacles(obstacles)
-        step = controller.step(estimate, hold(goal, 0.0, PERIOD_S, 40), COAXIAL.hover_input)
+        step = controller.step(estimate, hold(goal, 0.0, PERIOD_S, 40), COAXIAL_LAG.hover_input)
         assert step.fallback is None
         track.append(motion[:3])
-        pole = np.exp(-PERIOD_S / np.array(COAXIAL.lag_s))
+        pole = np.exp(-PERIOD_S / np.array(COAXIAL_LAG.lag_s))
         actuator = pole * estimate.actuator + (1 - pole) * step.inputs[0]
         motion = np.concatenate((step.plan.samples[1, :4], step.plan.samples[1, 4:8]))
         estimate = Estimate(motion, actuator, np.zeros(4))

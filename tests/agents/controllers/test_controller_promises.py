@@ -11,14 +11,14 @@ from agents.interfaces import Controller, ControlStep, Estimate
 from agents.references.trajectory import COLUMNS, Trajectory, hold
 from vehicles.model import Model
 from vehicles.state import Array
-from vehicles.types import COAXIAL, TYPES
+from vehicles.types import COAXIAL_LAG, TYPES
 
 PERIOD_S = 0.02
 UNHURRIED = {"paper": {"time_limit_s": 1.0}}
 """A solver that stops by the clock would make a test depend on the machine."""
 HORIZON = 12
 NAMES = ("cascade", "lqr", "paper", "pid")
-HOVER = COAXIAL.hover_input
+HOVER = COAXIAL_LAG.hover_input
 FALLBACKS = {None, "early_stop", "shifted_plan", "hover"}
 
 BUILT: dict[tuple[str, str], Controller] = {}
@@ -26,7 +26,7 @@ BUILT: dict[tuple[str, str], Controller] = {}
 every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 
 
-def controller(name: str, model: Model = COAXIAL) -> Controller:
+def controller(name: str, model: Model = COAXIAL_LAG) -> Controller:
     """One controller per name and type for all examples: what came before must not matter either."""
     key = (name, model.kind)
     if key not in BUILT:
@@ -35,7 +35,7 @@ def controller(name: str, model: Model = COAXIAL) -> Controller:
     return BUILT[key]
 
 
-def unhurried(name: str, model: Model = COAXIAL) -> Controller:
+def unhurried(name: str, model: Model = COAXIAL_LAG) -> Controller:
     """A controller that a busy machine does not make stop early."""
     patience = {"time_limit_s": 1.0} if name == "paper" else {}
     return CONTROLLERS.build(name, model, PERIOD_S, {"horizon": HORIZON} | patience)
@@ -84,7 +84,7 @@ references = st.builds(
 )
 
 
-def check(step: ControlStep, model: Model = COAXIAL) -> None:
+def check(step: ControlStep, model: Model = COAXIAL_LAG) -> None:
     assert step.inputs.shape == (HORIZON - 1, 4)
     assert np.isfinite(step.inputs).all()
     assert (step.inputs >= model.u_min).all()
@@ -149,7 +149,7 @@ def test_a_state_far_outside_the_box_is_no_reason_to_give_up(
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_reference_that_is_not_finite_means_hovering_at_the_last_set_point(name: str) -> None:
-    flown = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": HORIZON})
+    flown = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": HORIZON})
     here = at(np.array([0.2, 0.1, 1.0, 0.3, 0, 0, 0, 0]))
     flown.reset(here, HOVER)
     good = hold(np.array([0.2, 0.1, 1.0]), 0.3, PERIOD_S, HORIZON)
@@ -173,13 +173,13 @@ def test_without_a_state_the_previous_plan_is_flown_for_a_while_and_then_hover_t
     assert answers[0].inputs[0] == pytest.approx(planned.inputs[1])
     assert answers[0].plan.samples[0] == pytest.approx(planned.plan.samples[1])
     assert answers[-1].fallback == "hover"
-    assert answers[-1].inputs[0] == pytest.approx([0, 0, COAXIAL.hover_thrust, 0])
+    assert answers[-1].inputs[0] == pytest.approx([0, 0, COAXIAL_LAG.hover_thrust, 0])
     assert flown.step(here, reference, HOVER).fallback is None
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_estimate_without_plan_hovers(name: str) -> None:
-    flown = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": HORIZON})
+    flown = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": HORIZON})
     lost = at(np.full(8, np.nan))
     flown.reset(lost, HOVER)
     step = flown.step(lost, hold(np.array([0.3, 0.1, 1.1]), 0.3, PERIOD_S, HORIZON), HOVER)
@@ -193,7 +193,7 @@ def test_switching_in_flight_is_bumpless(before: str, after: str) -> None:
     """In hover with a trim that the old controller has found, the new one's first step is a small one."""
     trim = np.array([0.03, -0.02, 0.01, 0.0])
     old, new = (
-        CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": HORIZON} | UNHURRIED.get(name, {}))
+        CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": HORIZON} | UNHURRIED.get(name, {}))
         for name in (before, after)
     )
     motion = np.array([0.1, -0.1, 1.0, 0.5, 0, 0, 0, 0])

@@ -9,14 +9,14 @@ import pytest
 from agents.controllers.registry import CONTROLLERS
 from agents.plugins import registry
 from agents.plugins.plain_settings import SettingsError
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 
 def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "entry_points", lambda group: [])
     assert "paper" in CONTROLLERS.available()
     for name in ("cascade", "lqr", "paper", "pid"):
-        controller = CONTROLLERS.build(name, COAXIAL, 0.02, {"horizon": 12})
+        controller = CONTROLLERS.build(name, COAXIAL_LAG, 0.02, {"horizon": 12})
         assert (controller.horizon, controller.period_s) == (12, 0.02)
 
 
@@ -24,7 +24,7 @@ def test_an_installed_package_adds_a_controller(monkeypatch: pytest.MonkeyPatch)
     added = EntryPoint("mine", "agents.controllers.paper:PaperController", CONTROLLERS.entry_point_group)
     monkeypatch.setattr(registry, "entry_points", lambda group: [added])
     assert "mine" in CONTROLLERS.available()
-    assert CONTROLLERS.build("mine", COAXIAL, 0.02, {"horizon": 5}).horizon == 5
+    assert CONTROLLERS.build("mine", COAXIAL_LAG, 0.02, {"horizon": 5}).horizon == 5
 
 
 def test_a_package_that_cannot_be_imported_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,7 +36,7 @@ def test_a_package_that_cannot_be_imported_is_named(monkeypatch: pytest.MonkeyPa
 
 def test_an_unknown_controller_is_told_what_is_allowed() -> None:
     with pytest.raises(SettingsError, match=r"no controller is called 'mpc'; allowed are .*paper"):
-        CONTROLLERS.build("mpc", COAXIAL, 0.02, {})
+        CONTROLLERS.build("mpc", COAXIAL_LAG, 0.02, {})
 
 
 def test_importing_the_registry_imports_no_controller() -> None:
@@ -68,10 +68,10 @@ def test_importing_the_registry_imports_no_controller() -> None:
 )
 def test_a_wrong_setting_is_named_with_what_is_allowed(settings: dict[str, object], message: str) -> None:
     with pytest.raises(SettingsError, match=message) as refused:
-        CONTROLLERS.build("paper", COAXIAL, 0.02, settings)
+        CONTROLLERS.build("paper", COAXIAL_LAG, 0.02, settings)
     assert "controller 'paper'" in str(refused.value)
 
 
 def test_a_period_outside_the_range_is_refused() -> None:
     with pytest.raises(SettingsError, match="period_s must be from"):
-        CONTROLLERS.build("paper", COAXIAL, 0.0, {})
+        CONTROLLERS.build("paper", COAXIAL_LAG, 0.0, {})

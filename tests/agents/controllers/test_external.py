@@ -7,18 +7,18 @@ from agents.controllers.external import ExternalController
 from agents.interfaces import FULL_LIMITS, Estimate
 from agents.references.trajectory import hold
 from agents.tuning.configuration import Configuration
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
-HOVER = COAXIAL.hover_input
+HOVER = COAXIAL_LAG.hover_input
 REST = Estimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), HOVER.copy(), np.zeros(4))
 REFERENCE = hold(np.array([0.0, 0.0, 1.0]), 0.0, PERIOD_S, 10)
 
 
 @pytest.fixture
 def controller() -> ExternalController:
-    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL, PERIOD_S, FULL_LIMITS)
-    external = ExternalController(own, COAXIAL, patience_s=0.1)
+    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL_LAG, PERIOD_S, FULL_LIMITS)
+    external = ExternalController(own, COAXIAL_LAG, patience_s=0.1)
     external.reset(REST, HOVER)
     return external
 
@@ -28,7 +28,7 @@ def step(controller: ExternalController) -> np.ndarray:
 
 
 def test_the_own_controller_flies_until_the_first_answer(controller: ExternalController) -> None:
-    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL, PERIOD_S, FULL_LIMITS)
+    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL_LAG, PERIOD_S, FULL_LIMITS)
     own.reset(REST, HOVER)
     assert step(controller) == pytest.approx(own.step(REST, REFERENCE, HOVER).inputs[0])
 

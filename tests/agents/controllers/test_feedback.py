@@ -8,11 +8,11 @@ from agents.interfaces import Controller, Estimate
 from agents.references.trajectory import hold
 from vehicles.model import motion_derivative
 from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
-HOVER = COAXIAL.hover_input
-LAG_S = np.array(COAXIAL.lag_s)
+HOVER = COAXIAL_LAG.hover_input
+LAG_S = np.array(COAXIAL_LAG.lag_s)
 
 
 def fly(controller: Controller, target: Array, steps: int, trim: Array, start: Array) -> Array:
@@ -26,7 +26,7 @@ def fly(controller: Controller, target: Array, steps: int, trim: Array, start: A
         last = result.inputs[0]
         for _ in range(5):
             actuator = last + trim + (actuator - last - trim) * np.exp(-0.004 / LAG_S)
-            motion = motion + 0.004 * motion_derivative(COAXIAL, motion, actuator, np.zeros(4))
+            motion = motion + 0.004 * motion_derivative(COAXIAL_LAG, motion, actuator, np.zeros(4))
         flown.append(motion)
     return np.array(flown)
 
@@ -34,7 +34,7 @@ def fly(controller: Controller, target: Array, steps: int, trim: Array, start: A
 @pytest.mark.parametrize("name", ["lqr", "pid"])
 @pytest.mark.parametrize("heading", [0.0, 2.0, -np.pi])
 def test_set_point_is_reached_at_any_heading_and_trim_is_integrated_away(name: str, heading: float) -> None:
-    controller = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": 5})
+    controller = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": 5})
     start = np.array([0, 0, 1.0, heading, 0, 0, 0, 0])
     target = np.array([0.6, -0.4, 1.4, heading + 1.0])
     flown = fly(controller, target, 900, np.array([0.02, -0.02, 0.01, 0.0]), start)
@@ -46,7 +46,7 @@ def test_set_point_is_reached_at_any_heading_and_trim_is_integrated_away(name: s
 @pytest.mark.parametrize("name", ["lqr", "pid"])
 def test_plan_foresees_the_closed_loop(name: str) -> None:
     """The plan of the first step is what the loop then flies, up to the integration of the model."""
-    controller = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": 60})
+    controller = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": 60})
     start = np.array([0, 0, 1.0, 0.3, 0, 0, 0, 0])
     target = np.array([0.3, 0.2, 1.1, 0.8])
     estimate = Estimate(start, HOVER.copy(), np.zeros(4))
@@ -60,13 +60,13 @@ def test_plan_foresees_the_closed_loop(name: str) -> None:
 @pytest.mark.parametrize("name", ["lqr", "pid"])
 @pytest.mark.parametrize("heading", [0.0, np.pi / 2, 3.0])
 def test_reference_velocity_counts_in_the_direction_it_has_in_the_room(name: str, heading: float) -> None:
-    controller = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": 10})
+    controller = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": 10})
     estimate = Estimate(np.array([0, 0, 1.0, heading, 0, 0, 0, 0]), HOVER.copy(), np.zeros(4))
     reference = hold(np.array([0, 0, 1.0]), heading, PERIOD_S, 10)
     reference.samples[:, 4] = 0.1
     controller.reset(estimate, HOVER)
     push = heading_matrix(heading) @ (
-        COAXIAL.b[:2] * controller.step(estimate, reference, HOVER).inputs[0, :2]
+        COAXIAL_LAG.b[:2] * controller.step(estimate, reference, HOVER).inputs[0, :2]
     )
     assert push[0] > 0.05
     assert abs(push[1]) < 0.1 * push[0]
@@ -75,7 +75,7 @@ def test_reference_velocity_counts_in_the_direction_it_has_in_the_room(name: str
 @pytest.mark.parametrize("name", ["lqr", "pid"])
 def test_first_step_after_a_switch_takes_over_the_trim(name: str) -> None:
     trimmed = HOVER + np.array([0.05, -0.04, 0.01, 0.0])
-    controller = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {})
+    controller = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {})
     hovering = Estimate(np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0]), trimmed, np.zeros(4))
     controller.reset(hovering, trimmed)
     result = controller.step(hovering, hold(np.array([0, 0, 1.0]), 1.0, PERIOD_S, 50), trimmed)
@@ -85,7 +85,9 @@ def test_first_step_after_a_switch_takes_over_the_trim(name: str) -> None:
 @pytest.mark.parametrize("name", ["lqr", "pid"])
 def test_a_saturated_input_winds_nothing_up(name: str) -> None:
     """Held back for five seconds, the vehicle is not thrown past its set point afterwards."""
-    controller = CONTROLLERS.build(name, COAXIAL, PERIOD_S, {"horizon": 5, "input_max": [0.05, 1, 1, 0.4]})
+    controller = CONTROLLERS.build(
+        name, COAXIAL_LAG, PERIOD_S, {"horizon": 5, "input_max": [0.05, 1, 1, 0.4]}
+    )
     start = np.array([-1.0, 0, 1.0, 0, 0, 0, 0, 0])
     flown = fly(controller, np.array([0, 0, 1.0, 0]), 1500, np.zeros(4), start)
     assert flown[:, 0].max() < 0.25

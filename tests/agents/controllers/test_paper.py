@@ -10,39 +10,39 @@ from agents.interfaces import Estimate
 from agents.references.trajectory import hold
 from vehicles.model import motion_derivative
 from vehicles.state import YAW, Array, heading_matrix
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 
 
 def at_rest(x: float = 0.0, y: float = 0.0, z: float = 1.0, yaw: float = 0.0) -> Estimate:
-    return Estimate(np.array([x, y, z, yaw, 0, 0, 0, 0]), COAXIAL.hover_input, np.zeros(4))
+    return Estimate(np.array([x, y, z, yaw, 0, 0, 0, 0]), COAXIAL_LAG.hover_input, np.zeros(4))
 
 
 def make(**settings: object) -> PaperController:
     """A controller that a busy machine does not hurry."""
     settings = {"time_limit_s": 1.0} | settings
-    return PaperController(COAXIAL, PERIOD_S, PaperSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
+    return PaperController(COAXIAL_LAG, PERIOD_S, PaperSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
 
 
 def fly(controller: PaperController, estimate: Estimate, target: Array, steps: int, trim: Array) -> Array:
     """Motion states of a flight of the continuous model; `trim` adds to the input."""
-    last, motion, flown = COAXIAL.hover_input, estimate.motion.copy(), []
+    last, motion, flown = COAXIAL_LAG.hover_input, estimate.motion.copy(), []
     reference = hold(target[:3], float(target[3]), PERIOD_S, controller.horizon)
     for _ in range(steps):
         result = controller.step(Estimate(motion.copy(), last, np.zeros(4)), reference, last)
         assert result.fallback is None
         last = result.inputs[0]
         for _ in range(10):
-            motion = motion + 0.002 * motion_derivative(COAXIAL, motion, last + trim, np.zeros(4))
+            motion = motion + 0.002 * motion_derivative(COAXIAL_LAG, motion, last + trim, np.zeros(4))
         flown.append(motion)
     return np.array(flown)
 
 
 def test_matrices_are_those_of_the_paper() -> None:
     a, c = (
-        PaperModel(COAXIAL, PERIOD_S).dynamics(0.3),
-        PaperModel(COAXIAL, PERIOD_S).affine(np.array([1, 2, 3.0])),
+        PaperModel(COAXIAL_LAG, PERIOD_S).dynamics(0.3),
+        PaperModel(COAXIAL_LAG, PERIOD_S).affine(np.array([1, 2, 3.0])),
     )
     assert a[0, 4:6] == pytest.approx([0.02 * np.cos(0.3), -0.02 * np.sin(0.3)])
     assert a[1, 4:6] == pytest.approx([0.02 * np.sin(0.3), 0.02 * np.cos(0.3)])
@@ -53,7 +53,7 @@ def test_matrices_are_those_of_the_paper() -> None:
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -2.0, 3 * np.pi])
 def test_rotated_terminal_cost_solves_the_riccati_equation_of_the_heading(yaw: float) -> None:
-    paper_model = PaperModel(COAXIAL, PERIOD_S)
+    paper_model = PaperModel(COAXIAL_LAG, PERIOD_S)
     q, r = np.array([8, 8, 8, 4, 1, 1, 1, 1, 1, 1, 1.0]), np.array([5, 5, 5, 1.0])
     direct = solve_discrete_are(paper_model.dynamics(yaw), paper_model.input_matrix(), np.diag(q), np.diag(r))
     assert TerminalCost(paper_model, q, r).at(yaw) == pytest.approx(direct, rel=1e-6, abs=1e-6)
@@ -65,7 +65,11 @@ def test_rotated_terminal_cost_solves_the_riccati_equation_of_the_heading(yaw: f
 
 def test_rollout_obeys_equation_2() -> None:
     rng = np.random.default_rng(1)
-    paper_model, inputs, target = PaperModel(COAXIAL, PERIOD_S), rng.normal(size=(109, 4)), rng.normal(size=3)
+    paper_model, inputs, target = (
+        PaperModel(COAXIAL_LAG, PERIOD_S),
+        rng.normal(size=(109, 4)),
+        rng.normal(size=3),
+    )
     states = paper_model.rollout(rng.normal(size=11), inputs, 0.7, target)
     a, b, c = paper_model.dynamics(0.7), paper_model.input_matrix(), paper_model.affine(target)
     assert states[1:] == pytest.approx(states[:-1] @ a.T + inputs @ b.T - c, abs=1e-9)
@@ -73,23 +77,23 @@ def test_rollout_obeys_equation_2() -> None:
 
 def test_first_input_of_the_unconstrained_problem_is_the_linear_quadratic_regulator() -> None:
     controller = make(horizon=30)
-    controller.reset(at_rest(), COAXIAL.hover_input)
+    controller.reset(at_rest(), COAXIAL_LAG.hover_input)
     state = np.array([0.05, -0.03, 1.04, 0.1, 0.02, 0.01, -0.02, 0.05])
     result = controller.step(
-        Estimate(state, COAXIAL.hover_input, np.zeros(4)),
+        Estimate(state, COAXIAL_LAG.hover_input, np.zeros(4)),
         hold(np.array([0, 0, 1.0]), 0.0, PERIOD_S, 30),
-        COAXIAL.hover_input,
+        COAXIAL_LAG.hover_input,
     )
     q, r = np.array(PaperSettings().state_weights), np.array(PaperSettings().input_weights)
-    gain = TerminalCost(PaperModel(COAXIAL, PERIOD_S), q, r).gain(0.0)
+    gain = TerminalCost(PaperModel(COAXIAL_LAG, PERIOD_S), q, r).gain(0.0)
     error = np.concatenate((state - [0, 0, 1, 0, 0, 0, 0, 0], np.zeros(3)))
     assert result.fallback is None
-    assert result.inputs[0] == pytest.approx(COAXIAL.hover_input - gain @ error, abs=2e-3)
+    assert result.inputs[0] == pytest.approx(COAXIAL_LAG.hover_input - gain @ error, abs=2e-3)
 
 
 def test_set_point_with_yaw_is_reached_and_trim_is_integrated_away() -> None:
     controller = make(horizon=25)
-    controller.reset(at_rest(), COAXIAL.hover_input)
+    controller.reset(at_rest(), COAXIAL_LAG.hover_input)
     target = np.array([0.4, -0.3, 1.3, 1.0])
     flown = fly(controller, at_rest(), target, 900, trim=np.array([0.01, -0.01, 0.005, 0.0]))
     assert np.abs(flown[-1, :3] - target[:3]).max() < 0.02
@@ -101,7 +105,7 @@ def test_without_z_integrator_a_thrust_trim_leaves_a_height_error() -> None:
     errors = []
     for z_integrator in (True, False):
         controller = make(horizon=20, z_integrator=z_integrator)
-        controller.reset(at_rest(), COAXIAL.hover_input)
+        controller.reset(at_rest(), COAXIAL_LAG.hover_input)
         errors.append(abs(fly(controller, at_rest(), np.array([0, 0, 1.0, 0]), 700, trim)[-1, 2] - 1.0))
     assert errors[0] < 2e-3 < 5e-3 < errors[1]
 
@@ -110,12 +114,12 @@ def test_matrices_return_to_the_same_problem_after_a_turn() -> None:
     """sin(0) must keep its place in the sparsity pattern."""
     results = []
     turned = make(horizon=20)
-    turned.reset(at_rest(), COAXIAL.hover_input)
-    turned.step(at_rest(), hold(np.array([0.1, 0, 1]), 2.0, PERIOD_S, 20), COAXIAL.hover_input)
+    turned.reset(at_rest(), COAXIAL_LAG.hover_input)
+    turned.step(at_rest(), hold(np.array([0.1, 0, 1]), 2.0, PERIOD_S, 20), COAXIAL_LAG.hover_input)
     for controller in (turned, make(horizon=20), make(horizon=20, relinearize="every_step")):
-        controller.reset(at_rest(), COAXIAL.hover_input)
+        controller.reset(at_rest(), COAXIAL_LAG.hover_input)
         reference = hold(np.array([0.1, 0.05, 1]), 0.0, PERIOD_S, 20)
-        results.append(controller.step(at_rest(), reference, COAXIAL.hover_input).inputs[0])
+        results.append(controller.step(at_rest(), reference, COAXIAL_LAG.hover_input).inputs[0])
     assert results[0] == pytest.approx(results[1], abs=1e-3)
     assert results[2] == pytest.approx(results[1], abs=1e-3)
 
@@ -129,11 +133,11 @@ def test_reference_velocity_is_turned_into_the_body_frame(yaw: float) -> None:
     samples[:, 0] = 0.5 * PERIOD_S * np.arange(30)
     samples[:, 2] = 1.0
     samples[:, 4] = 0.5
-    controller.reset(at_rest(yaw=yaw), COAXIAL.hover_input)
+    controller.reset(at_rest(yaw=yaw), COAXIAL_LAG.hover_input)
     inputs = controller.step(
-        at_rest(yaw=yaw), type(reference)(samples, PERIOD_S), COAXIAL.hover_input
+        at_rest(yaw=yaw), type(reference)(samples, PERIOD_S), COAXIAL_LAG.hover_input
     ).inputs[0]
-    push = heading_matrix(yaw) @ (COAXIAL.b[:2] * inputs[:2])
+    push = heading_matrix(yaw) @ (COAXIAL_LAG.b[:2] * inputs[:2])
     assert push[0] > 0.1
     assert abs(push[1]) < 0.05 * push[0]
 
@@ -141,9 +145,9 @@ def test_reference_velocity_is_turned_into_the_body_frame(yaw: float) -> None:
 def test_plan_starts_at_the_measurement_and_moves_with_its_velocity() -> None:
     controller = make(horizon=40)
     start = at_rest(yaw=0.5)
-    controller.reset(start, COAXIAL.hover_input)
+    controller.reset(start, COAXIAL_LAG.hover_input)
     plan = controller.step(
-        start, hold(np.array([0.5, 0.2, 1.2]), 0.5, PERIOD_S, 40), COAXIAL.hover_input
+        start, hold(np.array([0.5, 0.2, 1.2]), 0.5, PERIOD_S, 40), COAXIAL_LAG.hover_input
     ).plan
     assert plan.samples[0, :8] == pytest.approx(start.motion)
     # the heading stays at the linearisation point, so frozen and true kinematics agree
@@ -154,7 +158,7 @@ def test_plan_starts_at_the_measurement_and_moves_with_its_velocity() -> None:
 
 def test_first_step_after_a_switch_takes_over_the_trim() -> None:
     """In hover with a trimmed input the new controller continues with that input."""
-    trimmed = COAXIAL.hover_input + np.array([0.05, -0.04, 0.01, 0.0])
+    trimmed = COAXIAL_LAG.hover_input + np.array([0.05, -0.04, 0.01, 0.0])
     controller = make(horizon=40)
     controller.reset(at_rest(), trimmed)
     result = controller.step(at_rest(), hold(np.array([0, 0, 1.0]), 0.0, PERIOD_S, 40), trimmed)
@@ -163,17 +167,17 @@ def test_first_step_after_a_switch_takes_over_the_trim() -> None:
 
 def test_an_exhausted_time_limit_is_reported_and_still_gives_a_command() -> None:
     controller = make(horizon=110, time_limit_s=1e-5)
-    controller.reset(at_rest(), COAXIAL.hover_input)
+    controller.reset(at_rest(), COAXIAL_LAG.hover_input)
     seen = set()
     for yaw in np.linspace(0, 3, 20):
         state = at_rest(yaw=float(yaw)).motion
         state[YAW + 1 :] = 0.5
-        estimate = Estimate(state, COAXIAL.hover_input, np.zeros(4))
+        estimate = Estimate(state, COAXIAL_LAG.hover_input, np.zeros(4))
         result = controller.step(
-            estimate, hold(np.array([1, 1, 1.8]), 3.0, PERIOD_S, 110), COAXIAL.hover_input
+            estimate, hold(np.array([1, 1, 1.8]), 3.0, PERIOD_S, 110), COAXIAL_LAG.hover_input
         )
         seen.add(result.fallback)
-        assert (result.inputs >= COAXIAL.u_min).all()
-        assert (result.inputs <= COAXIAL.u_max).all()
+        assert (result.inputs >= COAXIAL_LAG.u_min).all()
+        assert (result.inputs <= COAXIAL_LAG.u_max).all()
     assert seen & {"early_stop", "shifted_plan", "hover"}
     assert None not in seen

@@ -12,7 +12,7 @@ from simulator.laboratory import Laboratory
 from simulator.plant import Pose
 from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 
@@ -24,7 +24,7 @@ class Flight:
         self,
         estimator: str = "extended_kalman",
         *,
-        model: Model = COAXIAL,
+        model: Model = COAXIAL_LAG,
         conditions: Conditions = LABORATORY,
         seed: int = 0,
         start: Pose | None = None,
@@ -43,7 +43,7 @@ class Flight:
 
     def measurement(self) -> Measurement:
         pose = self.laboratory.measured_pose("h1")
-        return Measurement(np.array(pose.position_m), pose.yaw_rad)
+        return Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
 
     @property
     def true_motion(self) -> Array:

@@ -6,22 +6,22 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from agents.estimators.extended_kalman import ExtendedKalmanEstimator
+from agents.estimators.lag_kalman import LagKalmanEstimator
 from agents.estimators.registry import ESTIMATORS
 from agents.plugins import registry
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 
 def test_built_in_estimators_are_listed_and_the_default_is_among_them() -> None:
     assert {"extended_kalman", "finite_difference", "kalman"} <= set(ESTIMATORS.available())
-    assert isinstance(ESTIMATORS.build("extended_kalman", COAXIAL, 0.02, {}), ExtendedKalmanEstimator)
+    assert isinstance(ESTIMATORS.build("extended_kalman", COAXIAL_LAG, 0.02, {}), LagKalmanEstimator)
 
 
 def test_unknown_estimator_is_refused_with_the_allowed_ones() -> None:
     with pytest.raises(
         ValueError, match=r"'luenberger'; allowed are extended_kalman, finite_difference, kal"
     ):
-        ESTIMATORS.build("luenberger", COAXIAL, 0.02, {})
+        ESTIMATORS.build("luenberger", COAXIAL_LAG, 0.02, {})
 
 
 @pytest.mark.parametrize(
@@ -38,13 +38,13 @@ def test_unknown_estimator_is_refused_with_the_allowed_ones() -> None:
 )
 def test_wrong_settings_are_refused_by_name(name: str, settings: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        ESTIMATORS.build(name, COAXIAL, 0.02, settings)
+        ESTIMATORS.build(name, COAXIAL_LAG, 0.02, settings)
 
 
 @pytest.mark.parametrize("period_s", [0.0, -0.02, 1.0, float("nan")])
 def test_period_out_of_range_is_refused(period_s: float) -> None:
     with pytest.raises(ValueError, match=r"period_s must be from 0\.002 to 0\.2 s"):
-        ESTIMATORS.build("kalman", COAXIAL, period_s, {})
+        ESTIMATORS.build("kalman", COAXIAL_LAG, period_s, {})
 
 
 def test_installed_package_can_add_an_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,9 +52,9 @@ def test_installed_package_can_add_an_estimator(monkeypatch: pytest.MonkeyPatch)
     broken = EntryPoint("broken", "no_such_package:Estimator", ESTIMATORS.entry_point_group)
     monkeypatch.setattr(registry, "entry_points", lambda group: [added, broken])
     assert {"mine", "broken"} <= set(ESTIMATORS.available())
-    assert type(ESTIMATORS.build("mine", COAXIAL, 0.02, {})).__name__ == "KalmanEstimator"
+    assert type(ESTIMATORS.build("mine", COAXIAL_LAG, 0.02, {})).__name__ == "KalmanEstimator"
     with pytest.raises(ValueError, match=r"'broken' .* cannot be imported"):
-        ESTIMATORS.build("broken", COAXIAL, 0.02, {})
+        ESTIMATORS.build("broken", COAXIAL_LAG, 0.02, {})
 
 
 def test_listing_estimators_imports_none_of_them() -> None:

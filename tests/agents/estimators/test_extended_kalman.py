@@ -17,7 +17,7 @@ from simulator.conditions import IDEAL, LABORATORY
 from simulator.plant import Pose
 from vehicles.model import Model
 from vehicles.state import Array
-from vehicles.types import COAXIAL, TYPES
+from vehicles.types import COAXIAL_LAG, TYPES
 
 NewFlight = Callable[..., Any]
 ON_FLOOR = Pose((0.2, -0.3, 0.0), 1.0)
@@ -60,7 +60,7 @@ def test_jacobian_is_the_derivative_of_the_prediction(
 
 
 def test_vehicle_without_lag_has_a_jacobian_too() -> None:
-    model = replace(COAXIAL, lag_s=(0.0, 0.06, 0.0, 0.03))
+    model = replace(COAXIAL_LAG, lag_s=(0.0, 0.06, 0.0, 0.03))
     jacobian = Linearization(model, 0.02).jacobian(np.zeros(8), np.zeros(8))
     assert np.array_equal(jacobian[8], np.zeros(SIZE))
     assert not jacobian[4, 8]
@@ -80,7 +80,7 @@ def test_mismatch_of_the_thrust_gain_appears_as_vertical_disturbance(new_flight:
     flight = new_flight(conditions=replace(LABORATORY, turbulence_rms=(0, 0, 0, 0), trim_offset=0.0))
     flight.fly(3.0)
     true_gain = flight.laboratory.plant("h1").model.input_gain[2]
-    expected = 9.81 * (1 - COAXIAL.input_gain[2] / true_gain)
+    expected = 9.81 * (1 - COAXIAL_LAG.input_gain[2] / true_gain)
     assert flight.estimator.estimate.disturbance[2] == pytest.approx(expected, abs=0.15)
 
 

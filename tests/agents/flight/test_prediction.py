@@ -13,7 +13,7 @@ from agents.flight.prediction import predict
 from agents.interfaces import Estimate
 from vehicles.model import Model, motion_derivative
 from vehicles.state import Array
-from vehicles.types import COAXIAL, TYPES
+from vehicles.types import COAXIAL_LAG, TYPES
 
 models = st.sampled_from(list(TYPES.values()))
 periods_s = st.sampled_from([0.005, 0.01, 0.02, 0.04])
@@ -73,29 +73,29 @@ def test_prediction_is_the_same_in_every_heading(
     offset = np.zeros(8)
     offset[3] = turn_rad
     turned = replace(estimate, motion=turn @ estimate.motion + offset)
-    predicted = predict(COAXIAL, estimate, applied_input, 0.02).motion
-    assert np.allclose(predict(COAXIAL, turned, applied_input, 0.02).motion, turn @ predicted + offset)
+    predicted = predict(COAXIAL_LAG, estimate, applied_input, 0.02).motion
+    assert np.allclose(predict(COAXIAL_LAG, turned, applied_input, 0.02).motion, turn @ predicted + offset)
 
 
 def test_two_half_periods_are_one_period() -> None:
     start = Estimate(np.linspace(-1, 1, 8), np.array([0.1, -0.2, 0.5, 0.05]), np.array([0.1, 0.2, 0.3, 1.0]))
     applied_input = np.array([0.3, 0.4, 0.6, -0.1])
-    once = predict(COAXIAL, start, applied_input, 0.02)
-    twice = predict(COAXIAL, predict(COAXIAL, start, applied_input, 0.01), applied_input, 0.01)
+    once = predict(COAXIAL_LAG, start, applied_input, 0.02)
+    twice = predict(COAXIAL_LAG, predict(COAXIAL_LAG, start, applied_input, 0.01), applied_input, 0.01)
     assert np.allclose(once.motion, twice.motion, atol=1e-4)
     assert np.allclose(once.actuator, twice.actuator)
 
 
 def test_hover_input_holds_a_hovering_vehicle() -> None:
-    start = Estimate(np.array([0.1, 0.2, 1.0, 9.0, 0, 0, 0, 0]), COAXIAL.hover_input, np.zeros(4))
+    start = Estimate(np.array([0.1, 0.2, 1.0, 9.0, 0, 0, 0, 0]), COAXIAL_LAG.hover_input, np.zeros(4))
     end = start
     for _ in range(100):
-        end = predict(COAXIAL, end, COAXIAL.hover_input, 0.02)
+        end = predict(COAXIAL_LAG, end, COAXIAL_LAG.hover_input, 0.02)
     assert np.allclose(end.motion, start.motion)
 
 
 def test_vehicle_without_lag_takes_its_input_at_once() -> None:
-    model = replace(COAXIAL, lag_s=(0.0, 0.0, 0.0, 0.0))
+    model = replace(COAXIAL_LAG, lag_s=(0.0, 0.0, 0.0, 0.0))
     start = Estimate(np.zeros(8), np.zeros(4), np.zeros(4))
     applied_input = np.array([0.5, 0.0, 0.545, 0.0])
     predicted = predict(model, start, applied_input, 0.02)
@@ -105,6 +105,6 @@ def test_vehicle_without_lag_takes_its_input_at_once() -> None:
 
 def test_prediction_leaves_its_arguments_alone() -> None:
     start = Estimate(np.zeros(8), np.zeros(4), np.zeros(4))
-    predict(COAXIAL, start, np.ones(4), 0.02)
+    predict(COAXIAL_LAG, start, np.ones(4), 0.02)
     assert not start.motion.any()
     assert not start.actuator.any()

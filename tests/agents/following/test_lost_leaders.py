@@ -24,7 +24,7 @@ from bus.codec import encode
 from bus.messages import AgentStatus, LeaderLink, SetPoint
 from bus.session import BusAddress
 from bus.subscription import Inbox
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 OWN = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0))
@@ -33,7 +33,7 @@ SETTINGS = AgentSettings(
     bus=BusAddress((), "lab"),
     vehicle="h9",
     vehicles=("h1", "h2", "h9"),
-    model=COAXIAL,
+    model=COAXIAL_LAG,
     volume_min_m=(-2, -2, 0),
     volume_max_m=(2, 2, 2),
 )
@@ -53,7 +53,7 @@ class Orphan:
 
     def __post_init__(self) -> None:
         controller = NotedController(np.zeros((1, 4)))
-        self.pilot = Pilot(COAXIAL, controller, ExactEstimator(), Guidance([followed_leader(OWN)]))
+        self.pilot = Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance([followed_leader(OWN)]))
         self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
         neighbours = PeerStatuses("h9", self.statuses, self.clock)
         succession = Succession(self.policy, 2.0, {"h1": self.successors}, frozenset(self.successors))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from agents.formation.law import FormationOffset, OffsetTransition, combined_reference, follower_reference
 from agents.references.trajectory import COLUMNS, Trajectory, hold
 from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HEADINGS = [0.0, np.pi / 2, np.pi, -1.1]
@@ -148,8 +148,8 @@ def test_unscaled_plans_satisfy_equation_7_for_different_scalings(
 ) -> None:
     """(7) with two vehicles' own D and s gives the reference that plans in SI units give."""
     leader, follower = (
-        COAXIAL,
-        replace(COAXIAL, state_scale=tuple(np.arange(1.0, 12.0)), state_shift=(0.3,) * 11),
+        COAXIAL_LAG,
+        replace(COAXIAL_LAG, state_scale=tuple(np.arange(1.0, 12.0)), state_shift=(0.3,) * 11),
     )
     d_l, s_l = np.diag(leader.state_scale), np.array(leader.state_shift)
     d_f, s_f = np.diag(follower.state_scale), np.array(follower.state_shift)

@@ -17,7 +17,7 @@ from agents.formation.topology import exchanged, places
 from agents.interfaces import LimitScale
 from bus.messages import LeaderLink
 from vehicles.quadrotor import QUADROTOR
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 TREE = {
     "h1": (),
@@ -38,7 +38,7 @@ class Sharing(NotedController):
 
 
 def test_every_level_of_followers_below_takes_a_share() -> None:
-    for models in ({}, dict.fromkeys(TREE, COAXIAL), dict.fromkeys(TREE, QUADROTOR)):
+    for models in ({}, dict.fromkeys(TREE, COAXIAL_LAG), dict.fromkeys(TREE, QUADROTOR)):
         shares = {name: limit_scale_of(TREE, models, name) for name in TREE}
         assert {name: share.rates for name, share in shares.items()} == dict.fromkeys(TREE, 4 * (1.0,))
         inputs = {name: share.inputs for name, share in shares.items()}
@@ -48,7 +48,7 @@ def test_every_level_of_followers_below_takes_a_share() -> None:
 
 def test_a_leader_does_no_more_than_its_weakest_follower_can() -> None:
     """Whoever leads: what is left of accelerations and speeds, at any heading, is within the other's."""
-    for leader, follower in ((QUADROTOR, COAXIAL), (COAXIAL, QUADROTOR)):
+    for leader, follower in ((QUADROTOR, COAXIAL_LAG), (COAXIAL_LAG, QUADROTOR)):
         models = {"h1": leader, "h2": follower, "h3": leader, "h4": leader}
         share = limit_scale_of(TREE, models, "h1")
         for axis, part in enumerate(share.inputs):
@@ -60,7 +60,7 @@ def test_a_leader_does_no_more_than_its_weakest_follower_can() -> None:
             assert strongest <= LEADER_LIMIT_SCALE * limit * (1.06 if axis < 2 else 1.0) + 1e-9
         speeds = np.array(share.rates) * leader.state_max[3:]
         assert (speeds <= np.maximum(follower.state_max[3:], 1e-9) + 1e-9).all()
-    assert limit_scale_of(TREE, {"h1": QUADROTOR, "h2": COAXIAL}, "h1").inputs[0] == pytest.approx(
+    assert limit_scale_of(TREE, {"h1": QUADROTOR, "h2": COAXIAL_LAG}, "h1").inputs[0] == pytest.approx(
         LEADER_LIMIT_SCALE**2 * 2.0 / QUADROTOR.b[0]
     )
 
@@ -118,7 +118,7 @@ def test_the_longest_arm_and_the_weakest_follower_limit_a_turn() -> None:
         f"h{number}": (LeaderLink(leader="h1", offset_m=(x, 0.0, 0.0), frame="heading"),)
         for number, x in ((2, 0.3), (3, 0.6))
     }
-    models = dict.fromkeys(("h1", "h2", "h3"), COAXIAL)
+    models = dict.fromkeys(("h1", "h2", "h3"), COAXIAL_LAG)
     limits = turn_limits_of(links, models, "h1")
     assert limits is not None
     assert limits.rate_rad_s == pytest.approx(ARM_SPEED_SHARE * 1.0 / 0.6)

@@ -15,7 +15,7 @@ from agents.references.trajectory import COLUMNS, Trajectory, hold
 from agents.separation.avoidance import NEAR, Neighbour, SeparationEllipsoid, near
 from agents.separation.ellipsoid_scales import FORMATION_SCALE, ellipsoid_scale
 from bus.messages import LeaderLink
-from vehicles.types import COAXIAL
+from vehicles.types import COAXIAL_LAG
 
 CLEARANCE = SeparationEllipsoid()
 OWN = np.zeros((30, 3))
@@ -84,11 +84,11 @@ def test_strangers_keep_the_whole_ellipsoid_wherever_they_shall_be() -> None:
 
 def pilot_with(controller: str) -> Pilot:
     """In the air at one metre, sent straight on."""
-    built = CONTROLLERS.build(controller, COAXIAL, 0.02, {"horizon": 30})
-    estimator = ESTIMATORS.build("extended_kalman", COAXIAL, 0.02, {})
-    pilot = Pilot(COAXIAL, built, estimator, Guidance(), CLEARANCE)
+    built = CONTROLLERS.build(controller, COAXIAL_LAG, 0.02, {"horizon": 30})
+    estimator = ESTIMATORS.build("extended_kalman", COAXIAL_LAG, 0.02, {})
+    pilot = Pilot(COAXIAL_LAG, built, estimator, Guidance(), CLEARANCE)
     pilot.observe(StampedMeasurement(1, 1, 0.02, Measurement(np.array([0.0, 0.0, 1.0]), 0.0)))
-    pilot.note_applied("armed", 0, COAXIAL.hover_input)
+    pilot.note_applied("armed", 0, COAXIAL_LAG.hover_input)
     pilot.guidance.go_to(np.array([1.0, 0.0, 1.0]), 0.0)
     return pilot
 

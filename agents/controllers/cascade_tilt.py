@@ -1,0 +1,149 @@
+"""The cascade's horizontal problem for vehicles with a tilt model (helicopter.md section 5, second road).
+
+The lateral model is predicted whole: bar, disc, coupling of the axes, servo, and the wind as it fades.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from agents.controllers.active_set import ChainSolution
+from agents.controllers.cascade_terms import Bounds, HorizontalTask, within_share
+from agents.controllers.chain import ChainParameters, ChainTarget
+from agents.controllers.clearance import SLOTS
+from agents.controllers.lateral_qp import LateralQP
+from agents.flight.lateral import POSITION, VELOCITY, LateralSystem, demand_matrix
+from agents.interfaces import Estimate, TiltEstimate
+from agents.references.trajectory import Trajectory
+from vehicles.model import Model
+from vehicles.state import XD_BODY, YAW, ZD_BODY, Array, heading_matrix
+from vehicles.tilt import GRAVITY_M_S2
+
+
+class TiltProblem:
+    """Horizontal problem along a planned heading.
+
+    Parameters
+    ----------
+    model
+        The vehicle; it has a tilt model.
+    parameters
+        Sizes and weights of the horizontal axes.
+    separation_weight
+        Weight of the squared excess over a separation constraint.
+    max_iterations
+        Interior-point steps before the best point is taken.
+    feed_forward
+        Demands are weighed against those that fly the reference instead of against none.
+    compensate
+        Predict with the estimated wind.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        parameters: ChainParameters,
+        separation_weight: float,
+        max_iterations: int,
+        feed_forward: bool,
+        compensate: bool,
+    ) -> None:
+        self._model = model
+        self._parameters = parameters
+        self._system = LateralSystem(model, parameters.period_s)
+        self._feed_forward, self._compensate = feed_forward, compensate
+        self._free = LateralQP(parameters, self._system, max_iterations)
+        # Only periods in which somebody comes near pay for the rows that keep clear.
+        crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
+        self._crowded = LateralQP(crowded, self._system, max_iterations)
+        self._drag = 0.5 * float(model.k[:2].sum())
+        self._lead = self._mean_delay_s() / parameters.period_s
+
+    def forget(self) -> None:
+        """Start the next solve from nothing."""
+        self._free.forget()
+        self._crowded.forget()
+
+    def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
+        """Solve for the sticks of the horizon (`agents.controllers.cascade_terms.HorizontalProblem`).
+
+        The push of the task counts only where the estimator does not tell the wind.
+        """
+        tilt = self._tilt(task)
+        stages = self._parameters.stages
+        heading = task.heading
+        turn = _turns(heading[:stages])
+        demand_turn = _turns(0.5 * (heading[: stages - 1] + heading[1:stages]))
+        rows, terminal = self._reference(task.reference, turn, demand_turn)
+        lower, upper = bounds[0].copy(), bounds[1].copy()
+        lower[4:], upper[4:] = within_share(lower[4:] + tilt.trim, upper[4:] + tilt.trim, share)
+        commands = rows[:, 4:]
+        np.maximum(commands, lower[4:], out=commands)
+        np.minimum(commands, upper[4:], out=commands)
+        target = ChainTarget(rows, terminal, lower, upper)
+        if task.clear is None:
+            self._crowded.forget()
+            qp = self._free
+        else:
+            self._free.forget()
+            qp = self._crowded
+            qp.set_clearances(task.clear.directions)
+            target = task.clear.add_rows(task.height_m, target)
+        qp.set_headings(turn, demand_turn)
+        return qp.solve(self._first_state(task.estimate, tilt), tilt.trim, target)
+
+    def _tilt(self, task: HorizontalTask) -> TiltEstimate:
+        """Tilt of the estimate; from actuator and push where the estimator does not tell it."""
+        known = task.estimate.tilt
+        if known is not None:
+            return known if self._compensate else replace(known, wind_m_s2=np.zeros(2))
+        yaw_rad = float(task.estimate.motion[YAW])
+        demand = demand_matrix(self._model, yaw_rad) @ task.estimate.actuator[:2]
+        core = np.zeros(self._system.core.stop - self._system.core.start)
+        core[:2] = demand / GRAVITY_M_S2
+        return TiltEstimate(
+            core, task.estimate.actuator[:2], heading_matrix(yaw_rad) @ task.push, np.zeros(2)
+        )
+
+    def _first_state(self, estimate: Estimate, tilt: TiltEstimate) -> Array:
+        yaw_rad = float(estimate.motion[YAW])
+        return np.concatenate(
+            (
+                estimate.motion[:2],
+                heading_matrix(yaw_rad) @ estimate.motion[XD_BODY:ZD_BODY],
+                tilt.core,
+                demand_matrix(self._model, yaw_rad) @ tilt.servo,
+                tilt.wind_m_s2,
+            )
+        )
+
+    def _reference(self, reference: Trajectory, turn: Array, demand_turn: Array) -> tuple[Array, Array]:
+        """Rows of position, velocity and stick, shape (N, 6), and the last state."""
+        samples, system = reference.samples, self._system
+        stages = self._parameters.stages
+        rows = np.zeros((stages, 6))
+        rows[:, :2] = samples[:, :2]
+        rows[:, 2:4] = np.einsum("sba,sb->sa", turn, samples[:, 4:6])
+        if self._feed_forward:
+            needed = samples[:, 8:10] - self._drag * samples[:, 4:6]
+            at = np.minimum(np.arange(stages - 1) + self._lead, stages - 1.0)
+            ahead = np.column_stack([np.interp(at, np.arange(stages), needed[:, axis]) for axis in (0, 1)])
+            rows[:-1, 4:] = np.einsum("sba,sb->sa", demand_turn, ahead) / self._model.b[:2]
+        terminal = np.zeros(system.size)
+        terminal[POSITION], terminal[VELOCITY] = samples[-1, :2], samples[-1, 4:6]
+        return rows, terminal
+
+    def _mean_delay_s(self) -> float:
+        """Mean delay from demand to acceleration before the bar follows."""
+        tilt = self._model.tilt
+        assert tilt is not None
+        return tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s
+
+
+def _turns(heading: Array) -> Array:
+    """R(psi) of headings, shape (s, 2, 2)."""
+    turn = np.empty((len(heading), 2, 2))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(heading)
+    turn[:, 1, 0] = np.sin(heading)
+    turn[:, 0, 1] = -turn[:, 1, 0]
+    return turn

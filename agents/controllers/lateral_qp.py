@@ -1,0 +1,58 @@
+"""Quadratic program of the horizontal motion of a vehicle with a tilt model."""
+
+from functools import partial
+
+from agents.controllers.active_set import ActiveSetQP, ChainSolution
+from agents.controllers.chain import ChainParameters, ChainTarget
+from agents.controllers.lateral_chain import LateralChain
+from agents.flight.lateral import LateralSystem
+from vehicles.state import Array
+
+
+class LateralQP(ActiveSetQP):
+    """Workspace of the horizontal problem.
+
+    Parameters
+    ----------
+    parameters
+        Sizes and weights.
+    system
+        The prediction over one control period.
+    max_iterations
+        Interior-point steps after which the best point is returned unsolved.
+    """
+
+    def __init__(self, parameters: ChainParameters, system: LateralSystem, max_iterations: int) -> None:
+        self.chain = LateralChain(parameters, system)
+        super().__init__(self.chain, max_iterations)
+
+    def set_headings(self, turn: Array, demand_turn: Array) -> None:
+        """Replace the headings of the horizon (`LateralChain.set_headings`)."""
+        self.chain.set_headings(turn, demand_turn)
+        if self._factor_side is not None:
+            self._factor = None
+
+    def set_clearances(self, directions: Array) -> None:
+        """Replace the rows that keep clear of others (`LateralChain.set_clearances`)."""
+        self.chain.set_clearances(directions)
+        self._weigh_bounds()
+        self._factor = None
+
+    def solve(self, first_state: Array, trim: Array, target: ChainTarget) -> ChainSolution:
+        """Solve with new numbers, starting from the last solution shifted by one stage.
+
+        Parameters
+        ----------
+        first_state
+            State of the lateral system at stage 1, shape (n,).
+        trim
+            Offsets of the sticks, shape (2,).
+        target
+            Reference and bounds; inputs with the trim added.
+
+        Returns
+        -------
+        ChainSolution
+            The minimiser, or the best point found.
+        """
+        return self._solve(partial(self.chain.set_start, first_state), trim, target)

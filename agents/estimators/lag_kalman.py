@@ -1,0 +1,174 @@
+"""Extended Kalman filter on model (1) with actuator lags and disturbances (control.md section 7).
+
+Sixteen states: eight of the motion, four actuators, four disturbance accelerations as random walks. The
+estimated disturbance is what makes the predictive controllers free of offset.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from agents.estimators.base import PoseEstimator, body_motion
+from agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
+from agents.estimators.settings import EstimatorSettings, FourPositive, Positive
+from agents.flight.prediction import actuator_response, predict
+from agents.interfaces import Estimate
+from vehicles.model import Model
+from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
+
+_LIFTING_FRACTION: Final = 0.9
+"""Modelled thrust over weight from which a standing vehicle may lift."""
+_MOVED_M: Final = 0.01
+"""Departure from where it stood that shows that a vehicle stands no more."""
+_MOST_PERIODS: Final = 64
+_PERIOD_DIGITS: Final = 5
+"""Periods are told apart to 10 us, so that the rounding of time stamps costs no preparation."""
+_START_DEVIATION: Final = np.array(
+    [0.001, 0.001, 0.001, 0.005, 0.3, 0.3, 0.3, 1.0, 0.03, 0.03, 0.03, 0.03, 0.3, 0.3, 0.8, 3.0]
+)
+"""Standard deviation of the state at a start."""
+
+
+class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
+    """Settings of the extended Kalman filter; four-vectors are body x, body y, z, yaw."""
+
+    position_noise_m: Positive = 0.0005
+    """Standard deviation of the measured position."""
+    yaw_noise_rad: Positive = 0.003
+    """Standard deviation of the measured yaw."""
+    disturbance_noise: FourPositive = (0.4, 0.4, 0.3, 1.5)
+    """Random-walk density of the disturbances [m/s^2, rad/s^2 per root second]."""
+    velocity_noise: FourPositive = (0.01, 0.01, 0.01, 0.05)
+    """Random-walk density of velocities and yaw rate [m/s, rad/s per root second]."""
+    actuator_noise: FourPositive = (0.02, 0.02, 0.01, 0.01)
+    """Random-walk density of the actuator states [1 per root second]."""
+    disturbance_limit: FourPositive = (2.0, 2.0, 2.5, 15.0)
+    """Estimated disturbances stay within plus and minus these [m/s^2, rad/s^2]."""
+    measured_tilt: bool = True
+    """Take in roll and pitch where the vehicle has a tilt model and the tracker gives them."""
+    tilt_noise: Positive = 0.004
+    """Standard deviation of the measured tilt [rad]."""
+    tilt_density: Positive | None = None
+    """Random-walk density of the tilt rate [rad/s per root second]; by default from the model's
+    uncertainty."""
+    wind_rms_m_s2: Positive = 0.15
+    """Standard deviation of the wind's acceleration, for vehicles with a tilt model."""
+
+
+class LagKalmanEstimator(PoseEstimator):
+    """Motion, actuators and disturbances from poses and applied inputs.
+
+    On the floor the model does not hold: with the thrust off it falls, and a filter would explain its rest by
+    an upward disturbance of one gravity, which a controller would then trust at take-off. Hence *standing*:
+    from a start on, and whenever the upward disturbance reaches its limit while the thrust cannot carry the
+    weight (only a floor pushes so hard), the vehicle is taken to rest where it is measured, without
+    disturbance, until the modelled thrust comes near the weight or the pose moves by a centimetre. A start in
+    the air ends standing with the first prediction, because the applied thrust carries the weight.
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    period_s
+        Nominal period; others are prepared when `predict` first sees them.
+    settings
+        Noise densities, limits and gate.
+    """
+
+    Settings = ExtendedKalmanSettings
+
+    def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
+        super().__init__(model, settings)
+        noise_m, noise_rad = settings.position_noise_m, settings.yaw_noise_rad
+        self._measurement_variance = np.square([noise_m, noise_m, noise_m, noise_rad])
+        self._measurement_covariance = np.diag(self._measurement_variance)
+        densities = [0.0] * 4, settings.velocity_noise, settings.actuator_noise, settings.disturbance_noise
+        self._densities = np.square(np.concatenate(densities))
+        self._limit = np.array(settings.disturbance_limit)
+        self._actuator = model.hover_input
+        self._preparations: dict[float, tuple[Linearization, Array]] = {}
+        self._prepared(period_s)
+        self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
+
+    def _prepared(self, period_s: float) -> tuple[Linearization, Array]:
+        """Linearization and process noise of a period, kept because preparing takes longer than a step."""
+        period_s = round(period_s, _PERIOD_DIGITS)
+        prepared = self._preparations.get(period_s)
+        if prepared is None:
+            if len(self._preparations) >= _MOST_PERIODS:
+                self._preparations.clear()
+            prepared = Linearization(self._model, period_s), np.diag(period_s * self._densities)
+            self._preparations[period_s] = prepared
+        return prepared
+
+    @property
+    def estimate(self) -> Estimate:
+        """The current estimate."""
+        return Estimate(self._motion, self._actuator, self._disturbance)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the vehicle is taken to rest on the floor."""
+        return self._standing
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of motion, actuators and disturbances, shape (16, 16)."""
+        return self._covariance
+
+    def _settle(self, applied_input: Array) -> None:
+        self._actuator = applied_input.astype(float)
+
+    def _start(self, pose: Array, rates: Array) -> None:
+        self._motion = body_motion(pose, rates)
+        self._disturbance = np.zeros(INPUT_SIZE)
+        self._covariance = np.diag(np.square(_START_DEVIATION))
+        self._standing = not rates.any()
+        self._stood_at_m = pose[:YAW]
+
+    def take_over(self, estimate: Estimate) -> None:
+        """Start from another estimator's estimate, its disturbance included."""
+        super().take_over(estimate)
+        self._disturbance = np.clip(estimate.disturbance, -self._limit, self._limit)
+
+    def _thrust_carries(self) -> bool:
+        thrust = self._model.input_gain[U_THRUST] * float(self._actuator[U_THRUST])
+        return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
+
+    def _move(self, applied_input: Array, period_s: float) -> None:
+        if self._standing:
+            self._actuator = actuator_response(self._model, self._actuator, applied_input, period_s)
+            self._standing = not self._thrust_carries()
+            return
+        start = self._motion
+        predicted = predict(self._model, self.estimate, applied_input, period_s)
+        self._motion, self._actuator = predicted.motion, predicted.actuator
+        linearization, process = self._prepared(period_s)
+        jacobian = linearization.jacobian(start, self._motion)
+        self._covariance = jacobian @ self._covariance @ jacobian.T + process
+
+    def _deviation(self) -> Array:
+        variance = self._covariance.diagonal()[:INPUT_SIZE] + self._measurement_variance
+        return np.asarray(np.sqrt(variance))
+
+    def _take_in(self, innovation: Array) -> None:
+        if self._standing:
+            self._motion = self._motion.copy()
+            self._motion[:INPUT_SIZE] += innovation
+            self._standing = bool((np.abs(self._motion[:YAW] - self._stood_at_m) < _MOVED_M).all())
+            return
+        covariance = self._covariance
+        innovation_covariance = covariance[:INPUT_SIZE, :INPUT_SIZE] + self._measurement_covariance
+        gain = covariance[:, :INPUT_SIZE] @ np.linalg.inv(innovation_covariance)
+        change = gain @ innovation
+        self._motion = self._motion + change[:ACTUATOR]
+        self._actuator = self._actuator + change[ACTUATOR:DISTURBANCE]
+        disturbance = self._disturbance + change[DISTURBANCE:]
+        self._disturbance = np.clip(disturbance, -self._limit, self._limit)
+        # Joseph's form stays symmetric and positive whatever the rounding of the gain.
+        keep = np.eye(SIZE)
+        keep[:, :INPUT_SIZE] -= gain
+        noise = gain * self._measurement_variance
+        self._covariance = keep @ covariance @ keep.T + noise @ gain.T
+        if disturbance[U_THRUST] >= self._limit[U_THRUST] and not self._thrust_carries():
+            self._start(self._motion[:INPUT_SIZE], np.zeros(INPUT_SIZE))

@@ -1,0 +1,258 @@
+"""Kalman filter for the horizontal motion of a vehicle with a tilt model, in the inertial frame.
+
+    position, velocity, core of the tilt model, servo, wind, trim, offset of the body frame
+
+The offset says how the measured body stands on the axis of the thrust: markers are never glued on straight.
+It and the trim turn with the body; everything else but the servo is an inertial vector whose dynamics know no
+heading, so the matrices of a period are computed once and only the columns of the body-fixed states turn.
+"""
+
+from typing import Final
+
+import numpy as np
+from scipy.linalg import expm
+
+from agents.flight.lateral import POSITION, VELOCITY, WIND_CORRELATION_S, LateralSystem, demand_matrix
+from agents.interfaces import TiltEstimate
+from vehicles.model import Model
+from vehicles.state import Array, heading_matrix
+
+TRIM_LIMIT: Final = 0.3
+OFFSET_LIMIT_RAD: Final = 0.2
+WIND_LIMIT_M_S2: Final = 1.5
+TILT_GATE: Final = 0.3
+"""A measured tilt further than this from the predicted one is left out, as of markers mixed up."""
+LEVEL_FLOOR_RAD: Final = 0.02
+"""How level floor and landing gear are taken to be: a standing vehicle shows the offset of its body frame."""
+
+_START_POSITION_M: Final = 0.001
+_START_TILT: Final = 0.03
+_START_RATE: Final = 0.3
+_START_SERVO: Final = 0.02
+_START_TRIM: Final = 0.03
+_START_OFFSET_RAD: Final = 0.05
+_TRIM_DENSITY: Final = 0.002
+_OFFSET_DENSITY: Final = 0.0005
+_SERVO_DENSITY: Final = 0.01
+
+
+class TiltFilter:
+    """The filter; all accelerations in m/s^2, tilts as horizontal components of an axis.
+
+    Parameters
+    ----------
+    model
+        The vehicle; it has a tilt model.
+    position_noise_m, tilt_noise
+        Standard deviations of what is measured.
+    velocity_density, tilt_density
+        Random-walk densities of velocity [m/s] and tilt rate [1/s] per root second: where the model is wrong.
+    wind_rms_m_s2
+        Standard deviation of the wind's acceleration.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        position_noise_m: float,
+        tilt_noise: float,
+        velocity_density: float,
+        tilt_density: float,
+        wind_rms_m_s2: float,
+    ) -> None:
+        self._model = model
+        self._position_variance, self._tilt_variance = position_noise_m**2, tilt_noise**2
+        self._velocity_density, self._tilt_density = velocity_density, tilt_density
+        self._wind_rms_m_s2 = wind_rms_m_s2
+        self._prepared: dict[float, tuple[LateralSystem, Array]] = {}
+        system, _ = self._system(0.02)
+        self._core, self._tilt, self._servo, self._wind = system.core, system.tilt, system.servo, system.wind
+        self._tilt_rate = system.tilt_rate
+        self._trim = slice(system.size, system.size + 2)
+        self._offset = slice(system.size + 2, system.size + 4)
+        self._size = system.size + 4
+        self._state: Array = np.zeros(self._size)
+        self._covariance: Array = np.zeros((self._size, self._size))
+        self.tilts_left_out = 0
+        """Measured tilts too far from the predicted one."""
+        self._forget_body()
+
+    @property
+    def position_m(self) -> Array:
+        """Estimated position, inertial frame, shape (2,)."""
+        return self._state[POSITION]
+
+    @property
+    def velocity_m_s(self) -> Array:
+        """Estimated velocity, inertial frame, shape (2,)."""
+        return self._state[VELOCITY]
+
+    @property
+    def body_offset_rad(self) -> Array:
+        """Estimated tilt of the measured body frame against the axis of the thrust, body frame, shape
+        (2,)."""
+        return self._state[self._offset]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of all states, shape (n, n)."""
+        return self._covariance
+
+    @property
+    def estimate(self) -> TiltEstimate:
+        """What is known of the tilt."""
+        state = self._state
+        return TiltEstimate(state[self._core], state[self._servo], state[self._wind], state[self._trim])
+
+    def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
+        """Begin anew in the air; what is known of trim and body frame is kept.
+
+        Parameters
+        ----------
+        position_m, velocity_m_s
+            Inertial frame, shape (2,).
+        tilt
+            Measured tilt, None where it is not measured.
+        yaw_rad
+            Heading.
+        """
+        state = self._state
+        state[POSITION], state[VELOCITY] = position_m, velocity_m_s
+        state[self._core] = state[self._wind] = 0.0
+        if tilt is not None:
+            axis = tilt - heading_matrix(yaw_rad) @ state[self._offset]
+            for place in range(self._core.start, self._core.stop, 2):
+                if place != self._tilt_rate.start:
+                    state[place : place + 2] = axis
+        deviation = np.zeros(self._size)
+        deviation[POSITION], deviation[VELOCITY] = _START_POSITION_M, 0.3
+        deviation[self._core], deviation[self._tilt_rate] = _START_TILT, _START_RATE
+        deviation[self._servo], deviation[self._wind] = _START_SERVO, self._wind_rms_m_s2
+        kept = self._covariance[self._trim.start :, self._trim.start :].copy()
+        self._covariance = np.diag(deviation**2)
+        self._covariance[self._trim.start :, self._trim.start :] = kept
+
+    def stand(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
+        """Begin anew at rest on the floor, which shows how the markers are glued on; arguments of `start`."""
+        self._forget_body()
+        if tilt is not None:
+            self._state[self._offset] = heading_matrix(yaw_rad).T @ tilt
+            np.clip(
+                self._state[self._offset],
+                -OFFSET_LIMIT_RAD,
+                OFFSET_LIMIT_RAD,
+                out=self._state[self._offset],
+            )
+            self._covariance[self._offset, self._offset] = LEVEL_FLOOR_RAD**2 * np.eye(2)
+        self.start(position_m, np.zeros(2), tilt, yaw_rad)
+
+    def take_over(self, known: TiltEstimate) -> None:
+        """Go on from what another filter knew; to be called after `start`."""
+        self._state[self._core], self._state[self._servo] = known.core, known.servo
+        self._state[self._wind], self._state[self._trim] = known.wind_m_s2, known.trim
+
+    def settle(self, stick: Array) -> None:
+        """The servo has settled on a stick, shape (2,)."""
+        self._state[self._servo] = stick + self._state[self._trim]
+
+    def rest(self, stick: Array, period_s: float) -> None:
+        """Let a period pass on the floor: only the servo moves."""
+        system, _ = self._system(period_s)
+        target = stick + self._state[self._trim]
+        self._state[self._servo] = target + system.servo_pole * (self._state[self._servo] - target)
+
+    def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
+        """Move on by a period.
+
+        Parameters
+        ----------
+        stick
+            Pitch and roll stick that acted, shape (2,).
+        yaw_rad
+            Heading in the middle of the period.
+        period_s
+            Its length.
+        """
+        system, process = self._system(period_s)
+        demand = demand_matrix(self._model, yaw_rad)
+        pole = system.servo_pole
+        moving = slice(0, self._core.stop)
+        transition = np.eye(self._size)
+        transition[: system.size, : system.size] = system.transition
+        pushed = system.demand[moving] @ demand
+        transition[moving, self._servo] = system.transition[moving, self._servo] @ demand
+        transition[moving, self._trim] = pushed
+        transition[self._servo, self._trim] = (1.0 - pole) * np.eye(2)
+        self._state = transition @ self._state
+        self._state[moving] += pushed @ stick
+        self._state[self._servo] += (1.0 - pole) * stick
+        self._covariance = transition @ self._covariance @ transition.T + process
+
+    def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
+        """Take in what was measured; arguments of `start`."""
+        turn = heading_matrix(yaw_rad)
+        surprise = position_m - self._state[POSITION]
+        observed = np.zeros((4, self._size))
+        observed[:2, POSITION] = np.eye(2)
+        variance = np.array([self._position_variance] * 2 + [self._tilt_variance] * 2)
+        if tilt is not None:
+            observed[2:, self._tilt] = np.eye(2)
+            observed[2:, self._offset] = turn
+            tilt_surprise = tilt - observed[2:] @ self._state
+            if np.abs(tilt_surprise).max() > TILT_GATE:
+                self.tilts_left_out += 1
+                tilt = None
+            else:
+                surprise = np.concatenate((surprise, tilt_surprise))
+        if tilt is None:
+            observed, variance = observed[:2], variance[:2]
+        spread = self._covariance @ observed.T
+        innovation = observed @ spread
+        innovation[np.diag_indices_from(innovation)] += variance
+        gain = np.linalg.solve(innovation, spread.T).T
+        self._state = self._state + gain @ surprise
+        for part, limit in (
+            (self._trim, TRIM_LIMIT),
+            (self._offset, OFFSET_LIMIT_RAD),
+            (self._wind, WIND_LIMIT_M_S2),
+        ):
+            np.clip(self._state[part], -limit, limit, out=self._state[part])
+        # Joseph's form stays symmetric and positive whatever the rounding of the gain.
+        keep = np.eye(self._size) - gain @ observed
+        self._covariance = keep @ self._covariance @ keep.T + (gain * variance) @ gain.T
+
+    def _forget_body(self) -> None:
+        """Trim and body frame as of a vehicle never seen before."""
+        self._state[self._trim] = self._state[self._offset] = 0.0
+        self._covariance[self._trim.start :, :] = self._covariance[:, self._trim.start :] = 0.0
+        self._covariance[self._trim, self._trim] = _START_TRIM**2 * np.eye(2)
+        self._covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
+
+    def _system(self, period_s: float) -> tuple[LateralSystem, Array]:
+        """Matrices and process noise of a period, told apart to 10 us."""
+        period_s = round(period_s, 5)
+        found = self._prepared.get(period_s)
+        if found is None:
+            if len(self._prepared) >= 64:
+                self._prepared.clear()
+            system = LateralSystem(self._model, period_s)
+            found = self._prepared[period_s] = system, self._process_noise(system)
+        return found
+
+    def _process_noise(self, system: LateralSystem) -> Array:
+        """Covariance that a period adds (Van Loan), shape (n, n); the same for every heading."""
+        size = system.size
+        density = np.zeros(size)
+        density[VELOCITY] = self._velocity_density**2
+        density[system.tilt_rate] = self._tilt_density**2
+        density[system.wind] = 2.0 * self._wind_rms_m_s2**2 / WIND_CORRELATION_S
+        both = np.block(
+            [[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]]
+        )
+        step = expm(system.period_s * both)
+        noise = np.zeros((size + 4, size + 4))
+        noise[:size, :size] = step[size:, size:].T @ step[:size, size:]
+        slow = [_SERVO_DENSITY] * 2, [_TRIM_DENSITY] * 2, [_OFFSET_DENSITY] * 2
+        places = [*range(system.servo.start, system.servo.stop), *range(size, size + 4)]
+        noise[places, places] += system.period_s * np.square(np.concatenate(slow))
+        return noise

@@ -1,0 +1,115 @@
+"""Extended Kalman filter for vehicles with a tilt model: the tilt is a state, and it is measured.
+
+The horizontal motion is estimated by `TiltFilter`; height and heading, and what a first-order lag would need
+to explain the flight (for controllers that know nothing else), by the filter for vehicles with lags.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
+from agents.estimators.tilt_filter import TiltFilter
+from agents.interfaces import Estimate, Measurement
+from vehicles.model import Model
+from vehicles.state import XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
+
+TILT_DENSITY_OF_GAIN = 7.0
+"""Random-walk density of the tilt rate per unit of what the gain may be wrong
+(`vehicles.model.Uncertainty`)."""
+
+
+class TiltKalmanEstimator(LagKalmanEstimator):
+    """Motion, tilt, wind and trim from poses and applied inputs.
+
+    Parameters
+    ----------
+    model
+        The vehicle; it has a tilt model.
+    period_s
+        Nominal period; others are prepared when `predict` first sees them.
+    settings
+        Noise densities, limits and gate.
+    """
+
+    def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
+        density = settings.tilt_density
+        if density is None:
+            density = TILT_DENSITY_OF_GAIN * (model.uncertainty.gain_factor - 1.0)
+        self._tilt_filter = TiltFilter(
+            model,
+            settings.position_noise_m,
+            settings.tilt_noise,
+            settings.velocity_noise[0],
+            density,
+            settings.wind_rms_m_s2,
+        )
+        self._use_tilt = settings.measured_tilt
+        self._measured_tilt: Array | None = None
+        super().__init__(model, period_s, settings)
+
+    @property
+    def estimate(self) -> Estimate:
+        """The current estimate."""
+        lagged, found = super().estimate, self._tilt_filter
+        motion = lagged.motion.copy()
+        motion[:2] = found.position_m
+        motion[XD_BODY:ZD_BODY] = heading_matrix(motion[YAW]).T @ found.velocity_m_s
+        return replace(lagged, motion=motion, tilt=found.estimate)
+
+    @property
+    def tilt_filter(self) -> TiltFilter:
+        """The filter of the horizontal motion."""
+        return self._tilt_filter
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start at rest at a measured pose (`PoseEstimator.reset`)."""
+        self._measured_tilt = self._tilt_of(measurement)
+        super().reset(measurement)
+
+    def correct(self, measurement: Measurement) -> bool:
+        """Take in a pose (`PoseEstimator.correct`)."""
+        self._measured_tilt = self._tilt_of(measurement)
+        return super().correct(measurement)
+
+    def take_over(self, estimate: Estimate) -> None:
+        """Start from another estimator's estimate, tilt and disturbance included."""
+        self._measured_tilt = None
+        super().take_over(estimate)
+        if estimate.tilt is not None:
+            self._tilt_filter.take_over(estimate.tilt)
+
+    def _tilt_of(self, measurement: Measurement) -> Array | None:
+        tilt = measurement.tilt if self._use_tilt else None
+        return tilt if tilt is not None and np.isfinite(tilt).all() else None
+
+    def _settle(self, applied_input: Array) -> None:
+        super()._settle(applied_input)
+        self._tilt_filter.settle(applied_input[:2])
+
+    def _start(self, pose: Array, rates: Array) -> None:
+        super()._start(pose, rates)
+        yaw_rad = float(pose[YAW])
+        if self.standing:
+            self._tilt_filter.stand(pose[:2], self._measured_tilt, yaw_rad)
+        else:
+            self._tilt_filter.start(pose[:2], rates[:2], self._measured_tilt, yaw_rad)
+
+    def _move(self, applied_input: Array, period_s: float) -> None:
+        standing, yaw_rad = self.standing, float(self._motion[YAW])
+        super()._move(applied_input, period_s)
+        if standing:
+            self._tilt_filter.rest(applied_input[:2], period_s)
+        else:
+            middle_rad = yaw_rad + 0.5 * period_s * float(self._motion[YAW_RATE])
+            self._tilt_filter.predict(applied_input[:2], middle_rad, period_s)
+
+    def _take_in(self, innovation: Array) -> None:
+        pose = super().estimate.motion[:4] + innovation
+        pose[:2] = self._tilt_filter.position_m + innovation[:2]
+        standing = self.standing
+        super()._take_in(pose - self._motion[:4])
+        if standing:
+            self._tilt_filter.stand(pose[:2], self._measured_tilt, float(pose[YAW]))
+        else:
+            self._tilt_filter.correct(pose[:2], self._measured_tilt, float(pose[YAW]))
