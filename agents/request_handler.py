@@ -41,7 +41,7 @@ Decision = tuple[str | None, str]
 """Why a request is refused, or None and what happens."""
 
 CHECKED_EVERY_S = 0.1
-"""Distance of the moments of a trajectory in which the followers are looked at."""
+"""Time between the moments of a trajectory at which the places of followers are checked."""
 
 _NEEDS_POSE = (TakeOff, Land, GoTo, Fly)
 
@@ -198,18 +198,18 @@ class RequestHandler:
         return None, f"{path.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
 
     def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
-        """Who follows whom, and where heads are, by what the others say of themselves."""
+        """Who follows whom, and where those are that follow nobody, by the statuses of the others."""
         return formation_of(self._peers.statuses(), flying=(self._settings.vehicle,))
 
     def _formation_problem(self, samples: Array) -> str | None:
         """Who of those that follow would leave the volume, or come too close to somebody not avoided."""
         own = self._settings.vehicle
         links, heads = self._formation()
-        strangers = {}
+        others = {}
         if self._settings.separation is None or not isinstance(self._pilot.controller, AvoidsObstacles):
             moved = {own, *followers(links, own)}
-            strangers = {name: at for name, at in places(links, heads).items() if name not in moved}
-        return move_problem(own, samples, links, self._room, strangers)
+            others = {name: at for name, at in places(links, heads).items() if name not in moved}
+        return move_problem(own, samples, links, self._room, others)
 
     def _lead(self, _: Lead) -> Decision:
         self._changes.lead()

@@ -26,7 +26,7 @@ class AgentSettings:
     volume_min_m, volume_max_m
         Flight volume, inertial frame; set points outside are refused.
     limit_scale
-        Share of its limits it plans with at the start; leaders leave their followers authority.
+        Fraction of its limits it plans with at the start, so that its followers can keep up.
     models
         All vehicles of the fleet by name, to know what followers can do.
     leader_wait_s

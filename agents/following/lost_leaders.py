@@ -23,11 +23,11 @@ from agents.phases import Phase
 from bus.messages import LeaderLink
 
 LATE_AFTER_S = 0.1
-"""Age of the newest plan from which it counts as ridden out."""
+"""Age from which the newest plan counts as the last one."""
 
 
 class LostLeaders:
-    """Follows, rides out, holds, leads or lands, by what is heard of the leaders and by the fleet file.
+    """Follows, uses the last plan, holds, leads or lands, by the plans of the leaders and the fleet file.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ class LimitScaling:
         self._told: tuple[Controller, LimitScale] | None = None
 
     def tend(self, controller: Controller, settings: Mapping[str, object], links: FormationGraph) -> None:
-        """Tell the controller its share if that, or the controller, is another one than before.
+        """Tell the controller its scale if that, or the controller, is another one than before.
 
         Parameters
         ----------

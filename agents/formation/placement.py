@@ -129,7 +129,7 @@ def take_off_problem(
     following
         Its leaders.
     statuses
-        What the others say of themselves.
+        Statuses of the others.
     room
         Limits.
 
@@ -153,7 +153,7 @@ def take_off_problem(
 
 
 def move_problem(
-    name: str, samples: Array, links: FormationGraph, room: Room, strangers: Mapping[str, Array] = NOBODY
+    name: str, samples: Array, links: FormationGraph, room: Room, unrelated: Mapping[str, Array] = NOBODY
 ) -> str | None:
     """Why a vehicle that leads must not go somewhere, None if it may: its followers come along.
 
@@ -167,7 +167,7 @@ def move_problem(
         Who follows whom.
     room
         Limits.
-    strangers
+    unrelated
         Places of others, x y z first, that have to be kept off because nobody plans around them. Vehicles
         that do plan around each other may well be sent to each other's places.
     """
@@ -178,7 +178,7 @@ def move_problem(
         if problem is not None:
             return problem
         for moved in (name, *along):
-            for other, place in strangers.items():
+            for other, place in unrelated.items():
                 problem = room.too_close(where[moved], place) if moved in where else None
                 if problem is not None:
                     return f"{moved} and {other} would be {problem}"

@@ -23,7 +23,7 @@ def formation_of(
     Parameters
     ----------
     statuses
-        What vehicles say of themselves.
+        Statuses by vehicle.
     flying
         Others that are at work as well.
 

@@ -1,6 +1,6 @@
 """Size of the ellipsoid that separates a vehicle from each other one: by who follows whom, and where.
 
-Every vehicle works it out by itself from what all of them say of themselves. Vehicles of different formations
+Every vehicle works it out by itself from the statuses of all. Vehicles of different formations
 both avoid each other, as in traffic without right of way; who passes on which side is settled in
 `agents.controllers.clearance`.
 """

@@ -73,14 +73,12 @@ class ExternalControl:
     def next_task(self, timeout_s=1.0):
         """Wait for the newest task: a dict with state, reference and limits (docs/messages.md, control_task).
 
-        Raises TimeoutError if none comes: authority is lost, or the vehicle's agent is gone.
+        Raises TimeoutError if none comes: control is lost, or the vehicle's agent is gone.
         """
         try:
             task = self._tasks.get(timeout=float(timeout_s))
         except queue.Empty:
-            raise TimeoutError(
-                f"no task for {timeout_s} s: authority is lost, or the agent is gone"
-            ) from None
+            raise TimeoutError(f"no task for {timeout_s} s: control is lost, or the agent is gone") from None
         while not self._tasks.empty():
             task = self._tasks.get()
         return task
@@ -109,7 +107,7 @@ class ExternalControl:
         return self
 
     def __exit__(self, *_):
-        """Give it back, unless authority was lost before."""
+        """Give it back, unless control was lost before."""
         with contextlib.suppress(RuntimeError):
             self.release()
         self.close()

@@ -1,4 +1,4 @@
-"""Promises of a follower whose leader is lost: it rides out, holds, leads, follows another one or lands."""
+"""Promises of a follower whose leader is lost: uses its last plan, holds, leads, follows another or lands."""
 
 from dataclasses import dataclass, field
 
@@ -97,7 +97,7 @@ class Orphan:
         return [link.leader for link in self.pilot.guidance.followed]
 
 
-def test_a_follower_rides_out_the_last_plan_and_then_holds_its_place() -> None:
+def test_a_follower_uses_the_last_plan_and_then_holds_its_place() -> None:
     orphan = Orphan("hold")
     orphan.fly(1.0, "h1")
     orphan.fly(5.0)
@@ -117,7 +117,7 @@ def test_a_pause_shorter_than_a_plan_is_only_ridden_out() -> None:
     assert orphan.modes == [FollowingMode.FOLLOW, FollowingMode.USE_LAST_PLAN, FollowingMode.FOLLOW]
 
 
-def test_the_first_heir_leads_where_it_is_until_the_leader_returns() -> None:
+def test_the_first_successor_leads_where_it_is_until_the_leader_returns() -> None:
     orphan = Orphan("promote", successors=("h9", "h2"))
     orphan.fly(1.0, "h1", "h2")
     orphan.fly(3.0, "h2")
@@ -147,7 +147,7 @@ def test_the_others_follow_the_heir_and_keep_their_places() -> None:
     assert orphan.followed == ["h1"]
 
 
-def test_without_an_heir_the_place_is_held() -> None:
+def test_without_a_successor_the_place_is_held() -> None:
     orphan = Orphan("promote", successors=())
     orphan.fly(1.0, "h1")
     orphan.fly(4.0)

@@ -1,4 +1,4 @@
-"""Promises about lost leaders: the table, and one heir for everybody without asking anybody."""
+"""Promises about lost leaders: the table, and one successor that all agree on without asking."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,10 @@ NAMES = ("h1", "h2", "h3", "h4", "h5")
 
 
 @given(st.sampled_from(Finding), st.sampled_from(Policy), st.sampled_from(Successor))
-def test_every_situation_has_its_stance(finding: Finding, policy: Policy, heir: Successor) -> None:
-    following_mode = FOLLOWING_MODES[finding, policy, heir]
+def test_every_situation_has_its_following_mode(
+    finding: Finding, policy: Policy, successor: Successor
+) -> None:
+    following_mode = FOLLOWING_MODES[finding, policy, successor]
     assert (following_mode is FollowingMode.FOLLOW) == (finding is Finding.HERE), (
         "a leader that returns is followed again"
     )
@@ -31,12 +33,12 @@ def test_every_situation_has_its_stance(finding: Finding, policy: Policy, heir: 
         assert following_mode is FollowingMode.HOLD, "leaders are waited for"
     if following_mode in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
         assert policy is Policy.PROMOTE
-        assert heir is not Successor.NONE
+        assert successor is not Successor.NONE
     assert (following_mode is FollowingMode.LAND) == (finding is Finding.LOST and policy is Policy.LAND)
 
 
 @pytest.mark.parametrize(
-    ("policy", "heir", "following_mode"),
+    ("policy", "successor", "following_mode"),
     [
         (Policy.HOLD, Successor.NONE, FollowingMode.HOLD),
         (Policy.PROMOTE, Successor.SELF, FollowingMode.LEAD),
@@ -46,9 +48,9 @@ def test_every_situation_has_its_stance(finding: Finding, policy: Policy, heir: 
     ],
 )
 def test_a_lost_leader_is_answered_as_the_fleet_file_says(
-    policy: Policy, heir: Successor, following_mode: FollowingMode
+    policy: Policy, successor: Successor, following_mode: FollowingMode
 ) -> None:
-    assert FOLLOWING_MODES[Finding.LOST, policy, heir] is following_mode
+    assert FOLLOWING_MODES[Finding.LOST, policy, successor] is following_mode
 
 
 @st.composite
@@ -72,18 +74,18 @@ def orphans(draw: st.DrawFn) -> dict[str, tuple[LeaderLink, ...]]:
 def test_all_orphans_agree_and_keep_their_places(
     links: dict[str, tuple[LeaderLink, ...]], ready: set[str], order: list[str], yaw_rad: float
 ) -> None:
-    heirs = {name: successor_of("h1", links, ready | {name}, order) for name in ready}
-    assert len(set(heirs.values())) == 1
-    (heir,) = set(heirs.values())
-    assert heir == next(name for name in order if name in ready)
+    successors = {name: successor_of("h1", links, ready | {name}, order) for name in ready}
+    assert len(set(successors.values())) == 1
+    (successor,) = set(successors.values())
+    assert successor == next(name for name in order if name in ready)
     before = places({"h1": (), **links}, {"h1": np.array([0.3, -0.2, 1.0, yaw_rad])})
-    after = {heir: ()}
-    for name in ready - {heir}:
-        link = link_to_successor(name, heir, "h1", links, yaw_rad)
+    after = {successor: ()}
+    for name in ready - {successor}:
+        link = link_to_successor(name, successor, "h1", links, yaw_rad)
         assert link is not None
         after[name] = (link,)
     assert cycle(after) == ()
-    for name, place in places(after, {heir: before[heir]}).items():
+    for name, place in places(after, {successor: before[successor]}).items():
         assert place == pytest.approx(before[name], abs=1e-6)
 
 

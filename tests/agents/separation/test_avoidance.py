@@ -77,7 +77,7 @@ def test_chosen_places_closer_than_the_ellipsoid_are_respected() -> None:
     assert ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h2", "h1") == 1.0
 
 
-def test_strangers_keep_the_whole_ellipsoid_wherever_they_shall_be() -> None:
+def test_vehicles_of_different_formations_keep_the_whole_ellipsoid() -> None:
     assert ellipsoid_scale(CLEARANCE, LINKS, WHERE, "h1", "h4") == 1.0
     assert ellipsoid_scale(CLEARANCE, LINKS, {}, "h3", "h2") == 1.0
 
