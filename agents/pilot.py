@@ -38,6 +38,7 @@ _NOBODY: Mapping[str, Neighbour] = MappingProxyType({})
 _EVENT_OF_STATE = {
     "armed": Event.ARM,
     "hold": Event.OVERRIDE,
+    "land": Event.OVERRIDE,
     "descend": Event.OVERRIDE,
     "disarmed": Event.DISARM,
     "cut": Event.DISARM,

@@ -19,7 +19,8 @@ SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
 """What vehicles in the air cannot do without, and a spare process can take over."""
 QUICK_RESTARTS = 3
 MAX_PAUSE_S = 5.0
-STOP_LIMIT_S = 6.0
+STOP_LIMIT_S = 12.0
+"""Transmitter gateways land their vehicles meanwhile."""
 
 
 def restart_pause_s(quick_deaths: int) -> float:

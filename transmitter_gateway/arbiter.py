@@ -12,10 +12,9 @@ from collections import Counter
 
 from transmitter_gateway.admission import Admission, Stream
 from transmitter_gateway.bridging import bridging_step, played_input, step_ages_s
-from transmitter_gateway.hover import HoverThrust
 from transmitter_gateway.inputs import (
     FLYING,
-    NEUTRAL,
+    THRUST,
     Action,
     ActionRequest,
     Answer,
@@ -27,13 +26,16 @@ from transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
+from transmitter_gateway.landing import Motion
 from transmitter_gateway.limits import ArbiterLimits
 from transmitter_gateway.permissions import refusal
+from transmitter_gateway.shaping import Shaping
 from transmitter_gateway.surveillance import Surveillance
+from transmitter_gateway.take_over import take_over_problem
+from transmitter_gateway.touchdown import Touchdown
 from transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 
-LONGEST_SLEW_STEP_S = 0.04
-THRUST = 2
+ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 
 
 class Arbiter:
@@ -68,16 +70,16 @@ class Arbiter:
         self.holder: str | None = None
         self.surveillance = Surveillance(vehicle, limits.surveillance, self.counters)
         self._admission = Admission(limits, self.counters)
-        self._hover = HoverThrust(u_hover, limits.hover_correction, limits.floor_m + limits.airborne_m)
-        self._slew_per_s = slew_per_s
+        self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
+        self._touchdown = Touchdown()
         self._link = LinkState.LOST
         self._candidate: str | None = None
         self._shutdown = False
-        self._u: Input = NEUTRAL
-        self._moved_s = 4 * [-math.inf]
+        self._motion: Motion | None = None
         self._now_s = -math.inf
         self._shaped_s = -math.inf
         self._entered_s = -math.inf
+        self._landing_since_s = -math.inf
         self._low_since_s: float | None = None
         self._thrust_time_s = 0.0
         self._bridging_step = 0
@@ -156,37 +158,25 @@ class Arbiter:
     def take_over(self, last: LastApplied, now_s: float) -> Answer:
         """Go on with the flight of an earlier process, or say why not and stay as after any start.
 
-        The vehicle is taken over descending; fresh commands of the source that had the lease then count
-        again. A descent goes on to its end, because why it was begun is not known any more.
+        The vehicle is taken over landing; fresh commands of the source that had the lease then count again.
+        A landing goes on to its end, because why it was begun is not known any more. So does a descent, open
+        loop: its poses may have been those of another body.
         """
         self.step(now_s)
-        problem = self._take_over_problem(last, now_s)
+        problem = take_over_problem(last, self.state, self.surveillance.own_track, self.limits, now_s)
         if problem is None:
             self.holder = last.holder if last.state in (State.ARMED, State.HOLD) else None
-            self._u = last.u
+            self._shaping.u = last.u
+            distrust = "an earlier process descended" if last.state is State.DESCEND else None
+            self.surveillance.take_over(distrust)
             self._take(Condition.TAKE_OVER, "this gateway", now_s)
-            if self.state is State.DESCEND:
+            if self.state in FLYING:
                 return Answer(True, f"{self.state}: {self.reason}")
             problem = "serial link lost"
         self.holder = None
         self.counters["refused: take over"] += 1
         self.reason = f"not taken over: {problem}"
         return Answer(False, problem)
-
-    def _take_over_problem(self, last: LastApplied, now_s: float) -> str | None:
-        limits = self.limits
-        track = self.surveillance.own_track
-        if self.state is not State.DISARMED or last.state not in FLYING:
-            return f"{last.state} before, {self.state} now"
-        if now_s >= last.written_s + limits.take_over_s:
-            return f"no frames for {now_s - last.written_s:.2f} s, longer than {limits.take_over_s:g} s"
-        if not last.u[THRUST] > limits.low_thrust:
-            return "the thrust was low"
-        if track is None or track.position_m is None:
-            return "own pose not seen"
-        if track.position_m[2] < limits.floor_m + limits.airborne_m:
-            return f"at {track.position_m[2]:.2f} m it may stand on the floor"
-        return None
 
     def _hand_over(self, source: str, now_s: float) -> str | None:
         if self.holder is None:
@@ -232,6 +222,8 @@ class Arbiter:
             found.add(Condition.HOLD_OVER)
         if self.state is State.DESCEND and now_s >= self._entered_s + self._descent_s:
             found.add(Condition.DESCENT_OVER)
+        if self.state in ON_THE_WAY_DOWN and now_s >= self._landing_since_s + self.limits.landing.longest_s:
+            found.add(Condition.LANDING_OVER)
         return found
 
     @property
@@ -260,9 +252,11 @@ class Arbiter:
     def _judge_poses(self, found: set[Condition], now_s: float) -> None:
         """Judge the raw poses; a vehicle that stands on the floor is left alone unless it is to be armed."""
         flying = self.state in FLYING
+        self._motion = None
         if flying and self._grounded(now_s):
             found.add(Condition.GROUNDED)
             return
+        self._judge_motion(found, now_s)
         if not flying and self._candidate is None:
             return
         judgement = self.surveillance.judge(now_s, self._thrust_time_s if flying else 0.0)
@@ -274,6 +268,25 @@ class Arbiter:
                 found.add(condition)
                 self._details[condition] = reason
 
+    def _judge_motion(self, found: set[Condition], now_s: float) -> None:
+        motion = self.surveillance.own_motion(now_s, self.limits.landing.pose_age_s)
+        if motion is None:
+            self._touchdown.release()
+            return
+        found.add(Condition.SEEN)
+        if motion.position_m[2] >= self._floor_m + self.limits.airborne_m:
+            found.add(Condition.AIRBORNE)
+        if self.state not in ON_THE_WAY_DOWN:
+            self._touchdown.release()
+        elif self._touchdown.happened(motion, self._floor_m, self._shaping.missing_thrust, now_s):
+            found.add(Condition.TOUCHDOWN)
+        if self.state is State.LAND or Condition.AIRBORNE in found:
+            self._motion = motion
+
+    @property
+    def _floor_m(self) -> float:
+        return self.surveillance.floor_m(self.limits.floor_m)
+
     # Time ---------------------------------------------------------------------------------------------
 
     def step(self, now_s: float) -> ArbiterOutput:
@@ -284,11 +297,11 @@ class Arbiter:
         acting = self._pass(now_s, requested)
         elapsed_s = 0.0 if math.isinf(self._shaped_s) else self._now_s - self._shaped_s
         self._shaped_s = self._now_s
-        self._u = self._shape(self._now_s, elapsed_s, acting)
+        self._shape(self._now_s, elapsed_s, acting)
         return ArbiterOutput(
             self.state,
             self.reason,
-            self._u,
+            self._shaping.u,
             throttle_low=self.state in (State.CUT, State.KILLED),
             kill=self.state is State.KILLED,
             bridging_step=self._bridging_step,
@@ -319,7 +332,7 @@ class Arbiter:
     def _watch_thrust(self, now_s: float, elapsed_s: float, stream: Stream | None, bridging: int) -> None:
         """Keep track of since when neither the applied nor the commanded thrust lifts the vehicle."""
         wanted = 0.0 if stream is None else played_input(stream.command, bridging)[THRUST]
-        if self.state in FLYING and max(self._u[THRUST], wanted) > self.limits.low_thrust:
+        if self.state in FLYING and max(self._shaping.u[THRUST], wanted) > self.limits.low_thrust:
             self._low_since_s = None
             self._thrust_time_s += elapsed_s
         elif self._low_since_s is None:
@@ -334,39 +347,27 @@ class Arbiter:
         if row.target not in FLYING:
             self.holder = None
             self.surveillance.release()
+        if row.target in ON_THE_WAY_DOWN and self.state not in ON_THE_WAY_DOWN:
+            self._landing_since_s = now_s
         self.state = row.target
         self._entered_s = now_s
         self.counters[f"entered {row.target}"] += 1
 
     # Output -------------------------------------------------------------------------------------------
 
-    def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> Input:
-        thrust = min(self._u[THRUST], self._hover.value)
+    def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> None:
+        shaping, motion = self._shaping, self._motion
         if acting is not None:
-            u = self._slewed(played_input(acting.command, self._bridging_step), now_s)
-            self._hover.note(self._u[THRUST], elapsed_s, self.surveillance.own_track, now_s)
-            return u
-        if self.state is State.HOLD:
-            return (0.0, 0.0, thrust, 0.0)
-        if self.state is State.DESCEND:
-            floor = min(thrust, self._hover.value - self.limits.descend_below_hover)
-            return (0.0, 0.0, max(floor, thrust - self.limits.descend_rate_per_s * elapsed_s), 0.0)
-        return NEUTRAL
-
-    def _slewed(self, target: Input, now_s: float) -> Input:
-        """Inputs on their way to a target: the time since each of them moved last allows its next move.
-
-        Steps in between, for poses or deadlines, must not use it up.
-        """
-        u = []
-        for axis, (wanted, last, rate) in enumerate(zip(target, self._u, self._slew_per_s, strict=True)):
-            most = rate * min(now_s - self._moved_s[axis], LONGEST_SLEW_STEP_S)
-            if wanted != last:
-                self._moved_s[axis] = now_s
-            u.append(last - most if wanted < last - most else last + most if wanted > last + most else wanted)
-        limited = (u[0], u[1], u[2], u[3])
-        self.counters["steps slew limited"] += limited != target
-        return limited
+            shaping.play(played_input(acting.command, self._bridging_step), now_s)
+            shaping.learn_hover(elapsed_s, self.surveillance.own_track, self._floor_m, now_s)
+        elif self.state is State.HOLD:
+            shaping.hold(motion, elapsed_s)
+        elif self.state is State.LAND and motion is not None:
+            shaping.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)
+        elif self.state in FLYING:
+            shaping.descend(elapsed_s)
+        else:
+            shaping.stop()
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""
@@ -383,4 +384,7 @@ class Arbiter:
             times.append(self._low_since_s + limits.arm_low_s)
         times.append(self._entered_s + limits.hold_limit_s)
         times.append(self._entered_s + self._descent_s)
+        if self.state is State.LAND and self.surveillance.own_track is not None:
+            times.append(self.surveillance.own_track.seen_s + limits.landing.pose_age_s)
+            times.append(self._landing_since_s + limits.landing.longest_s)
         return min((time for time in times if time > self._now_s), default=math.inf)

@@ -26,24 +26,38 @@ class HoverThrust:
         Thrust at which the vehicle hovers, by its calibration.
     largest_correction : float
         The corrected one stays within this of it; 0 for no correction.
-    lowest_m : float
-        Height from which a vehicle certainly flies [m].
+    airborne_m : float
+        Height above the floor from which a vehicle certainly flies [m].
     """
 
-    def __init__(self, calibrated: float, largest_correction: float, lowest_m: float) -> None:
+    def __init__(self, calibrated: float, largest_correction: float, airborne_m: float) -> None:
         self._calibrated, self._largest_correction = calibrated, largest_correction
         self._lower, self._upper = calibrated - largest_correction, calibrated + largest_correction
-        self._lowest_m = lowest_m
+        self._airborne_m = airborne_m
         self._steady_s = 0.0
         self.value = calibrated
 
-    def note(self, thrust: float, elapsed_s: float, track: Track | None, now_s: float) -> None:
-        """Take in the thrust applied for `elapsed_s` up to `now_s`; it counts while the vehicle hovers."""
+    def note(
+        self, thrust: float, elapsed_s: float, track: Track | None, floor_m: float, now_s: float
+    ) -> None:
+        """Take in the thrust applied for `elapsed_s` up to `now_s`; it counts while the vehicle hovers.
+
+        Parameters
+        ----------
+        thrust, elapsed_s : float
+            What was applied, and for how long [s].
+        track : Track or None
+            What is known of the vehicle.
+        floor_m : float
+            Height at which the vehicle stands [m].
+        now_s : float
+            Now [s].
+        """
         if track is None or track.position_m is None or now_s > track.seen_s + SEEN_WITHIN_S:
             return
         if abs(thrust - self._calibrated) > PLAUSIBLE * self._largest_correction:
             return
-        if track.position_m[2] < self._lowest_m or abs(track.velocity_m_s[2]) > STEADY_M_S:
+        if track.position_m[2] < floor_m + self._airborne_m or abs(track.velocity_m_s[2]) > STEADY_M_S:
             return
         step_s = min(elapsed_s, LONGEST_STEP_S)
         self._steady_s += step_s

@@ -13,6 +13,8 @@ from msgspec import Struct
 Input = tuple[float, float, float, float]
 Position = tuple[float, float, float]
 NEUTRAL: Input = (0.0, 0.0, 0.0, 0.0)
+THRUST = 2
+"""Index of the thrust."""
 
 
 class State(StrEnum):
@@ -21,6 +23,7 @@ class State(StrEnum):
     DISARMED = "DISARMED"
     ARMED = "ARMED"
     HOLD = "HOLD"
+    LAND = "LAND"
     DESCEND = "DESCEND"
     CUT = "CUT"
     KILLED = "KILLED"
@@ -29,7 +32,7 @@ class State(StrEnum):
     __hash__ = str.__hash__
 
 
-FLYING = frozenset({State.ARMED, State.HOLD, State.DESCEND})
+FLYING = frozenset({State.ARMED, State.HOLD, State.LAND, State.DESCEND})
 
 
 class LinkState(Enum):
@@ -92,6 +95,8 @@ class PoseInput(Struct, frozen=True):
         Position in the inertial frame [m]; None when occluded.
     period_s : float or None
         Frame period [s] if known; without it the arrival times are used.
+    yaw_rad : float or None
+        Heading [rad]; without it the vehicle cannot be held or landed in a closed loop.
     """
 
     vehicle: str
@@ -99,6 +104,7 @@ class PoseInput(Struct, frozen=True):
     frame: int
     position_m: Position | None
     period_s: float | None = None
+    yaw_rad: float | None = None
 
 
 class ActionRequest(Struct, frozen=True):

@@ -101,17 +101,59 @@ class SurveillanceLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class LandingLimits:
+    """What the arbiter knows of its vehicle when it holds and lands it by itself, and what it may ask of it.
+
+    Parameters
+    ----------
+    input_gain : tuple of float
+        Nominal acceleration per unit of pitch, roll and thrust [m/s^2].
+    yaw_rate_gain_rad_s : float
+        Nominal yaw rate per unit of yaw [rad/s].
+    cyclic, thrust, yaw : float
+        Largest pitch and roll, difference from the hover thrust, and yaw.
+    descent_m_s, touchdown_m_s, flare_m : float
+        Speed of the descent [m/s], and the slower one that begins so far above the floor [m].
+    braked_m_s, braking_s : float
+        The descent begins when the vehicle is slower than this [m/s], or after this time [s].
+    pose_age_s : float
+        A vehicle whose last believed pose is older is not seen [s].
+    longest_s : float
+        Longest landing; then the vehicle comes down open loop [s].
+    """
+
+    input_gain: Position = (2.0, 2.1, 18.0)
+    yaw_rate_gain_rad_s: float = 22.2
+    cyclic: float = 0.5
+    thrust: float = 0.2
+    yaw: float = 0.1
+    descent_m_s: float = 0.4
+    touchdown_m_s: float = 0.25
+    flare_m: float = 0.2
+    braked_m_s: float = 0.3
+    braking_s: float = 1.5
+    pose_age_s: float = 0.1
+    longest_s: float = 20.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            for number in value if isinstance(value, tuple) else (value,):
+                _positive(f"landing.{item.name}", number)
+
+
+@dataclass(frozen=True, slots=True)
 class ArbiterLimits:
     """Times, input limits and rates of the arbiter.
 
     Parameters
     ----------
     hold_after_s, descend_after_s, cut_after_s : float
-        Age of the last accepted command at which HOLD, DESCEND and CUT begin [s].
+        Age of the last accepted command at which HOLD, LAND or DESCEND, and without poses CUT begin [s].
     bridge_steps, bridge_s : int, float
         Most planned inputs played when commands are late, and for how long [s].
     hold_limit_s : float
-        Longest HOLD before DESCEND [s].
+        Longest HOLD before LAND or DESCEND [s].
     arm_low_s, low_thrust : float
         Commanded thrust must be at most `low_thrust` for `arm_low_s` before arming [s]; the same applied
         thrust for the same time means that the vehicle stands on the floor.
@@ -127,11 +169,14 @@ class ArbiterLimits:
         Longest silence on the serial line after which a restarted gateway takes over a flying vehicle [s];
         well under the time for which receivers hold their outputs.
     floor_m, airborne_m : float
-        Height of the floor in the inertial frame, and how far above it a vehicle certainly flies [m].
+        Height at which vehicles stand, for one that was not seen standing, and how far above that height
+        a vehicle certainly flies [m].
     operators : frozenset of str
         Names whose requests count as an operator's.
     surveillance : SurveillanceLimits
         Limits judged from raw poses.
+    landing : LandingLimits
+        How the vehicle is held and landed while it is seen.
     """
 
     hold_after_s: float = 0.06
@@ -154,6 +199,7 @@ class ArbiterLimits:
     airborne_m: float = 0.1
     operators: frozenset[str] = frozenset({"operator"})
     surveillance: SurveillanceLimits = SurveillanceLimits()
+    landing: LandingLimits = LandingLimits()
 
     def __post_init__(self) -> None:
         for name in (

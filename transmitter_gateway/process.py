@@ -21,7 +21,8 @@ from transmitter_gateway.wakeup import Wakeup
 
 STATUS_PERIOD_S = 0.2
 LONGEST_WAIT_S = 0.1
-SHUTDOWN_LIMIT_S = 5.0
+SHUTDOWN_LIMIT_S = 10.0
+"""A landing from the ceiling takes most of it."""
 BRING_DOWN_PERIOD_S = 0.005
 POSE_PATIENCE_S = 0.005
 """How long poses wait to be judged. Agents need the processor as soon as a frame has arrived, and limits of
@@ -70,7 +71,10 @@ class Gateway:
                 self.kill("key press")
 
     def step(self) -> None:
-        """Everything that is due now; commands first, for they are written on arrival."""
+        """Everything that is due now; commands come before new poses, for they are written on arrival."""
+        # After a pause of the process: nobody decides about a vehicle before it was looked at.
+        if self._clock() >= self._judge_poses_at_s:
+            self._take_poses()
         commanded = [station for station in self._stations.values() if station.commands_wait]
         for station in commanded:
             station.take_commands(self._clock)
@@ -82,8 +86,6 @@ class Gateway:
                 station.take_kill(kill.message, self._clock())
         for incoming in self._session.pending():
             self._stations[incoming.unit].answer(incoming, self._clock())
-        if self._clock() >= self._judge_poses_at_s:
-            self._take_poses()
         for station in self._stations.values():
             now_s = self._clock()
             if now_s >= station.transmitter.next_deadline_s():
@@ -110,7 +112,7 @@ class Gateway:
             transmitter.close()
 
     def bring_down(self, kill_asked: Callable[[], bool]) -> None:
-        """After an error: as `shut_down`, without the bus; a broken transmitter does not stop the others.
+        """After an error: as `shut_down`, without telling anybody; what is broken does not stop the others.
 
         Parameters
         ----------
@@ -130,9 +132,21 @@ class Gateway:
             pressed = self._wakeup.wait(self._keys.descriptors, BRING_DOWN_PERIOD_S)
             if kill_asked() or (pressed and self._keys.pressed()):
                 ask(Action.KILL)
+            self._look(working)
             _each(working, self._serve)
         for station in self._stations.values():
             station.transmitter.close()
+
+    def _look(self, working: dict[str, Transmitter]) -> None:
+        """Hand new poses to the transmitters that work; without poses they descend open loop."""
+        try:
+            poses = self._new_poses()
+        except Exception:  # noqa: BLE001 - whatever is wrong with the poses, the vehicles must come down
+            traceback.print_exc()
+            self._poses.clear()
+            return
+        for pose in poses:
+            _each(working, lambda transmitter, pose=pose: transmitter.on_pose(pose, self._clock()))  # type: ignore[misc]
 
     def _serve(self, transmitter: Transmitter) -> None:
         transmitter.on_readable(self._clock())
@@ -147,12 +161,16 @@ class Gateway:
     def _take_poses(self) -> None:
         # First, so that a pose that arrives meanwhile is either drained here or wakes the loop again.
         self._judge_poses_at_s = math.inf
-        for name, poses in self._poses.items():
-            for received in poses.drain():
-                pose = received.message
-                raw = PoseInput(name, pose.epoch, pose.frame, pose.position_m, pose.period_s)
-                for station in self._stations.values():
-                    station.take_pose(raw, self._clock())
+        for pose in self._new_poses():
+            for station in self._stations.values():
+                station.transmitter.on_pose(pose, self._clock())
+
+    def _new_poses(self) -> list[PoseInput]:
+        return [
+            pose_input(name, received.message)
+            for name, poses in self._poses.items()
+            for received in poses.drain()
+        ]
 
     def _report(self) -> None:
         now_s = self._clock()
@@ -160,6 +178,16 @@ class Gateway:
             self._report_at_s = now_s + STATUS_PERIOD_S
             for station in self._stations.values():
                 station.report(now_s)
+
+
+def pose_input(vehicle: str, pose: Pose) -> PoseInput:
+    """Raw pose of a vehicle as the arbiter takes it."""
+    quaternion = pose.quaternion_xyzw
+    yaw_rad = None
+    if quaternion is not None:
+        x, y, z, w = quaternion
+        yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return PoseInput(vehicle, pose.epoch, pose.frame, pose.position_m, pose.period_s, yaw_rad)
 
 
 def _each(working: dict[str, Transmitter], act: Callable[[Transmitter], object]) -> None:

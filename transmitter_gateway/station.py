@@ -15,7 +15,7 @@ from bus.requests import (
 )
 from bus.session import Incoming, RequestFailedError, Session
 from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, LastApplied, PoseInput, State
+from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, LastApplied, State
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from transmitter_gateway.settings import TransmitterSettings
 from transmitter_gateway.snapshot import Write
@@ -110,10 +110,6 @@ class Station:
         write = self.transmitter.tick(now_s)
         if write is not None and write.outcome is WriteOutcome.WRITTEN:
             self._unpublished.append(self._applied(write))
-
-    def take_pose(self, pose: PoseInput, now_s: float) -> None:
-        """Hand a raw pose of any vehicle to the arbiter."""
-        self.transmitter.on_pose(pose, now_s)
 
     def take_kill(self, kill: Kill, now_s: float) -> None:
         """Obey a kill for this vehicle or for all."""

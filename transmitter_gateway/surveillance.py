@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from msgspec import Struct
 
 from transmitter_gateway.inputs import PoseInput, Position
+from transmitter_gateway.landing import Motion
 from transmitter_gateway.limits import Fence, SurveillanceLimits
 
 LONGEST_EXTRAPOLATION_S = 0.1
@@ -16,6 +17,8 @@ SHORTEST_STEP_S = 1e-3
 FORGET_AFTER_S = 1.0
 MOST_OTHERS = 63
 CEILING = 2
+STANDING_M = 0.2
+"""Markers of a vehicle that stands on the floor are not higher."""
 LIFTED_M = 0.03
 """Above where it stood, a vehicle flies."""
 
@@ -31,7 +34,7 @@ class Judgement(Struct, frozen=True):
 class Track:
     """Newest pose of a vehicle and its newest believed position [m].
 
-    Only the own vehicle's has a low-passed velocity [m/s] and the frame it is from.
+    Only the own vehicle's has a heading [rad], a low-passed velocity [m/s] and the frame they are from.
     """
 
     epoch: int
@@ -42,6 +45,7 @@ class Track:
     seen_frame: int = 0
     seen_epoch: int = 0
     velocity_m_s: Position = (0.0, 0.0, 0.0)
+    yaw_rad: float | None = None
 
 
 class Surveillance:
@@ -127,6 +131,8 @@ class Surveillance:
         position = pose.position_m
         if position is not None and (len(position) != 3 or not all(map(math.isfinite, position))):
             return "malformed pose"
+        if pose.yaw_rad is not None and not math.isfinite(pose.yaw_rad):
+            return "malformed pose"
         if track is None:
             other = pose.vehicle != self._vehicle
             return "too many vehicles" if other and len(self._others) >= MOST_OTHERS else None
@@ -174,11 +180,43 @@ class Surveillance:
             )
             track.velocity_m_s = (x, y, z)
         track.seen_frame, track.seen_epoch = pose.frame, pose.epoch
+        track.yaw_rad = pose.yaw_rad
 
     def release(self) -> None:
         """Forget that the vehicle may have been mistaken for another; it is not flying."""
         self._jumping_since_s = None
         self._mistaken = None
+
+    def take_over(self, distrust: str | None) -> None:
+        """Begin with a vehicle that flies already: nobody saw where it stood.
+
+        Parameters
+        ----------
+        distrust : str or None
+            Why the own poses must not be believed until the vehicle has landed, if they must not.
+        """
+        self._stood_at_m = None
+        self._mistaken = distrust
+
+    def floor_m(self, otherwise_m: float) -> float:
+        """Height at which the vehicle stood before it took off [m].
+
+        Parameters
+        ----------
+        otherwise_m : float
+            The floor for a vehicle that was not seen standing, or that stood on something higher [m].
+        """
+        stood_at_m = self._stood_at_m
+        return otherwise_m if stood_at_m is None or stood_at_m > otherwise_m + STANDING_M else stood_at_m
+
+    def own_motion(self, now_s: float, longest_age_s: float) -> Motion | None:
+        """How the own vehicle moves; None when its newest believed pose is too old or may be another's."""
+        track = self.own_track
+        if track is None or track.position_m is None or track.yaw_rad is None:
+            return None
+        if self._mistaken is not None or now_s >= track.seen_s + longest_age_s:
+            return None
+        return Motion(track.position_m, track.velocity_m_s, track.yaw_rad)
 
     def judge(self, now_s: float, thrust_time_s: float) -> Judgement:
         """Judge the newest poses at `now_s`; `thrust_time_s` is the time with thrust since arming [s]."""

@@ -30,9 +30,13 @@ class Condition(StrEnum):
     LOW_COMMANDED = "commanded thrust low long enough"
     THRUST_WANTED = "a source asks for thrust"
     GROUNDED = "on the floor"
+    SEEN = "own pose seen"
+    AIRBORNE = "own pose seen in the air"
+    TOUCHDOWN = "touched down"
     HOLD_CAUSE = "surveillance: hold"
     DESCEND_CAUSE = "surveillance: descend"
     HOLD_OVER = "hold lasted too long"
+    LANDING_OVER = "landing lasted too long"
     DESCENT_OVER = "descent lasted its time"
 
     # An enumeration's own hash is a Python function, and sets of conditions are built all the time.
@@ -64,6 +68,14 @@ def _row(
     return Transition(frozenset(states), frozenset(needs), frozenset(unless or set()), target, reason)
 
 
+def _down(
+    states: set[State], needs: set[Condition], reason: str, unless: set[Condition] | None = None
+) -> tuple[Transition, Transition]:
+    """Rows that bring a vehicle down: in a closed loop where it is seen in the air, else open loop."""
+    seen = _row(states, needs | {Condition.AIRBORNE}, State.LAND, reason, unless)
+    return seen, _row(states, needs, State.DESCEND, reason, unless)
+
+
 _C, _S = Condition, State
 NOT_KILLED = frozenset(State) - {_S.KILLED}
 LIVE = FLYING | {_S.CUT}
@@ -74,24 +86,28 @@ TRANSITIONS: tuple[Transition, ...] = (
     _row({_S.KILLED}, {_C.RESET}, _S.DISARMED, "kill reset", unless={_C.THRUST_WANTED}),
     _row(LIVE, {_C.LINK_LOST}, _S.DISARMED, "serial link lost"),
     _row(LIVE, {_C.DISARM}, _S.DISARMED, "disarmed"),
-    _row(FLYING, {_C.GONE}, _S.CUT, "commands gone"),
-    _row({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over"),
+    _row({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
     _row(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
-    _row({_S.ARMED, _S.HOLD}, {_C.SHUTDOWN}, _S.DESCEND, "shutting down"),
-    _row({_S.ARMED, _S.HOLD}, {_C.DESCEND_CAUSE}, _S.DESCEND, "raw poses"),
-    _row({_S.ARMED, _S.HOLD}, {_C.SILENT}, _S.DESCEND, "commands silent"),
-    _row({_S.ARMED, _S.HOLD}, set(), _S.DESCEND, "transmitter not ready", unless={_C.READY}),
-    _row({_S.HOLD}, {_C.HOLD_OVER}, _S.DESCEND, "hold lasted too long"),
+    _row({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),
+    *_down({_S.ARMED, _S.HOLD}, {_C.SHUTDOWN}, "shutting down"),
+    *_down({_S.ARMED, _S.HOLD}, {_C.DESCEND_CAUSE}, "raw poses"),
+    *_down({_S.ARMED, _S.HOLD}, {_C.SILENT}, "commands silent"),
+    *_down({_S.ARMED, _S.HOLD}, set(), "transmitter not ready", unless={_C.READY}),
+    *_down({_S.HOLD}, {_C.HOLD_OVER}, "hold lasted too long"),
     _row({_S.ARMED}, {_C.HOLD_CAUSE}, _S.HOLD, "raw poses"),
     _row({_S.ARMED}, set(), _S.HOLD, "commands late", unless={_C.FRESH, _C.BRIDGING}),
     _row(
-        {_S.HOLD, _S.DESCEND},
+        {_S.HOLD, _S.LAND, _S.DESCEND},
         {_C.FRESH, _C.READY},
         _S.ARMED,
         "commands fresh again",
         unless={_C.SHUTDOWN, *CAUSES},
     ),
-    _row({_S.DISARMED}, {_C.TAKE_OVER}, _S.DESCEND, "taken over", unless={_C.SHUTDOWN, _C.LINK_LOST}),
+    _row({_S.DESCEND}, {_C.AIRBORNE}, _S.LAND, "own pose seen", unless={_C.LANDING_OVER}),
+    _row({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over"),
+    _row({_S.LAND}, set(), _S.DESCEND, "own pose not seen", unless={_C.SEEN}),
+    _row({_S.LAND}, {_C.LANDING_OVER}, _S.DESCEND, "landing lasted too long"),
+    *_down({_S.DISARMED}, {_C.TAKE_OVER}, "taken over", unless={_C.SHUTDOWN, _C.LINK_LOST}),
     _row(
         {_S.DISARMED, _S.CUT},
         {_C.ARM, _C.READY, _C.FRESH, _C.LOW_COMMANDED},

@@ -1,5 +1,6 @@
 """However a transmitter gateway ends, or the bus it is on: vehicles fly on, or land gently and stay cut."""
 
+import math
 import os
 import pty
 import signal
@@ -43,7 +44,7 @@ def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(launch: Launch
     flying.fleet.wait_until(
         lambda: all(
             counter(flying, name, "openings") == 1
-            and counter(flying, name, "entered DESCEND") == counter(flying, name, "entered ARMED") == 1
+            and counter(flying, name, "entered LAND") == counter(flying, name, "entered ARMED") == 1
             and flying.fleet.state_of(name).phase == "flying"
             for name in NAMES
         ),
@@ -78,6 +79,29 @@ def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
     )
     flying.fleet.take_off(height_m=0.6)
     flying.fleet.wait_until(lambda: all(truth.height_m(name) > 0.4 for name in NAMES), 10, "not flying again")
+
+
+def test_vehicles_whose_agents_never_come_back_land_where_they_were(launch: Launch) -> None:
+    flying = launch()
+    truth = Truth(flying)
+    flying.fleet.take_off(height_m=1.0)
+    flying.fleet.wait_until(truth.rested, 15, "not hovering")
+    truth.start_watch()
+    places = {name: vehicle.position_m for name in NAMES if (vehicle := truth(name)) is not None}
+    for name in NAMES:
+        supervisor = flying.launcher_of(f"agent-{name}").supervisor
+        pid = flying.pid(f"agent-{name}")
+        supervisor.children[f"agent-{name}"].wanted = False
+        os.kill(pid, signal.SIGKILL)
+    flying.fleet.wait_until(
+        lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "cut"), 15, "not landed"
+    )
+    for name in NAMES:
+        vehicle = truth(name)
+        assert vehicle is not None
+        assert vehicle.touchdown_speed_m_s < 0.6
+        assert math.dist(vehicle.position_m[:2], places[name][:2]) < 0.3
+        assert counter(flying, name, "entered DESCEND") == 0
 
 
 def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(launch: Launch) -> None:

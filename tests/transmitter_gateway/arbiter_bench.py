@@ -29,13 +29,17 @@ EDGE_S = 0.0005
 
 
 class Bench:
-    def __init__(self, limits: ArbiterLimits | None = None, start_s: float = 1000.0) -> None:
-        self.arbiter = Arbiter("h1", limits or ArbiterLimits(), U_HOVER, SLEW)
+    def __init__(
+        self, limits: ArbiterLimits | None = None, start_s: float = 1000.0, u_hover: float = U_HOVER
+    ) -> None:
+        self.arbiter = Arbiter("h1", limits or ArbiterLimits(), u_hover, SLEW)
         self.arbiter.link(LinkState.READY)
         self.now_s = start_s
         self.frame = 0
         self.sequence = 0
         self.position: Position | None = (0.0, 0.0, 1.0)
+        self.yaw_rad: float | None = None
+        """Without it the vehicle is brought down open loop."""
         self.epoch = 7
         self.outputs: list[ArbiterOutput] = []
 
@@ -54,7 +58,9 @@ class Bench:
 
     def pose(self, vehicle: str = "h1", position: Position | None = None) -> None:
         place = position or self.position
-        self.arbiter.pose(PoseInput(vehicle, self.epoch, self.frame, place, PERIOD_S), self.now_s)
+        self.arbiter.pose(
+            PoseInput(vehicle, self.epoch, self.frame, place, PERIOD_S, self.yaw_rad), self.now_s
+        )
 
     def command(self, u: Sequence[float] = HOVER, **changes: Any) -> Answer:
         self.sequence += 1

@@ -49,8 +49,11 @@ times = st.one_of(st.floats(0.0, 0.03), st.floats(0.0, 0.3), st.floats(0.0, 3.0)
 
 
 class ArbiterMachine(RuleBasedStateMachine):
-    @initialize(ready=st.sampled_from(LinkState), armed=st.integers(0, 3))
-    def start(self, ready: LinkState, armed: int) -> None:
+    @initialize(
+        ready=st.sampled_from(LinkState), armed=st.integers(0, 3), yaw_rad=st.sampled_from([None, 0.0, 2.0])
+    )
+    def start(self, ready: LinkState, armed: int, yaw_rad: float | None) -> None:
+        self.yaw_rad = yaw_rad
         self.arbiter = Arbiter("h1", LIMITS, U_HOVER, SLEW)
         self.now_s = 100.0
         self.epoch = 3
@@ -87,6 +90,7 @@ class ArbiterMachine(RuleBasedStateMachine):
             "frame": self.frame,
             "position_m": (0.0, 0.0, 1.0),
             "period_s": PERIOD_S,
+            "yaw_rad": self.yaw_rad,
         }
         self.arbiter.pose(PoseInput(**{**fields, **changes}), self.now_s)
 
@@ -116,7 +120,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         arbiter = self.arbiter
         holder = arbiter.holder
         stream = None if holder is None else copy.copy(arbiter._admission.streams.get(holder))
-        return (arbiter.state, arbiter.reason, holder, stream, arbiter._u, arbiter.next_event_s())
+        return (arbiter.state, arbiter.reason, holder, stream, arbiter._shaping.u, arbiter.next_event_s())
 
     def request(self, action: Action, by: str, source: str = "") -> Answer:
         self.step()
@@ -221,7 +225,12 @@ class ArbiterMachine(RuleBasedStateMachine):
         assert output.state in FLYING or output.u == (0, 0, 0, 0)
         assert output.throttle_low == (output.state in (State.CUT, State.KILLED))
         assert output.kill == (output.state is State.KILLED)
-        if output.state in (State.HOLD, State.DESCEND):
+        if output.state is State.LAND or (output.state is State.HOLD and self.yaw_rad is not None):
+            hover = U_HOVER, LIMITS.hover_correction + LIMITS.landing.thrust
+            assert max(abs(output.u[0]), abs(output.u[1])) <= LIMITS.landing.cyclic
+            assert abs(output.u[3]) <= LIMITS.landing.yaw
+            assert output.u[2] <= max(self.last.u[2], sum(hover))
+        elif output.state in (State.HOLD, State.DESCEND):
             assert output.u[0] == output.u[1] == output.u[3] == 0
             assert output.u[2] <= max(self.last.u[2], 0)
             assert output.u[2] <= U_HOVER + LIMITS.hover_correction
@@ -243,9 +252,13 @@ class ArbiterMachine(RuleBasedStateMachine):
             return
         assert self.arbiter.holder is not None
         age_s = self.now_s - self.fed_s[self.arbiter.holder] - ROUNDING_S
-        assert age_s < LIMITS.cut_after_s
-        if output.state is not State.DESCEND:
+        if output.state in (State.ARMED, State.HOLD):
             assert age_s < LIMITS.descend_after_s
+        if output.state is State.LAND:
+            track = self.arbiter.surveillance.own_track
+            assert self.yaw_rad is not None
+            assert track is not None
+            assert self.now_s < track.seen_s + LIMITS.landing.pose_age_s
         if output.state is State.ARMED and output.bridging_step == 0:
             assert age_s < LIMITS.hold_after_s
         in_state_s = self.now_s - self.entered_s

@@ -79,6 +79,8 @@ class Laboratory(Wakeup):
         super().__init__()
         self.bus = OwnBus()
         self.thrust: float | None = 0.0
+        self.height_m = 1.0
+        self.sinks = False
         self.throttle_us: dict[str, list[int]] = {name: [] for name in NAMES}
         self._frame = 0
         self.writes: dict[str, list[Write]] = {name: [] for name in NAMES}
@@ -134,6 +136,8 @@ class Laboratory(Wakeup):
             self._serve(name, radio)
         if self.bus.now_s == next_frame_s:
             self._frame += 1
+            if self.sinks:
+                self.height_m = max(0.0, self.height_m - 0.4 * PERIOD_S)
             for number, name in enumerate(NAMES):
                 self.bus.arrive("pose", name, self.pose(float(number)))
                 if self.thrust is not None:
@@ -150,7 +154,7 @@ class Laboratory(Wakeup):
     def pose(self, x_m: float) -> Pose:
         return Pose(
             epoch=1, frame=self._frame, period_s=PERIOD_S, latency_s=0.0, received_s=0.0, occluded=False,
-            position_m=(x_m, 0.0, 1.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0),
+            position_m=(x_m, 0.0, self.height_m), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0),
         )  # fmt: skip
 
     def command(self, source: str, thrust: float) -> Command:
@@ -196,13 +200,24 @@ def test_broken_transmitter_does_not_keep_the_others_from_landing(
     laboratory.fly()
     monkeypatch.setattr(laboratory.transmitter("h2"), broken, fail)
     flown_s = laboratory.bus.now_s
+    laboratory.sinks = True
     laboratory.gateway.bring_down(lambda: False)
-    assert 1.8 < laboratory.bus.now_s - flown_s < 3.0
+    assert 2.5 < laboratory.bus.now_s - flown_s < 4.5
     for name in ("h1", "h3"):
         assert laboratory.transmitter(name).arbiter.state is State.CUT
         assert laboratory.throttle_us[name][-25:] == [1100] * 25
     assert ("h2: cannot be brought down" in capsys.readouterr().err) == (broken != "next_deadline_s")
     assert not any(laboratory.transmitter(name).port.is_open for name in NAMES)
+
+
+def test_error_in_the_poses_still_brings_everybody_down(
+    laboratory: Laboratory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    laboratory.fly()
+    monkeypatch.setattr(laboratory.gateway._poses["h2"], "drain", fail)
+    laboratory.gateway.bring_down(lambda: False)
+    assert laboratory.states() == {State.CUT}
+    assert "broken" in capsys.readouterr().err
 
 
 def test_kill_counts_while_an_error_brings_vehicles_down(laboratory: Laboratory) -> None:
@@ -215,8 +230,10 @@ def test_kill_counts_while_an_error_brings_vehicles_down(laboratory: Laboratory)
 
 def test_shut_down_lands_everybody_and_closes_the_ports(laboratory: Laboratory) -> None:
     laboratory.fly()
+    laboratory.sinks = True
     laboratory.gateway.shut_down()
     assert laboratory.states() == {State.CUT}
+    assert {laboratory.transmitter(name).arbiter.reason for name in NAMES} == {"landed"}
     for name in NAMES:
         assert laboratory.throttle_us[name][-25:] == [1100] * 25
         assert not laboratory.transmitter(name).port.is_open

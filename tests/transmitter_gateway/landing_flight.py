@@ -1,0 +1,157 @@
+"""An arbiter and a simulated vehicle: hover under commands, then what the arbiter does by itself."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from arbiter_bench import PERIOD_S, Bench
+
+from simulator.conditions import Conditions
+from simulator.first_order_plant import FirstOrderPlant
+from simulator.helicopter import Helicopter
+from simulator.helicopter_parameters import GRAVITY_M_S2
+from simulator.laboratory import Laboratory
+from simulator.plant import Plant, Pose
+from transmitter_gateway.hover import HoverThrust
+from transmitter_gateway.inputs import FLYING, Input, Position, State
+from transmitter_gateway.landing import LandingLaw
+from transmitter_gateway.limits import ArbiterLimits, LandingLimits
+from vehicles.model import Model
+from vehicles.types import COAXIAL
+
+POSE_TO_AIR_S = 0.06
+HOVER_S = 3.0
+LIMIT_S = 20.0
+
+
+@dataclass(frozen=True)
+class Landing:
+    """How a flight ended."""
+
+    place_m: Position
+    """Where the vehicle was when its commands ended."""
+    landed_m: Position
+    farthest_m: float
+    """Largest horizontal distance from the place."""
+    touchdown_m_s: float
+    seconds: float
+    states: tuple[State, ...]
+    """In the order they were entered."""
+    reason: str
+    stick: float
+    """Root mean square of pitch and roll."""
+
+    @property
+    def offset_m(self) -> float:
+        return math.dist(self.place_m[:2], self.landed_m[:2])
+
+
+@dataclass(frozen=True)
+class Options:
+    model: Model = COAXIAL
+    height_m: float = 0.9
+    gain: float = 1.0
+    """Of pitch, roll and the thrust's difference from hover, over the nominal one."""
+    push: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Pitch, roll and additional thrust commanded for half a second before the commands end."""
+    limits: ArbiterLimits = ArbiterLimits()  # noqa: RUF009 - frozen
+    seen: Callable[[float], bool] = lambda seconds: True
+    """Whether the Tracker sees the vehicle, by the time since the commands ended."""
+    yaw_rad: float = 1.0
+
+
+def landing_limits(model: Model) -> LandingLimits:
+    b, k = model.input_gain, model.damping
+    return LandingLimits(input_gain=b[:3], yaw_rate_gain_rad_s=-b[3] / k[3])
+
+
+def hover_of(plant: Plant) -> float:
+    """Thrust at which a vehicle hovers with a full battery."""
+    if isinstance(plant, Helicopter):
+        return GRAVITY_M_S2 / plant.parameters.thrust_gain_m_s2 - plant.parameters.trim[2]
+    assert isinstance(plant, FirstOrderPlant)
+    return GRAVITY_M_S2 / plant.model.input_gain[2] - plant.trim[2]
+
+
+class Flight:
+    """One vehicle from its hover to the floor, with poses and commands at 50 Hz."""
+
+    def __init__(self, conditions: Conditions, seed: int, options: Options) -> None:
+        self.options = options
+        conditions = replace(conditions, transport_delay_s=POSE_TO_AIR_S)
+        start = Pose((0.0, 0.0, options.height_m), options.yaw_rad)
+        self.laboratory = Laboratory({"h1": options.model}, {"h1": start}, conditions, seed)
+        self.plant = self.laboratory.plant("h1")
+        limits = replace(
+            options.limits,
+            lower=options.model.input_min,
+            upper=options.model.input_max,
+            landing=landing_limits(options.model),
+        )
+        self.bench = Bench(limits, u_hover=options.model.hover_thrust)
+        self.bench.position = (0.0, 0.0, 0.0)
+        self.bench.arm()
+        self.true_hover = hover_of(self.plant)
+        self.pilot = LandingLaw(limits.landing)
+        self.hover = HoverThrust(options.model.hover_thrust, 0.2, 0.1)
+
+    def measure(self) -> None:
+        pose = self.laboratory.measured_pose("h1")
+        self.bench.position, self.bench.yaw_rad = pose.position_m, pose.yaw_rad
+
+    def act(self, u: Input) -> None:
+        gain, hover = self.options.gain, self.true_hover
+        self.laboratory.set_input("h1", (gain * u[0], gain * u[1], hover + gain * (u[2] - hover), u[3]))
+
+    def fly(self, seconds: float, add: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+        """Hold the place by commands, with something added to them."""
+        arbiter = self.bench.arbiter
+        for _ in range(round(seconds / PERIOD_S)):
+            self.laboratory.advance(PERIOD_S)
+            self.measure()
+            motion = arbiter.surveillance.own_motion(self.bench.now_s, 1.0)
+            u: Input = (0.0, 0.0, self.options.model.hover_thrust, 0.0)
+            if motion is not None:
+                u = self.pilot.step(motion, 0.0, self.hover.value, PERIOD_S)
+                u = (u[0] + add[0], u[1] + add[1], u[2] + add[2], u[3])
+            self.bench.run(PERIOD_S, u)
+            self.act(self.bench.outputs[-1].u)
+        # Nobody saw it standing: it appeared in the air.
+        arbiter.surveillance.take_over(None)
+
+    def end_commands(self) -> Landing:
+        place = self.plant.pose.position_m
+        states: list[State] = []
+        farthest_m, sticks, seconds = 0.0, [], 0.0
+        while seconds < LIMIT_S and self.bench.state in FLYING:
+            self.laboratory.advance(PERIOD_S)
+            seconds += PERIOD_S
+            self.measure()
+            if not self.options.seen(seconds):
+                self.bench.position = None
+            self.bench.run(PERIOD_S, None)
+            output = self.bench.outputs[-1]
+            if not states or states[-1] is not output.state:
+                states.append(output.state)
+            self.act(output.u)
+            sticks.append(output.u[0] ** 2 + output.u[1] ** 2)
+            farthest_m = max(farthest_m, math.dist(place[:2], self.plant.pose.position_m[:2]))
+        self.laboratory.stop_motors("h1")
+        while not self.plant.on_floor:
+            self.laboratory.advance(PERIOD_S)
+        touchdown_m_s = self.plant.touchdown_speed_m_s
+        assert touchdown_m_s is not None
+        stick = math.sqrt(sum(sticks) / len(sticks) / 2)
+        landed = self.plant.pose.position_m
+        return Landing(
+            place, landed, farthest_m, touchdown_m_s, seconds, tuple(states), self.bench.reason, stick
+        )
+
+
+def landing(conditions: Conditions, seed: int, options: Options | None = None) -> Landing:
+    """Hover, perhaps a push, then silence until the vehicle stands."""
+    flight = Flight(conditions, seed, options or Options())
+    flight.fly(HOVER_S)
+    if any(flight.options.push):
+        flight.fly(0.5, flight.options.push)
+    return flight.end_commands()

@@ -1,0 +1,183 @@
+"""Promises of the law that lands a vehicle by itself: towards its place, straight down, within its limits."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from transmitter_gateway.inputs import Position
+from transmitter_gateway.landing import (
+    CLIMB_CHANGE_M_S2,
+    CLIMB_GAIN_PER_S,
+    CLIMB_INTEGRAL_PER_S2,
+    CUSHION_M,
+    LARGEST_ERROR_M,
+    LARGEST_INTEGRAL_M_S2,
+    LONGEST_STEP_S,
+    POSITION_GAIN_PER_S2,
+    VELOCITY_GAIN_PER_S,
+    YAW_GAIN_PER_S,
+    LandingLaw,
+    Motion,
+    climb_rate_m_s,
+)
+from transmitter_gateway.limits import LandingLimits, LimitsError
+
+LIMITS = LandingLimits(input_gain=(2.0, 4.0, 10.0), yaw_rate_gain_rad_s=20.0)
+HOVER = 0.5
+STEP_S = 0.02
+ORIGIN: Position = (0.0, 0.0, 1.0)
+REST: Position = (0.0, 0.0, 0.0)
+
+numbers = st.floats(-50, 50)
+vectors = st.tuples(numbers, numbers, numbers)
+
+
+def at(position: Position = ORIGIN, velocity: Position = REST, yaw_rad: float = 0.0) -> Motion:
+    return Motion(position, velocity, yaw_rad)
+
+
+def held(yaw_rad: float = 0.0) -> LandingLaw:
+    """A law that holds the origin with this heading."""
+    law = LandingLaw(LIMITS)
+    law.step(at(yaw_rad=yaw_rad), 0.0, HOVER, STEP_S)
+    return law
+
+
+def test_at_rest_over_its_place_a_vehicle_hovers() -> None:
+    assert held().step(at(), 0.0, HOVER, STEP_S) == (0.0, 0.0, HOVER, 0.0)
+
+
+def test_first_step_takes_the_place_and_the_heading_of_the_moment() -> None:
+    law = LandingLaw(LIMITS)
+    assert law.step(at((3.0, -2.0, 1.0), yaw_rad=2.0), 0.0, HOVER, STEP_S) == (0.0, 0.0, HOVER, 0.0)
+    assert law.step(at((3.1, -2.0, 1.0), yaw_rad=2.0), 0.0, HOVER, STEP_S)[0] != 0.0
+    law.release()
+    assert law.step(at((5.0, 1.0, 1.0), yaw_rad=-1.0), 0.0, HOVER, STEP_S) == (0.0, 0.0, HOVER, 0.0)
+
+
+def test_sticks_point_back_to_the_place_along_the_heading_and_to_its_left() -> None:
+    forward = POSITION_GAIN_PER_S2 * 0.1 / 2.0
+    left = POSITION_GAIN_PER_S2 * 0.1 / 4.0
+    assert held().step(at((-0.1, 0.0, 1.0)), 0.0, HOVER, STEP_S)[:2] == pytest.approx((forward, 0.0))
+    assert held().step(at((0.0, -0.1, 1.0)), 0.0, HOVER, STEP_S)[:2] == pytest.approx((0.0, left))
+    turned = held(math.pi / 2).step(at((-0.1, 0.0, 1.0), yaw_rad=math.pi / 2), 0.0, HOVER, STEP_S)
+    assert turned[:2] == pytest.approx((0.0, -left))
+    turned = held(math.pi / 2).step(at((0.0, -0.1, 1.0), yaw_rad=math.pi / 2), 0.0, HOVER, STEP_S)
+    assert turned[:2] == pytest.approx((forward, 0.0))
+
+
+def test_velocity_is_braked() -> None:
+    braking = -VELOCITY_GAIN_PER_S * 0.2
+    assert held().step(at(velocity=(0.2, 0.0, 0.0)), 0.0, HOVER, STEP_S)[:2] == pytest.approx(
+        (braking / 2.0, 0.0)
+    )
+    assert held().step(at(velocity=(0.0, 0.2, 0.0)), 0.0, HOVER, STEP_S)[:2] == pytest.approx(
+        (0.0, braking / 4.0)
+    )
+
+
+def test_place_that_is_far_is_approached_as_one_that_is_near() -> None:
+    near = held().step(at((-LARGEST_ERROR_M, 0.0, 1.0)), 0.0, HOVER, STEP_S)
+    far = held().step(at((-10 * LARGEST_ERROR_M, 0.0, 1.0)), 0.0, HOVER, STEP_S)
+    assert far == pytest.approx(near)
+    assert near[0] == pytest.approx(POSITION_GAIN_PER_S2 * LARGEST_ERROR_M / 2.0)
+
+
+def test_heading_is_held_the_short_way_round() -> None:
+    law = held(3.1)
+    turned_rad = 0.2
+    yaw = law.step(at(yaw_rad=3.1 + turned_rad - math.tau), 0.0, HOVER, STEP_S)[3]
+    assert yaw == pytest.approx(-YAW_GAIN_PER_S * turned_rad / 20.0)
+
+
+def test_climb_rate_that_is_asked_for_is_approached_steadily() -> None:
+    law = held()
+    change = CLIMB_CHANGE_M_S2 * STEP_S
+    thrusts = [law.step(at(), -0.4, HOVER, STEP_S)[2] for _ in range(2)]
+    integral = CLIMB_INTEGRAL_PER_S2 * STEP_S * change
+    assert thrusts[0] == pytest.approx(HOVER - (CLIMB_GAIN_PER_S * change + integral) / 10.0)
+    assert thrusts[1] == pytest.approx(HOVER - (CLIMB_GAIN_PER_S * 2 * change + 3 * integral) / 10.0)
+
+
+def test_sinking_vehicle_gets_thrust_and_more_while_it_goes_on_sinking() -> None:
+    law = held()
+    first, second = (law.step(at(velocity=(0.0, 0.0, -0.1)), 0.0, HOVER, STEP_S)[2] for _ in range(2))
+    step = CLIMB_INTEGRAL_PER_S2 * STEP_S * 0.1
+    assert first == pytest.approx(HOVER + (CLIMB_GAIN_PER_S * 0.1 + step) / 10.0)
+    assert second - first == pytest.approx(step / 10.0)
+
+
+def test_pause_of_the_process_counts_as_one_step() -> None:
+    paused, usual = held(), held()
+    sinking = at(velocity=(0.0, 0.0, -0.1))
+    assert paused.step(sinking, 0.0, HOVER, 5.0) == usual.step(sinking, 0.0, HOVER, LONGEST_STEP_S)
+
+
+def test_integral_of_the_climb_rate_is_limited_and_forgotten_on_release() -> None:
+    law = held()
+    for _ in range(1000):
+        law.step(at(velocity=(0.0, 0.0, -0.4)), 0.0, HOVER, STEP_S)
+    assert law.step(at(), 0.0, HOVER, 0.0)[2] == pytest.approx(
+        HOVER + min(LARGEST_INTEGRAL_M_S2 / 10.0, LIMITS.thrust)
+    )
+    weak = LandingLaw(LandingLimits(input_gain=(2.0, 4.0, 100.0)))
+    weak.step(at(), 0.0, HOVER, STEP_S)
+    for _ in range(2000):
+        weak.step(at(velocity=(0.0, 0.0, -0.4)), 0.0, HOVER, STEP_S)
+    assert weak.step(at(), 0.0, HOVER, 0.0)[2] == pytest.approx(HOVER + LARGEST_INTEGRAL_M_S2 / 100.0)
+    law.release()
+    assert law.step(at(), 0.0, HOVER, STEP_S)[2] == HOVER
+
+
+def test_release_forgets_the_climb_rate() -> None:
+    law = held()
+    for _ in range(100):
+        law.step(at(velocity=(0.0, 0.0, -0.4)), -0.4, HOVER, STEP_S)
+    law.release()
+    assert law.step(at(), 0.0, HOVER, 0.0)[2] == HOVER
+
+
+@given(st.lists(st.tuples(vectors, vectors, numbers, st.floats(-1, 1), st.floats(0, 10)), max_size=20))
+def test_inputs_stay_within_the_limits_whatever_happens(
+    steps: list[tuple[Position, Position, float, float, float]],
+) -> None:
+    law = LandingLaw(LIMITS)
+    for position, velocity, yaw_rad, climb_m_s, elapsed_s in steps:
+        pitch, roll, thrust, yaw = law.step(Motion(position, velocity, yaw_rad), climb_m_s, HOVER, elapsed_s)
+        assert max(abs(pitch), abs(roll)) <= LIMITS.cyclic
+        assert abs(thrust - HOVER) <= LIMITS.thrust + 1e-12
+        assert abs(yaw) <= LIMITS.yaw
+
+
+# Climb rate of a landing ------------------------------------------------------------------------------
+
+
+def rate(height_m: float = 1.0, speed: tuple[float, float] = (0.0, 0.0), landing_s: float = 0.0) -> float:
+    floor_m = 0.25
+    return climb_rate_m_s(at((5.0, 5.0, floor_m + height_m), (*speed, -3.0)), floor_m, landing_s, LIMITS)
+
+
+def test_landing_descends_and_is_slower_above_the_floor() -> None:
+    assert rate() == -LIMITS.descent_m_s
+    assert rate(height_m=LIMITS.flare_m) == -LIMITS.descent_m_s
+    assert rate(height_m=LIMITS.flare_m - 0.01) == -LIMITS.touchdown_m_s
+    assert rate(height_m=CUSHION_M + 0.01) == -LIMITS.touchdown_m_s
+    assert rate(height_m=CUSHION_M) == -LIMITS.descent_m_s
+
+
+@pytest.mark.parametrize("speed", [(0.31, 0.0), (0.0, -0.31), (0.22, 0.22)])
+def test_descent_waits_until_the_vehicle_has_braked_but_not_for_ever(speed: tuple[float, float]) -> None:
+    assert rate(speed=speed) == 0.0
+    assert rate(speed=speed, landing_s=LIMITS.braking_s - 0.01) == 0.0
+    assert rate(speed=speed, landing_s=LIMITS.braking_s) == -LIMITS.descent_m_s
+    assert rate(speed=(0.3, 0.0)) == -LIMITS.descent_m_s
+
+
+@pytest.mark.parametrize("field", ["cyclic", "thrust", "descent_m_s", "longest_s", "pose_age_s"])
+def test_limits_that_make_no_sense_are_refused(field: str) -> None:
+    with pytest.raises(LimitsError, match=f"landing.{field}: 0.0 must be a positive number"):
+        LandingLimits(**{field: 0.0})  # type: ignore[arg-type]  # test data
+    with pytest.raises(LimitsError, match=r"landing\.input_gain"):
+        LandingLimits(input_gain=(2.0, -2.0, 18.0))

@@ -1,0 +1,123 @@
+"""Vehicles that nobody commands any more, flown: held and landed by the arbiter as long as they are seen."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from landing_flight import Flight, Landing, Options, landing
+
+from simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
+from transmitter_gateway.inputs import State
+from vehicles.quadrotor import QUADROTOR
+
+CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}
+KINDS = pytest.mark.parametrize("conditions", CONDITIONS.values(), ids=CONDITIONS)
+SEEDS = range(4)
+
+
+def assert_gentle(flown: Landing, offset_m: float = 0.3, touchdown_m_s: float = 0.6) -> None:
+    assert flown.reason == "landed"
+    assert State.DESCEND not in flown.states
+    assert flown.offset_m < offset_m
+    assert flown.touchdown_m_s < touchdown_m_s
+
+
+@KINDS
+def test_vehicle_that_hovers_lands_where_it_was(conditions: Conditions) -> None:
+    for seed in SEEDS:
+        assert_gentle(landing(conditions, seed))
+
+
+def test_quadrotor_lands_where_it_was() -> None:
+    for seed in SEEDS:
+        assert_gentle(landing(LABORATORY, seed, Options(model=QUADROTOR)))
+
+
+@KINDS
+@pytest.mark.parametrize(
+    "push", [(0.4, 0.4, 0.0), (0.0, 0.0, 0.05), (0.0, 0.0, -0.04)], ids=["fast", "climbing", "sinking"]
+)
+def test_vehicle_that_moves_is_braked_and_lands(
+    conditions: Conditions, push: tuple[float, float, float]
+) -> None:
+    for seed in SEEDS:
+        assert_gentle(landing(conditions, seed, Options(push=push)))
+
+
+@KINDS
+@pytest.mark.parametrize("gain", [0.5, 1.5])
+def test_half_to_one_and_a_half_times_the_nominal_gain_lands_all_the_same(
+    conditions: Conditions, gain: float
+) -> None:
+    for seed in SEEDS:
+        assert_gentle(landing(conditions, seed, Options(gain=gain, height_m=1.2)))
+
+
+@pytest.mark.parametrize("height_m", [0.3, 2.0])
+def test_height_does_not_matter(height_m: float) -> None:
+    for seed in SEEDS:
+        assert_gentle(landing(HELICOPTER, seed, Options(height_m=height_m)))
+
+
+@KINDS
+@pytest.mark.parametrize("gain", [1.0, 2.0])
+def test_twice_the_nominal_gain_swings_no_vehicle_up(conditions: Conditions, gain: float) -> None:
+    for seed in SEEDS:
+        flight = Flight(conditions, seed, Options(gain=gain))
+        flight.fly(12.0)
+        place = flight.plant.pose.position_m
+        sticks = []
+        for _ in range(150):
+            flight.fly(0.02)
+            sticks.append(math.hypot(*flight.bench.outputs[-1].u[:2]))
+        assert math.hypot(*place[:2]) < 0.25
+        assert math.sqrt(sum(stick**2 for stick in sticks) / len(sticks)) < 0.2
+
+
+def test_vehicle_that_is_lost_on_the_way_comes_down_open_loop() -> None:
+    flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: seconds < 1.5))
+    assert flown.states[-3:] == (State.LAND, State.DESCEND, State.CUT)
+    assert flown.reason == "descent over"
+
+
+def test_vehicle_that_is_seen_again_lands_gently() -> None:
+    flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: not 1.2 < seconds < 1.6))
+    assert flown.states[-4:] == (State.LAND, State.DESCEND, State.LAND, State.CUT)
+    assert flown.reason == "landed"
+    assert flown.touchdown_m_s < 0.6
+
+
+def test_occlusion_of_80_ms_is_flown_through() -> None:
+    flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: not 1.2 < seconds <= 1.28))
+    assert_gentle(flown)
+
+
+def test_poses_that_get_stuck_end_the_closed_loop() -> None:
+    options = Options()
+    limits = replace(options.limits.surveillance, trust_repeated_poses=False)
+    flight = Flight(HELICOPTER, 0, replace(options, limits=replace(options.limits, surveillance=limits)))
+    flight.fly(3.0)
+    for _ in range(50):
+        flight.bench.run(0.02, None)
+    assert flight.bench.state is State.DESCEND
+
+
+@pytest.mark.parametrize("frames", [1, 4])
+def test_other_bodys_poses_are_not_flown_by(frames: int) -> None:
+    """A swap for a moment is flown through; one that stays ends the closed loop for good."""
+    flight = Flight(HELICOPTER, 0, Options())
+    flight.fly(3.0)
+    bench = flight.bench
+    bench.run(0.3, None)
+    assert bench.state is State.LAND
+    own = bench.position
+    bench.position = (1.0, 0.0, 0.9)
+    bench.run(0.02 * frames, None)
+    bench.position = own
+    assert bench.run(0.02, None).state is State.LAND
+    bench.position = (1.0, 0.0, 0.9)
+    bench.run(0.4, None)
+    assert bench.state is State.DESCEND
+    bench.position = own
+    bench.run(0.4, None)
+    assert bench.state is State.DESCEND

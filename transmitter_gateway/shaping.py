@@ -1,0 +1,113 @@
+"""What the vehicle is told in each state: commands within slew rates, or inputs of the arbiter's own."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from transmitter_gateway.hover import HoverThrust
+from transmitter_gateway.inputs import NEUTRAL, THRUST, Input
+from transmitter_gateway.landing import LandingLaw, Motion, climb_rate_m_s
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.surveillance import Track
+
+LONGEST_SLEW_STEP_S = 0.04
+
+
+class Shaping:
+    """Inputs of one vehicle from step to step.
+
+    Parameters
+    ----------
+    limits : ArbiterLimits
+        Limits of the inputs, of descents and landings.
+    u_hover : float
+        Thrust at which the vehicle hovers, by its calibration.
+    slew_per_s : tuple of float
+        Fastest change of each input that commands may ask for [1/s].
+    counters : Counter
+        Steps that slew rates limited are counted here.
+
+    Attributes
+    ----------
+    u : tuple of float
+        Inputs that are applied now.
+    """
+
+    def __init__(
+        self, limits: ArbiterLimits, u_hover: float, slew_per_s: Input, counters: Counter[str]
+    ) -> None:
+        self.u: Input = NEUTRAL
+        self._limits = limits
+        self._slew_per_s = slew_per_s
+        self._counters = counters
+        self._hover = HoverThrust(u_hover, limits.hover_correction, limits.airborne_m)
+        self._law = LandingLaw(limits.landing)
+        self._moved_s = 4 * [-math.inf]
+
+    @property
+    def missing_thrust(self) -> float:
+        """Hover thrust less the applied thrust."""
+        return self._hover.value - self.u[THRUST]
+
+    def stop(self) -> None:
+        """Apply nothing."""
+        self.u = NEUTRAL
+        self._law.release()
+
+    def play(self, target: Input, now_s: float) -> None:
+        """Apply a command within the slew rates.
+
+        The time since an input moved last allows its next move: steps in between, for poses or deadlines,
+        must not use it up.
+        """
+        self._law.release()
+        u = []
+        for axis, (wanted, last, rate) in enumerate(zip(target, self.u, self._slew_per_s, strict=True)):
+            most = rate * min(now_s - self._moved_s[axis], LONGEST_SLEW_STEP_S)
+            if wanted != last:
+                self._moved_s[axis] = now_s
+            u.append(last - most if wanted < last - most else last + most if wanted > last + most else wanted)
+        self.u = (u[0], u[1], u[2], u[3])
+        self._counters["steps slew limited"] += self.u != target
+
+    def learn_hover(self, elapsed_s: float, track: Track | None, floor_m: float, now_s: float) -> None:
+        """Take in what the applied thrust did for `elapsed_s` up to `now_s`."""
+        self._hover.note(self.u[THRUST], elapsed_s, track, floor_m, now_s)
+
+    def hold(self, motion: Motion | None, elapsed_s: float) -> None:
+        """Hold the place; without a motion level the vehicle and never add thrust."""
+        if motion is None:
+            self._law.release()
+            self.u = (0.0, 0.0, min(self.u[THRUST], self._hover.value), 0.0)
+        else:
+            self._fly(motion, 0.0, elapsed_s)
+
+    def land(self, motion: Motion, floor_m: float, landing_s: float, elapsed_s: float) -> None:
+        """Descend straight to the floor.
+
+        Parameters
+        ----------
+        motion : Motion
+            Newest pose of the vehicle with its velocity.
+        floor_m : float
+            Height at which the vehicle stands [m].
+        landing_s, elapsed_s : float
+            Time since the landing and since the last step [s].
+        """
+        self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, self._limits.landing), elapsed_s)
+
+    def descend(self, elapsed_s: float) -> None:
+        """Come down without poses: level, the thrust falls to a little less than that of a hover."""
+        self._law.release()
+        thrust = min(self.u[THRUST], self._hover.value)
+        lowest = min(thrust, self._hover.value - self._limits.descend_below_hover)
+        self.u = (0.0, 0.0, max(lowest, thrust - self._limits.descend_rate_per_s * elapsed_s), 0.0)
+
+    def _fly(self, motion: Motion, climb_m_s: float, elapsed_s: float) -> None:
+        wanted = self._law.step(motion, climb_m_s, self._hover.value, elapsed_s)
+        pitch, roll, thrust, yaw = (
+            min(max(value, lower), upper)
+            for value, lower, upper in zip(wanted, self._limits.lower, self._limits.upper, strict=True)
+        )
+        self.u = (pitch, roll, thrust, yaw)

@@ -1,0 +1,38 @@
+"""Whether a vehicle that an earlier process of this gateway flew is certainly still in the air."""
+
+from __future__ import annotations
+
+from transmitter_gateway.inputs import FLYING, THRUST, LastApplied, State
+from transmitter_gateway.limits import ArbiterLimits
+from transmitter_gateway.surveillance import Track
+
+
+def take_over_problem(
+    last: LastApplied, state: State, track: Track | None, limits: ArbiterLimits, now_s: float
+) -> str | None:
+    """Why the vehicle cannot be taken over, None if it can.
+
+    Parameters
+    ----------
+    last : LastApplied
+        What the earlier process wrote last.
+    state : State
+        State of this process's arbiter.
+    track : Track or None
+        What is known of the vehicle.
+    limits : ArbiterLimits
+        Limits of the arbiter.
+    now_s : float
+        Now [s].
+    """
+    if state is not State.DISARMED or last.state not in FLYING:
+        return f"{last.state} before, {state} now"
+    if now_s >= last.written_s + limits.take_over_s:
+        return f"no frames for {now_s - last.written_s:.2f} s, longer than {limits.take_over_s:g} s"
+    if not last.u[THRUST] > limits.low_thrust:
+        return "the thrust was low"
+    if track is None or track.position_m is None:
+        return "own pose not seen"
+    if track.position_m[2] < limits.floor_m + limits.airborne_m:
+        return f"at {track.position_m[2]:.2f} m it may stand on the floor"
+    return None
