@@ -9,14 +9,28 @@ from typing import Final, Generic, TypeVar
 
 from bus import messages
 from bus.intent import Intent
+from bus.keys import (
+    EVERY_FLEET,
+    FLEET_UNIT,
+    KILL_TOPIC,
+    ROOT,
+    SIMULATOR_UNIT,
+    TRACKER_UNIT,
+    TRANSMITTER_TOPIC,
+    alive_key,
+    key,
+    request_key,
+)
 from bus.messages import Message
 
-M = TypeVar("M", bound=Message)
+__all__ = [
+    "AGENT_STATUS", "APPLIED", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH", "DATA_LOW", "EVERY_FLEET",
+    "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH", "KILL", "LABORATORY", "LAUNCHER", "PLAN",
+    "POSE", "REAL_TIME", "ROOT", "SIMULATOR_UNIT", "TRACKER_STATUS", "TRACKER_UNIT", "TRANSMITTER_STATUS",
+    "Channel", "alive_key", "key", "request_key",
+]  # fmt: skip
 
-ROOT: Final = "rcopterx"
-FLEET_UNIT: Final = "fleet"
-TRACKER_UNIT: Final = "tracker"
-SIMULATOR_UNIT: Final = "simulator"
+M = TypeVar("M", bound=Message)
 
 REAL_TIME: Final = "real_time"
 INTERACTIVE_HIGH: Final = "interactive_high"
@@ -99,7 +113,7 @@ INTENT: Final = Channel(
     "task and configuration of an agent, for its successor",
 )  # fmt: skip
 TRANSMITTER_STATUS: Final = Channel(
-    "transmitter", messages.TransmitterStatus, "vehicle", "transmitter_gateway", 5, 1.0, DATA_LOW, True,
+    TRANSMITTER_TOPIC, messages.TransmitterStatus, "vehicle", "transmitter_gateway", 5, 1.0, DATA_LOW, True,
     "state of the arbiter, the serial port and the radio module",
 )  # fmt: skip
 TRACKER_STATUS: Final = Channel(
@@ -115,7 +129,7 @@ LAUNCHER: Final = Channel(
     "vehicles that take part, and restarts of processes",
 )  # fmt: skip
 KILL: Final = Channel(
-    "kill", messages.Kill, FLEET_UNIT, "operator", 0, 1.0, REAL_TIME, True,
+    KILL_TOPIC, messages.Kill, FLEET_UNIT, "operator", 0, 1.0, REAL_TIME, True,
     "cut the motors of some or all vehicles",
 )  # fmt: skip
 
@@ -123,18 +137,3 @@ CHANNELS: Final[tuple[Channel[Message], ...]] = (
     POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT, TRANSMITTER_STATUS,
     TRACKER_STATUS, LABORATORY, LAUNCHER, KILL,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows
-
-
-def key(fleet: str, unit: str, topic: str) -> str:
-    """Key of a channel of one unit: `rcopterx/<fleet>/<unit>/<topic>`."""
-    return f"{ROOT}/{fleet}/{unit}/{topic}"
-
-
-def request_key(fleet: str, unit: str, verb: str) -> str:
-    """Key under which a unit serves a verb."""
-    return f"{ROOT}/{fleet}/{unit}/request/{verb}"
-
-
-def alive_key(fleet: str, unit: str, role: str) -> str:
-    """Key of the liveliness token of a role."""
-    return f"{ROOT}/{fleet}/{unit}/alive/{role}"

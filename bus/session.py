@@ -163,6 +163,7 @@ class Session:
         *,
         waking: bool = True,
         wake: Callable[[], None] | None = None,
+        fleet: str | None = None,
     ) -> Subscription[M]:
         """Receive a channel of one unit.
 
@@ -174,8 +175,10 @@ class Session:
             Whether its messages wake the loop.
         wake
             Called on receive threads after each message, instead of what wakes the loop.
+        fleet
+            Whose channel, by default that of the own fleet.
         """
-        full_key = channels.key(self.address.fleet, unit, channel.topic)
+        full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
         if wake is None:
             wake = self.wake if waking else lambda: None
         return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth)

@@ -1,53 +1,17 @@
-"""The command line `rcopterx`."""
+"""Entry point of `rcopterx`: the command line, and a way round its imports for `kill`."""
 
-from collections.abc import Callable
+import sys
 
-import typer
-
-from rcopterx.commands import (
-    bench,
-    experiment,
-    fly,
-    laboratory,
-    launch,
-    radio,
-    roles,
-    steer,
-    trajectory,
-    watch,
-)
-
-app = typer.Typer(
-    name="rcopterx",
-    help="Formation flight of miniature helicopters with distributed model predictive control. "
-    "Lengths are metres, times seconds, angles on the command line degrees.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-
-COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Fly": (launch.up, launch.demo, fly.fly),
-    "Watch a running fleet": (watch.status, watch.check, watch.top, watch.view),
-    "Steer a running fleet": (
-        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
-        trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,
-        steer.reset,
-    ),
-    "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
-    "Try out faults": (laboratory.inject, laboratory.replay_tracker),
-    "Experiment": (experiment.experiment,),
-    "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
-}  # fmt: skip
-WITH_COORDINATES = (steer.goto,)
-"""A coordinate may be negative; unknown options are not looked for, so that -0.5 is a number."""
-for panel, commands in COMMANDS.items():
-    for command in commands:
-        settings = {"ignore_unknown_options": command in WITH_COORDINATES}
-        app.command(rich_help_panel=panel, context_settings=settings)(command)
-app.add_typer(bench.app, name="bench", rich_help_panel="Experiment")
+from rcopterx import kill
 
 
 def main() -> None:
-    """Entry point."""
+    """Run the command that was typed."""
+    if sys.argv[1:2] == ["kill"]:
+        arguments = kill.parsed(sys.argv[2:])
+        # Whatever is not plainly a kill, for instance --help, is left to the command line.
+        if arguments is not None:
+            sys.exit(kill.run(*arguments))
+    from rcopterx.command_line import app
+
     app()

@@ -48,7 +48,10 @@ class Gateway:
             name: session.subscribe(channels.POSE, name, depth=8, wake=self._on_pose)
             for name in settings.vehicles
         }
-        self._kill = session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=4)
+        self._kills = [
+            session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=4, fleet=fleet)
+            for fleet in (session.address.fleet, channels.EVERY_FLEET)
+        ]
         self._report_at_s = self._clock() + STATUS_PERIOD_S
         for station in self._stations.values():
             station.recall()
@@ -81,9 +84,11 @@ class Gateway:
         # Publishing a write takes as long as the write itself; nobody's command waits for that.
         for station in commanded:
             station.publish_writes()
-        for kill in self._kill.drain():
+        for kill in [received for kills in self._kills for received in kills.drain()]:
             for station in self._stations.values():
                 station.take_kill(kill.message, self._clock())
+            # Whoever killed waits for this.
+            self._report_at_s = self._clock()
         for incoming in self._session.pending():
             self._stations[incoming.unit].answer(incoming, self._clock())
         for station in self._stations.values():

@@ -3,6 +3,7 @@
 import os.path
 from collections.abc import Mapping
 
+from bus.keys import EVERY_FLEET
 from deploy.fleet_file.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError, FleetFile
 
 
@@ -20,6 +21,8 @@ def check_consistency(fleet: FleetFile) -> None:
 
 
 def _check_vehicles(fleet: FleetFile) -> None:
+    if fleet.name == EVERY_FLEET:
+        raise FleetError(f"name: {EVERY_FLEET!r} means every fleet, choose another one")
     if not fleet.vehicles:
         raise FleetError("vehicles: at least one vehicle is needed")
     for group, names, reserved in (

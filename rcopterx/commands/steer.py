@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from bus.messages import Setting
+from rcopterx import kill as fast_kill
 from rcopterx.fleet_option import RunningFleetOption, running_fleet
 
 Vehicles = Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.")]
@@ -169,11 +170,11 @@ def land(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
 
 def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
-    """Cut the motors at once, latching. Vehicles in the air fall. `rcopterx reset` ends it."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, vehicles)
-        running.kill(vehicles or ())
-        typer.echo("killed")
+    """Cut the motors at once, latching. Vehicles in the air fall. `rcopterx reset` ends it.
+
+    Without a fleet: those of every fleet that is up on this computer.
+    """
+    raise typer.Exit(fast_kill.run(vehicles or (), fleet))
 
 
 def reset(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from rcopterx.cli import app
+from rcopterx.command_line import app
 
 runner = CliRunner()
 ROW = {"mean_ms": 0.5, "p99_ms": 1.0, "p999_ms": 2.0, "max_ms": 3.0, "error": None}

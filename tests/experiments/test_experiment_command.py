@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.runner import Options, Work, run_all
-from rcopterx.cli import app
+from rcopterx.command_line import app
 from simulator.conditions import HELICOPTERS
 
 runner = CliRunner()

@@ -22,7 +22,7 @@ from deploy.fleet_file.schema import FleetError
 from deploy.fleet_file.shipped import fleet_path, shipped_fleets
 from experiments.manoeuvres import MANOEUVRES
 from ground_station.fleet import Fleet
-from rcopterx.cli import COMMANDS, app
+from rcopterx.command_line import COMMANDS, app
 from rcopterx.fleet_option import chosen_host
 
 NAMES = [command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands]

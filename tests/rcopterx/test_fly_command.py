@@ -17,7 +17,7 @@ from experiments.manoeuvre import Manoeuvre
 from experiments.steps import Step, in_order, refused
 from ground_station.fleet import Fleet
 from ground_station.waiting import NotReachedError
-from rcopterx.cli import app
+from rcopterx.command_line import app
 
 Vehicles = dict[str, ScriptedVehicle]
 NAMES = ("h1", "h2", "h3")

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from bus.channels import SIMULATOR_UNIT
 from bus.requests import Inject, Reply
 from bus.session import BusAddress, Session
-from rcopterx.cli import app
+from rcopterx.command_line import app
 from simulator.faults import AddSubject, BreakRadio, Occlude, Silence, SwapSubjects, TimedFault, timed_faults
 from vicon_gateway.client import DataStreamClient
 from vicon_gateway.recording import FILE_MAGIC

@@ -8,7 +8,7 @@ from agents.phases import TRANSITIONS
 from bus.messages import SubjectState, TrackerStatus, TransmitterStatus
 from ground_station.live_table import COLUMNS
 from ground_station.state import VehicleState, tracker_problems
-from rcopterx.cli import COMMANDS
+from rcopterx.command_line import COMMANDS
 
 TEXT = (Path(rcopterx.__file__).parents[1] / "docs" / "operations.md").read_text(encoding="utf-8")
 

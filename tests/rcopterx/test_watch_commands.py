@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from deploy.fleet_file.schema import FleetFile
 from ground_station.fleet import Fleet
-from rcopterx.cli import app
+from rcopterx.command_line import app
 
 Vehicles = dict[str, ScriptedVehicle]
 

@@ -1,0 +1,48 @@
+"""All commands of `rcopterx` but the fast way of `kill`, see `rcopterx.cli`."""
+
+from collections.abc import Callable
+
+import typer
+
+from rcopterx.commands import (
+    bench,
+    experiment,
+    fly,
+    laboratory,
+    launch,
+    radio,
+    roles,
+    steer,
+    trajectory,
+    watch,
+)
+
+app = typer.Typer(
+    name="rcopterx",
+    help="Formation flight of miniature helicopters with distributed model predictive control. "
+    "Lengths are metres, times seconds, angles on the command line degrees.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
+    "Fly": (launch.up, launch.demo, fly.fly),
+    "Watch a running fleet": (watch.status, watch.check, watch.top, watch.view),
+    "Steer a running fleet": (
+        steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
+        trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,
+        steer.reset,
+    ),
+    "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
+    "Try out faults": (laboratory.inject, laboratory.replay_tracker),
+    "Experiment": (experiment.experiment,),
+    "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
+}  # fmt: skip
+WITH_COORDINATES = (steer.goto,)
+"""A coordinate may be negative; unknown options are not looked for, so that -0.5 is a number."""
+for panel, commands in COMMANDS.items():
+    for command in commands:
+        settings = {"ignore_unknown_options": command in WITH_COORDINATES}
+        app.command(rich_help_panel=panel, context_settings=settings)(command)
+app.add_typer(bench.app, name="bench", rich_help_panel="Experiment")

@@ -1,0 +1,260 @@
+"""`rcopterx kill`: cuts the motors of whatever fleet is up, and tells for every vehicle if its arbiter did.
+
+It must work a tenth of a second after it was typed, so nothing here imports the command line, message types
+or numerical libraries: the few bytes of a kill are packed by hand.
+"""
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.endpoints import client_config
+from bus.keys import EVERY_FLEET, FLEET_UNIT, KILL_TOPIC, ROOT, TRANSMITTER_TOPIC, key
+from deploy.running import RunningFleet, running_fleets
+
+SOURCE = "operator"
+SCHEMA_VERSION = 1
+REPEAT_S = 0.05
+"""Between two copies; delivery is not assured, and one that is lost costs a vehicle this much time."""
+CONFIRM_S = 2.0
+"""How long confirmations are waited for, and vehicles of unknown fleets to be heard of."""
+FIRST_RECORD_S = 0.3
+"""A router that was just replaced has no record for a moment."""
+ATTEMPT_S = 0.2
+"""To connect to one endpoint; tried again and again."""
+USUAL_ROUTER = "tcp/127.0.0.1:7447"
+"""Tried as well, for fleets with another run directory, unless `RCOPTERX_RUN` restricts where to look."""
+LISTEN_S = 0.5
+"""To a router that no record tells of; statuses come five times a second."""
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+
+
+class Verdict(NamedTuple):
+    """What became of one vehicle; `reason` is empty if its arbiter is KILLED."""
+
+    fleet: str
+    vehicle: str
+    reason: str
+
+
+class States:
+    """States of arbiters by fleet and vehicle, as they are heard on any router."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._states: dict[tuple[str, str], str] = {}
+
+    def hear(self, sample: zenoh.Sample) -> None:
+        """Note the state that a transmitter's status tells; called on receive threads."""
+        chunks = str(sample.key_expr).split("/")
+        try:
+            state = str(msgpack.unpackb(sample.payload.to_bytes())["state"])
+        except (ValueError, TypeError, KeyError):
+            return
+        with self._changed:
+            self._states[chunks[1], chunks[2]] = state
+            self._changed.notify_all()
+
+    def now(self) -> dict[tuple[str, str], str]:
+        """All that was heard."""
+        with self._changed:
+            return dict(self._states)
+
+    def wait(self, seconds: float) -> None:
+        """Wait for news."""
+        with self._changed:
+            self._changed.wait(seconds)
+
+
+def fleets_to_kill() -> list[RunningFleet]:
+    """Every fleet that a router of can be found on this computer."""
+    give_up_s = time.monotonic() + FIRST_RECORD_S
+    while not (found := running_fleets()) and time.monotonic() < give_up_s:
+        time.sleep(0.01)
+    known = {endpoint for running in found for endpoint in running.endpoints}
+    if "RCOPTERX_RUN" not in os.environ and USUAL_ROUTER not in known:
+        found.append(_of_address(USUAL_ROUTER))
+    return found
+
+
+def _of_address(endpoint: str) -> RunningFleet:
+    """A fleet of which only the address of its router is known."""
+    return RunningFleet("", "", None, "", [endpoint], [], [], "")
+
+
+def kill(
+    fleets: Sequence[RunningFleet], vehicles: Sequence[str] = (), *, only: str | None = None
+) -> list[Verdict]:
+    """Cut the motors, again and again, until every arbiter says that it is KILLED or the time is over.
+
+    Parameters
+    ----------
+    fleets
+        Whose routers are used.
+    vehicles
+        Which vehicles, none for all.
+    only
+        Name of the only fleet that shall obey; None for every fleet behind these routers.
+
+    Returns
+    -------
+    list of Verdict
+        One for each vehicle that is known of.
+    """
+    states, stop = States(), threading.Event()
+    target = key(only or EVERY_FLEET, FLEET_UNIT, KILL_TOPIC)
+    payload = msgpack.packb(
+        {"schema_version": SCHEMA_VERSION, "source": SOURCE, "reason": SOURCE, "vehicles": list(vehicles)}
+    )
+    threads, listening = [], []
+    for running in fleets:
+        for endpoints in (running.endpoints, *([other] for other in running.others)):
+            router = Router(endpoints, running.namespace, states, stop)
+            threads.append(threading.Thread(target=router.repeat, args=(target, payload)))
+            threads[-1].start()
+            if not running.vehicles:
+                listening.append(router)
+    wanted = {
+        (running.fleet, name) for running in fleets for name in running.vehicles if _meant(name, vehicles)
+    }
+    give_up_s = time.monotonic() + CONFIRM_S
+    while True:
+        heard = states.now()
+        if only is None:
+            wanted |= {pair for pair in heard if _meant(pair[1], vehicles)}
+        left_s = give_up_s - time.monotonic()
+        killed = all(heard.get(pair) == "killed" for pair in wanted)
+        if left_s <= 0 or (killed and all(router.heard_out() for router in listening)):
+            break
+        states.wait(min(left_s, REPEAT_S))
+    stop.set()
+    # Sessions must be closed before the interpreter ends.
+    for thread in threads:
+        thread.join()
+    return [Verdict(*pair, _problem(heard.get(pair))) for pair in sorted(wanted)]
+
+
+def _meant(name: str, vehicles: Sequence[str]) -> bool:
+    return not vehicles or name in vehicles
+
+
+def _problem(state: str | None) -> str:
+    if state == "killed":
+        return ""
+    return "its transmitter gateway does not respond" if state is None else f"its arbiter is {state.upper()}"
+
+
+class Router:
+    """One router that the kill is put on."""
+
+    def __init__(
+        self, endpoints: Sequence[str], namespace: str | None, states: States, stop: threading.Event
+    ) -> None:
+        self._endpoints = endpoints
+        self._namespace = namespace
+        self._states = states
+        self._stop = stop
+        self._linked_s: float | None = None
+        self._refused = False
+
+    def heard_out(self) -> bool:
+        """Whether nobody is there, or everybody behind it has had the time to tell the state."""
+        if self._linked_s is None:
+            return self._refused
+        return time.monotonic() > self._linked_s + LISTEN_S
+
+    def repeat(self, target: str, payload: bytes) -> None:
+        """Put the kill until told to stop; a router that is away is tried again and again."""
+        session = self._opened()
+        if session is None:
+            return
+        session.put(target, payload, priority=zenoh.Priority.REAL_TIME)
+        pattern = f"{ROOT}/*/*/{TRANSMITTER_TOPIC}"
+        heard = session.declare_subscriber(pattern, Callback(self._states.hear, indirect=False))
+        self._linked_s = time.monotonic()
+        while not self._stop.wait(REPEAT_S):
+            session.put(target, payload, priority=zenoh.Priority.REAL_TIME)
+        heard.undeclare()
+        session.close()
+
+    def _opened(self) -> zenoh.Session | None:
+        while not self._stop.is_set():
+            for endpoint in self._endpoints:
+                try:
+                    return zenoh.open(client_config([endpoint], self._namespace, ATTEMPT_S))
+                except zenoh.ZError:
+                    self._refused = True
+                    self._stop.wait(0.01)
+        return None
+
+
+def report(verdicts: Sequence[Verdict], vehicles: Sequence[str], fleets: Sequence[RunningFleet]) -> list[str]:
+    """What to tell: a line for each vehicle, beginning with `error:` where it was not killed."""
+    lines = [
+        f"error: {one.fleet}: {one.vehicle} not killed: {one.reason}"
+        if one.reason
+        else f"{one.fleet}: {one.vehicle} killed"
+        for one in verdicts
+    ]
+    known = {one.vehicle for one in verdicts}
+    names = ", ".join(running.fleet for running in fleets if running.fleet)
+    lines += [f"error: {name} is no vehicle of {names}" for name in vehicles if names and name not in known]
+    if not verdicts and not names:
+        lines.append("error: no fleet is up on this computer; name the file of another one (-f FLEET)")
+    return lines
+
+
+def parsed(arguments: Sequence[str]) -> tuple[list[str], str | None] | None:
+    """Vehicles and fleet of a command line; None if it holds anything else than names and -f."""
+    vehicles: list[str] = []
+    fleet = None
+    rest = iter(arguments)
+    for word in rest:
+        if word in ("-f", "--fleet"):
+            fleet = next(rest, None)
+            if fleet is None:
+                return None
+        elif word.startswith("-"):
+            return None
+        else:
+            vehicles.append(word)
+    return vehicles, fleet
+
+
+def run(vehicles: Sequence[str], fleet: str | None) -> int:
+    """Kill and tell; the exit code.
+
+    Parameters
+    ----------
+    vehicles
+        Which vehicles, none for all.
+    fleet
+        File or shipped name of the only fleet that is meant; None for every fleet that is up here.
+    """
+    if fleet is None:
+        fleets, only = fleets_to_kill(), None
+    else:
+        # Whoever names a file waits for it to be read and checked.
+        from rcopterx.named_fleet import FleetError, fleet_of
+
+        try:
+            named = fleet_of(fleet)
+        except FleetError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return EXIT_USAGE
+        fleets, only = [named], named.fleet
+    lines = report(kill(fleets, vehicles, only=only), vehicles, fleets)
+    up = {running.fleet for running in running_fleets()}
+    if only is not None and up and only not in up:
+        lines.append(f"error: {only} is not up on this computer, {', '.join(sorted(up))} is; leave out -f")
+    for line in lines:
+        print(line, file=sys.stderr if line.startswith("error:") else sys.stdout)
+    return EXIT_FAILED if any(line.startswith("error:") for line in lines) else 0

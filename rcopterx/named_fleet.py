@@ -1,0 +1,31 @@
+"""Where the fleet of a file would be running, for `rcopterx kill -f`."""
+
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.fleet_file.shipped import fleet_path
+from deploy.roles.addresses import router_endpoints
+from deploy.running import RunningFleet
+
+__all__ = ["FleetError", "fleet_of"]
+
+
+def fleet_of(name: str) -> RunningFleet:
+    """Routers and vehicles by a fleet file or the name of a shipped one.
+
+    Raises
+    ------
+    FleetError
+        The file cannot be used.
+    """
+    file = load_fleet(fleet_path(name))
+    host, *others = file.hosts
+    return RunningFleet(
+        fleet=file.name,
+        digest="",
+        namespace=file.bus.namespace,
+        host=host,
+        endpoints=router_endpoints(file, host),
+        others=[file.endpoint(other) for other in others],
+        vehicles=list(file.vehicles),
+        snapshot="",
+    )

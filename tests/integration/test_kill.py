@@ -1,0 +1,71 @@
+"""`rcopterx kill` as it is typed: a fresh process finds the fleet that is up and cuts its motors at once."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from integration_support import NAMES, Flying, all_states, fleet_text, free_port
+
+from bus import channels
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+Launch = Callable[..., Flying]
+
+TYPED_TO_CUT_S = 1.0
+"""Loose, for a busy machine; docs/safety.md tells what was measured."""
+
+
+def typed(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rcopterx", *words], capture_output=True, text=True, timeout=60
+    )
+
+
+def test_a_kill_of_another_fleet_fails_and_says_which_one_is_up_and_a_kill_without_a_name_cuts_it(
+    launch: Launch, tmp_path: Path
+) -> None:
+    flying = launch()
+    applied = {name: flying.fleet.session.subscribe(channels.APPLIED, name, depth=512) for name in NAMES}
+    flying.fleet.take_off(height_m=0.5)
+    other = tmp_path / "attic.toml"
+    other.write_text(
+        fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}).replace(
+            'name = "lab"', 'name = "attic"'
+        )
+    )
+    done = typed("kill", "-f", str(other))
+    assert done.returncode == 1
+    assert "error: attic is not up on this computer, lab is; leave out -f" in done.stderr
+    assert all_states(flying, "armed")
+    for inbox in applied.values():
+        inbox.drain()
+    typed_s = time.monotonic()
+    done = typed("kill")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [f"lab: {name} killed" for name in NAMES]
+    for name, inbox in applied.items():
+        killed_s = [one.message.written_s for one in inbox.drain() if one.message.state == "killed"]
+        assert killed_s, name
+        print(f"{name}: motors cut {1000 * (killed_s[0] - typed_s):.0f} ms after it was typed")
+        assert killed_s[0] - typed_s < TYPED_TO_CUT_S
+
+
+def test_a_kill_of_one_vehicle_leaves_the_others_flying_and_names_that_do_not_exist_are_errors(
+    launch: Launch,
+) -> None:
+    flying = launch()
+    flying.fleet.take_off(["h1", "h2"], height_m=0.5)
+    done = typed("kill", "h2", "h9")
+    assert done.returncode == 1
+    assert done.stdout == "lab: h2 killed\n"
+    assert done.stderr == "error: h9 is no vehicle of lab\n"
+    states = {name: flying.fleet.state_of(name).transmitter for name in NAMES}
+    assert {name: state.state for name, state in states.items() if state is not None} == {
+        "h1": "armed",
+        "h2": "killed",
+        "h3": "disarmed",
+    }
