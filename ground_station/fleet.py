@@ -301,15 +301,28 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             _add_notes(first, map(str, others))
             raise first
 
-    def kill(self, names: Iterable[str] = (), reason: str = "operator", seconds: float = 1.0) -> None:
-        """Cut the motors of some or all vehicles now; repeated for a while, as delivery is not assured."""
+    def kill(self, names: Iterable[str] = (), reason: str = "operator", timeout_s: float = 1.0) -> None:
+        """Cut the motors of some or all vehicles now, latching; repeated until every arbiter confirms it.
+
+        Raises
+        ------
+        NotReachedError
+            An arbiter is not KILLED within `timeout_s`; says which.
+        """
         message = Kill(source=SOURCE, reason=reason, vehicles=tuple(names))
-        deadline_s = time.monotonic() + seconds
+        wanted = message.vehicles or tuple(self.file.vehicles)
+        deadline_s = time.monotonic() + timeout_s
+
+        def missing() -> list[str]:
+            return [name for name in wanted if self.state_of(name).transmitter_state != "killed"]
+
         while True:
             self.session.publish(channels.KILL, channels.FLEET_UNIT, message)
-            if time.monotonic() >= deadline_s:
+            if self._notifier.wait_until(lambda: not missing(), KILL_REPEAT_S):
                 return
-            time.sleep(KILL_REPEAT_S)
+            if time.monotonic() >= deadline_s:
+                states = "; ".join(self.state_of(name).summary() for name in missing())
+                raise NotReachedError(f"after {timeout_s:g} s: not killed: {states}")
 
 
 @contextmanager

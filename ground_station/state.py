@@ -48,6 +48,11 @@ class VehicleState:
         return "unknown" if self.agent is None else self.agent.phase
 
     @property
+    def transmitter_state(self) -> str:
+        """State of the arbiter, `unknown` without a status."""
+        return "unknown" if self.transmitter is None else self.transmitter.state
+
+    @property
     def airborne(self) -> bool:
         """Whether the vehicle is in the air as far as its agent tells."""
         return self.phase in AIRBORNE

@@ -85,7 +85,10 @@ def _bring_down(fleet: Fleet, interrupts: Interrupts) -> None:
         landing.join(0.1)
         if interrupts.count > before:
             typer.echo("cutting the motors", err=True)
-            fleet.kill(reason="second Ctrl-C")
+            try:
+                fleet.kill(reason="second Ctrl-C")
+            except NotReachedError as error:
+                typer.echo(f"error: {error}", err=True)
             return
 
 

@@ -84,7 +84,7 @@ def test_every_request_of_the_module_is_a_verb_and_the_other_way_round() -> None
 
 @pytest.mark.parametrize("verb", VERBS.values(), ids=lambda verb: verb.name)
 def test_every_verb_has_a_server_and_a_reply(verb: requests.Verb) -> None:
-    assert verb.server in ("agent", "transmitter_gateway", "launcher", "simulator")
+    assert verb.server in ("agent", "transmitter_gateway", "launcher", "router", "simulator")
     assert issubclass(verb.reply, Reply)
     assert VERBS[verb.name] is verb
 

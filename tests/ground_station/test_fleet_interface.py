@@ -271,16 +271,15 @@ def test_a_refusal_names_vehicle_and_reason(fleet: Fleet, vehicles: Vehicles) ->
     assert vehicles["h2"].requests == [Land()]
 
 
-def test_kill_reaches_the_transmitters_more_than_once(fleet: Fleet, join: Callable[..., Session]) -> None:
-    transmitter = join().subscribe(channels.KILL, channels.FLEET_UNIT, depth=50)
-
-    def heard() -> bool:
-        fleet.kill(["h2"], "test", seconds=0.15)
-        return len(transmitter.drain()) >= 2
-
-    wait_for(heard, "no kill is heard")
-    fleet.kill(seconds=0.0)
-    wait_for(lambda: (newest := transmitter.latest()) is not None and newest.message.vehicles == (), "all")
+def test_a_kill_is_repeated_until_the_arbiters_confirm_it(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].stuck.add("kill")
+    with pytest.raises(NotReachedError, match="not killed: h2: ground, transmitter disarmed: scripted"):
+        fleet.kill(["h2"], "test", timeout_s=0.3)
+    assert len(vehicles["h2"].kills) >= 2
+    assert {kill.vehicles for kill in vehicles["h2"].kills} == {("h2",)}
+    vehicles["h2"].stuck.clear()
+    fleet.kill(timeout_s=10.0)
+    assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "killed"]
 
 
 def test_a_recording_holds_what_travelled_between_start_and_stop(fleet: Fleet, vehicles: Vehicles) -> None:

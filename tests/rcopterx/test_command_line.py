@@ -11,12 +11,9 @@ from click.testing import Result
 from support.bus import own_address
 from support.fleets import HARDWARE_PAIR, PAIR
 from support.scripted import ScriptedVehicle, fleet_file_text
-from support.waiting import wait_for
 from typer.testing import CliRunner
 
-from bus import channels
 from bus.requests import Follow, GoTo, TakeOff
-from bus.session import Session
 from deploy.fleet_file.reading import load_fleet
 from deploy.fleet_file.schema import FleetError
 from deploy.fleet_file.shipped import fleet_path, shipped_fleets
@@ -120,7 +117,6 @@ def test_wrong_arguments_are_usage_errors_that_say_what_is_allowed(
         ("follow", "h2", "h1"),
         ("lead", "h1"),
         ("land",),
-        ("kill",),
         ("reset",),
         ("fly", "hover"),
     ],
@@ -246,7 +242,6 @@ def test_a_role_that_does_not_exist_is_a_usage_error(
         ("follow", "h1", "h9"),
         ("lead", "h9"),
         ("land", "h9"),
-        ("kill", "h9"),
         ("reset", "h9"),
     ],
 )
@@ -302,16 +297,6 @@ def test_arm_disarm_kill_and_reset_reach_the_transmitters(up: str, vehicles: Veh
     assert run("reset", "h2", "-f", up).output.strip() == "reset"
     assert vehicles["h1"].verbs == ["Arm", "Disarm"]
     assert vehicles["h2"].verbs == ["Disarm", "ResetKill"]
-
-
-def test_kill_is_heard_by_every_transmitter(up: str, join: Callable[..., Session]) -> None:
-    heard = join().subscribe(channels.KILL, channels.FLEET_UNIT, depth=99)
-
-    def killed() -> bool:
-        assert run("kill", "h2", "-f", up).output.strip() == "killed"
-        return any(kill.message.vehicles == ("h2",) for kill in heard.drain())
-
-    wait_for(killed, "no kill is heard")
 
 
 def test_a_refusal_is_an_error_line_with_vehicle_and_reason(up: str, vehicles: Vehicles) -> None:

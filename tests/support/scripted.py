@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from bus import channels
 from bus.messages import (
     AgentStatus,
+    Kill,
     LeaderLink,
     Plan,
     Pose,
@@ -51,6 +52,7 @@ class ScriptedVehicle:
         self.speaks = True
         self.stuck: set[str] = set()
         self.requests: list[object] = []
+        self.kills: list[Kill] = []
         self.counts: dict[str, int] = {}
         self.following: tuple[LeaderLink, ...] = ()
         self.assigned: tuple[LeaderLink, ...] = ()
@@ -70,6 +72,12 @@ class ScriptedVehicle:
             self.state = NEXT_STATE.get(incoming.verb, self.state)
             self._obey(incoming.request)
         incoming.answer(Reply(accepted=refusal is None, reason=refusal or self._news(incoming.request)))
+
+    def take_kill(self, name: str, kill: Kill) -> None:
+        """Obey unless stuck."""
+        self.kills.append(kill)
+        if "kill" not in self.stuck and (not kill.vehicles or name in kill.vehicles):
+            self.phase, self.state = "ground", "killed"
 
     def _obey(self, request: object) -> None:
         """Be at once where one was sent."""
@@ -137,10 +145,17 @@ def scripted(session: Session, *names: str, tracker: str = "up") -> Iterator[dic
     vehicles = {name: ScriptedVehicle(name) for name in names}
     for name in names:
         session.serve(name, VERBS)
+    kills = [
+        session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=8, fleet=fleet)
+        for fleet in (session.address.fleet, channels.EVERY_FLEET)
+    ]
     stop = threading.Event()
 
     def live() -> None:
         while not stop.wait(PERIOD_S):
+            for received in [received for inbox in kills for received in inbox.drain()]:
+                for name, vehicle in vehicles.items():
+                    vehicle.take_kill(name, received.message)
             for incoming in session.pending():
                 vehicles[incoming.unit].answer(incoming)
             for name, vehicle in vehicles.items():

@@ -1,0 +1,157 @@
+"""Promises of `rcopterx kill`: what is up is cut at once, and it is told of every vehicle if it was."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgpack
+import pytest
+from click.testing import Result
+from support.bus import own_address
+from support.scripted import ScriptedVehicle, fleet_file_text
+from typer.testing import CliRunner
+
+import rcopterx.kill
+from bus import channels
+from bus.codec import decode
+from bus.messages import Kill
+from bus.session import BusAddress
+from deploy.running import RunningFleet, recorded
+from rcopterx.command_line import app
+from rcopterx.kill import Verdict, kill, parsed, report, run
+
+Vehicles = dict[str, ScriptedVehicle]
+
+
+def record(address: BusAddress, names: tuple[str, ...] = ("h1", "h2")) -> RunningFleet:
+    return RunningFleet(
+        address.fleet, "0", address.namespace, "main", list(address.endpoints), [], list(names), ""
+    )
+
+
+@pytest.fixture
+def running(bus_address: BusAddress, vehicles: Vehicles, tmp_path: Path) -> "Callable[[], object]":
+    """The record of the scripted fleet, where `kill` looks for it."""
+    directory = tmp_path / "run" / "lab"
+    directory.mkdir(parents=True)
+    return lambda: recorded(directory, record(bus_address))
+
+
+def test_the_fleet_that_is_up_is_cut_without_naming_it(
+    running: Callable[[], object], vehicles: Vehicles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with running():  # type: ignore[attr-defined]
+        assert run([], None) == 0
+    assert capsys.readouterr().out == "lab: h1 killed\nlab: h2 killed\n"
+    assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "killed"]
+
+
+def test_a_vehicle_that_does_not_obey_is_told_with_its_state_and_the_exit_code(
+    running: Callable[[], object],
+    vehicles: Vehicles,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rcopterx.kill, "CONFIRM_S", 0.5)
+    vehicles["h2"].stuck.add("kill")
+    with running():  # type: ignore[attr-defined]
+        assert run([], None) == 1
+    told = capsys.readouterr()
+    assert told.out == "lab: h1 killed\n"
+    assert told.err == "error: lab: h2 not killed: its arbiter is DISARMED\n"
+
+
+def test_single_vehicles_are_cut_and_unknown_names_are_errors_that_stop_nothing(
+    running: Callable[[], object], vehicles: Vehicles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with running():  # type: ignore[attr-defined]
+        assert run(["h2", "h9"], None) == 1
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("lab: h2 killed\n", "error: h9 is no vehicle of lab\n")
+    assert [vehicle.state for vehicle in vehicles.values()] == ["disarmed", "killed"]
+
+
+def test_a_router_that_no_record_tells_of_is_asked_who_is_there(
+    bus_address: BusAddress, vehicles: Vehicles
+) -> None:
+    unknown = RunningFleet("", "", bus_address.namespace, "", list(bus_address.endpoints), [], [], "")
+    assert kill([unknown]) == [Verdict("lab", "h1", ""), Verdict("lab", "h2", "")]
+
+
+def test_a_fleet_that_is_named_is_the_only_one_that_obeys(
+    bus_address: BusAddress, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rcopterx.kill, "CONFIRM_S", 0.3)
+    other = record(bus_address)._replace(fleet="attic")
+    reason = "its transmitter gateway does not respond"
+    assert kill([other], only="attic") == [Verdict("attic", name, reason) for name in ("h1", "h2")]
+    assert [vehicle.state for vehicle in vehicles.values()] == ["disarmed", "disarmed"]
+
+
+def test_a_fleet_that_is_down_is_an_error_for_each_of_its_vehicles(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rcopterx.kill, "CONFIRM_S", 0.3)
+    path = tmp_path / "down.toml"
+    path.write_text(fleet_file_text(own_address()))
+    assert run([], str(path)) == 1
+    assert "error: lab: h1 not killed: its transmitter gateway does not respond\n" in capsys.readouterr().err
+    assert run([], "nowhere.toml") == 2
+    assert "error: nowhere.toml: no such file" in capsys.readouterr().err
+
+
+def test_without_any_fleet_it_is_said_how_to_name_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([], None) == 1
+    assert capsys.readouterr().err.startswith("error: no fleet is up on this computer; name the file")
+
+
+@pytest.mark.parametrize(
+    ("words", "meaning"),
+    [
+        ([], ([], None)),
+        (["h1", "h2"], (["h1", "h2"], None)),
+        (["-f", "lab.toml", "h1"], (["h1"], "lab.toml")),
+        (["h1", "--fleet", "lab.toml"], (["h1"], "lab.toml")),
+        (["--help"], None),
+        (["-f"], None),
+        (["--fleet=lab.toml"], None),
+    ],
+)
+def test_only_plain_command_lines_go_the_fast_way(words: list[str], meaning: object) -> None:
+    assert parsed(words) == meaning
+
+
+def test_the_command_line_does_the_same_with_what_does_not_go_the_fast_way(tmp_path: Path) -> None:
+    result: Result = CliRunner().invoke(app, ["kill", f"--fleet={tmp_path}/nowhere.toml"])
+    assert result.exit_code == 2
+    assert "nowhere.toml: no such file" in result.stderr
+
+
+def test_the_bytes_on_the_wire_are_a_valid_kill_on_its_channel(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[tuple[str, bytes]] = []
+    monkeypatch.setattr(
+        "rcopterx.kill.Router.repeat", lambda self, target, payload: sent.append((target, payload))
+    )
+    monkeypatch.setattr(rcopterx.kill, "CONFIRM_S", 0.05)
+    kill([record(own_address())], ["h2"])
+    ((target, payload),) = sent
+    assert decode(payload, Kill) == Kill(source="operator", reason="operator", vehicles=("h2",))
+    assert target == channels.key(channels.EVERY_FLEET, channels.FLEET_UNIT, channels.KILL.topic)
+    assert msgpack.unpackb(payload)["schema_version"] == Kill(source="x", reason="").schema_version
+
+
+def test_verdicts_become_lines() -> None:
+    fleets = [record(own_address())]
+    lines = report([Verdict("lab", "h1", ""), Verdict("lab", "h2", "its arbiter is ARMED")], ["h1"], fleets)
+    assert lines == ["lab: h1 killed", "error: lab: h2 not killed: its arbiter is ARMED"]
+
+
+def test_a_kill_imports_no_library_that_takes_long() -> None:
+    code = """
+import sys
+import rcopterx.cli, rcopterx.kill
+print(sorted({"numpy", "scipy", "osqp", "msgspec", "typer", "rich"} & sys.modules.keys()))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "[]\n"
