@@ -27,6 +27,8 @@ class Event(StrEnum):
     DISARM = "disarm"
     """The transmitter gateway keeps the throttle low."""
     TAKE_OFF = "take_off"
+    NOT_LIFTED = "not_lifted"
+    """The rotor turned up, and the vehicle stayed on the floor."""
     CLIMBED = "climbed"
     LAND = "land"
     TOUCHED_DOWN = "touched_down"
@@ -44,6 +46,7 @@ TRANSITIONS: Final = MappingProxyType(
         (Phase.ARMED, Event.DISARM): Phase.GROUND,
         (Phase.ARMED, Event.TAKE_OFF): Phase.TAKEOFF,
         (Phase.TAKEOFF, Event.CLIMBED): Phase.FLYING,
+        (Phase.TAKEOFF, Event.NOT_LIFTED): Phase.ARMED,
         (Phase.TAKEOFF, Event.LAND): Phase.LANDING,
         (Phase.TAKEOFF, Event.DISARM): Phase.GROUND,
         (Phase.TAKEOFF, Event.OVERRIDE): Phase.EMERGENCY,

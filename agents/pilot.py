@@ -16,6 +16,7 @@ import numpy as np
 from agents.flight.fleet_clock import FleetClock, InputHistory
 from agents.flight.followed import LeaderPlan
 from agents.flight.guidance import Guidance, resting
+from agents.flight.lift_off import LiftOff
 from agents.flight.prediction import predict
 from agents.interfaces import AvoidsObstacles, Controller, Estimate, Estimator, Measurement
 from agents.phases import Event, Phase
@@ -23,11 +24,11 @@ from agents.references.trajectory import Trajectory
 from agents.references.turns import nearest_heading
 from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
 from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
+from vehicles.state import INPUT_SIZE, U_THRUST, YAW, ZD_BODY, Array, Z
 
 BRIDGE_STAGES = 6
-SPOOL_UP_S = 0.5
-SPOOL_UP_SHARE = 0.85
+LIFT_SPEED_M_S = 0.05
+"""Climb that a vehicle has when it is seen to have lifted."""
 BLIND_LIMIT_S = 0.3
 TRANSFER_DECAY = 0.8
 """What is left, after a period, of the difference that another controller or estimator makes to the input."""
@@ -123,7 +124,7 @@ class Pilot:
         """Whether the state of the transmitter is known; before that nothing may be commanded."""
         self._seen = False
         self._expected_yaw_rad = 0.0
-        self._spool_up_until_s = 0.0
+        self._lift_off = LiftOff(model)
         self._blind_s = 0.0
         self._flown_by_controller = False
         self._transfer_pending = False
@@ -212,10 +213,10 @@ class Pilot:
         """Begin to take off; a refusal is returned as its reason."""
         if not self.ready:
             return "no pose yet" if not self.clock.started else f"no pose for {self._blind_s:.1f} s"
-        start_s = self.clock.time_s + SPOOL_UP_S
-        refusal = self.guidance.take_off(self.estimate, height_m, start_s)
+        time_s = self.clock.time_s
+        refusal = self.guidance.take_off(self.estimate, height_m, time_s)
         if refusal is None:
-            self._spool_up_until_s = start_s
+            self._lift_off.begin(time_s, float(self.estimate.motion[Z]))
         return refusal
 
     def use_controller(self, controller: Controller) -> None:
@@ -251,7 +252,8 @@ class Pilot:
         self.sequence += 1
         time_s, delay_s = self.clock.time_s, self.model.delay_s
         self.guidance.check_floor(self.estimate, time_s)
-        if not self.guidance.rotor_on or self._spooling:
+        self._tend_lift_off(time_s)
+        if self._standing:
             return self._stand(time_s + delay_s)
         estimate = self._compensated(time_s)
         reference = self.guidance.reference(
@@ -304,12 +306,32 @@ class Pilot:
         return np.clip(inputs + fading, self.model.u_min, self.model.u_max)
 
     @property
-    def _spooling(self) -> bool:
-        return self.guidance.phase is Phase.TAKEOFF and self.clock.time_s < self._spool_up_until_s
-
-    @property
     def _standing(self) -> bool:
-        return not self.guidance.rotor_on or self._spooling
+        return not self.guidance.rotor_on or self._lift_off.under_way
+
+    def _tend_lift_off(self, time_s: float) -> None:
+        """Let the controller take over once the vehicle has lifted, and give up one that does not."""
+        if not self._lift_off.under_way:
+            return
+        if self.guidance.phase is not Phase.TAKEOFF:
+            self._lift_off.end()
+        elif self._lift_off.lifted(float(self.estimate.motion[Z])):
+            self.estimator.take_over(self._lifted_estimate(time_s))
+            self.guidance.lifted(self.estimate, time_s)
+            self._lift_off.end()
+        elif self._lift_off.failed(time_s):
+            self._lift_off.end()
+            self.fallbacks["not_lifted"] += 1
+            self.guidance.on_event(Event.NOT_LIFTED, self.estimate)
+
+    def _lifted_estimate(self, time_s: float) -> Estimate:
+        """Estimate of a vehicle that has just lifted: the thrust that acts carries its weight."""
+        motion = self.estimate.motion.copy()
+        motion[ZD_BODY] = LIFT_SPEED_M_S
+        actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
+        actuator[U_THRUST] = self._lift_off.acting_thrust(time_s)
+        disturbance[U_THRUST] = self.model.gravity_m_s2 - self.model.b[U_THRUST] * actuator[U_THRUST]
+        return Estimate(motion, actuator, disturbance)
 
     def _in_the_air(self, value: Array) -> bool:
         return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])
@@ -317,9 +339,7 @@ class Pilot:
     def _stand(self, effect_from_s: float) -> ControlOutput:
         """On the floor: rotor off, or turning up open-loop before the controller takes over."""
         command = np.zeros(INPUT_SIZE)
-        if self._spooling:
-            progress = 1 - (self._spool_up_until_s - self.clock.time_s) / SPOOL_UP_S
-            command[U_THRUST] = progress * SPOOL_UP_SHARE * self.model.hover_input[U_THRUST]
+        command[U_THRUST] = self._lift_off.thrust(self.clock.time_s)
         self._flown_by_controller = False
         self.plan = None
         self.input_history.append(effect_from_s, self.sequence, command)

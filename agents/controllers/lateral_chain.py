@@ -62,7 +62,7 @@ class LateralChain:
         self._directions: Array = np.zeros((stages, parameters.clearances, AXES))
         self._demands: Array = np.zeros(self._free)
         self._condense()
-        self._terminal_cost = self._riccati_cost()
+        self.terminal_cost = self._riccati_cost()
         self._hessian = self._constant_hessian()
         self._factor = _cholesky(self._hessian)
         level = np.tile(np.eye(AXES), (stages, 1, 1))
@@ -107,14 +107,14 @@ class LateralChain:
         positions, velocities = self._position_map[inner], self._velocity_map[inner]
         hessian = self._position_weight * positions.T @ positions
         hessian += self._velocity_weight * velocities.T @ velocities
-        hessian += self._last_map.T @ self._terminal_cost @ self._last_map
+        hessian += self._last_map.T @ self.terminal_cost @ self._last_map
         hessian[np.diag_indices(self._free)] += self._demand_weight
         return np.asarray(hessian)
 
     @property
     def gain(self) -> Array:
         """Feedback of the first demand on the state when no bound is active: e = -gain x, shape (2, n)."""
-        system, cost = self._system, self._terminal_cost
+        system, cost = self._system, self.terminal_cost
         effort = self._demand_weight * np.eye(AXES) + system.demand.T @ cost @ system.demand
         return np.asarray(np.linalg.solve(effort, system.demand.T @ cost @ system.transition))
 
@@ -210,7 +210,7 @@ class LateralChain:
     def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
         """As `gradient`, with the terminal cost's part."""
         error = self._last_base + self._last_map @ self._demands - target.terminal
-        return np.asarray(self.gradient(pull) + (self._terminal_cost @ error) @ self._last_map)
+        return np.asarray(self.gradient(pull) + (self.terminal_cost @ error) @ self._last_map)
 
     def factorize(self, weights: Array) -> Array | None:
         """Cholesky factor of the Hessian with these row weights; None if it is not definite."""

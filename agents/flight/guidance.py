@@ -121,10 +121,21 @@ class Guidance:
             return problem
         start = estimate.motion[:3].copy()
         self._touchdown.floor_m = float(start[2])
-        end = start + np.array([0.0, 0.0, height_m])
-        self.source = SmoothMove.at_speed(start, end, float(estimate.motion[YAW]), time_s, TAKE_OFF_SPEED_M_S)
+        self._climb_to(start + np.array([0.0, 0.0, height_m]), estimate, time_s)
         self.on_event(Event.TAKE_OFF, estimate)
         return None
+
+    def lifted(self, estimate: Estimate, time_s: float) -> None:
+        """Climb from now on; until here the rotor was turning up."""
+        position_m, _ = self.set_point()
+        self._climb_to(position_m, estimate, time_s)
+
+    def _climb_to(self, end_m: Array, estimate: Estimate, time_s: float) -> None:
+        """Make the way up to a place the reference; it is climbed above where the vehicle stood."""
+        start_m = np.append(end_m[:2], estimate.motion[2])
+        self.source = SmoothMove.at_speed(
+            start_m, end_m, float(estimate.motion[YAW]), time_s, TAKE_OFF_SPEED_M_S
+        )
 
     def land(self, estimate: Estimate, time_s: float) -> str | None:
         """Begin to descend; a refusal is returned as its reason."""

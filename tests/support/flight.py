@@ -86,6 +86,9 @@ class ExactEstimator:
         x, y, z = measurement.position_m
         self._estimate = still((x, y, z), measurement.yaw_rad)
 
+    def take_over(self, estimate: Estimate) -> None:
+        self._estimate = estimate
+
     def predict(self, applied_input: Array, period_s: float) -> None:
         self._estimate = predict(self._model, self._estimate, applied_input, period_s)
 

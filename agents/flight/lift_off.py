@@ -1,0 +1,81 @@
+"""From a standing rotor to the first centimetre: thrust rises open loop until the vehicle is seen to lift.
+
+A model knows neither the floor nor the thrust that this battery gives today. So the controller takes over
+only when the vehicle has left the floor, and the thrust that lifted it tells what carries its weight.
+"""
+
+from typing import Final
+
+from vehicles.model import Model
+from vehicles.state import U_THRUST
+
+SPOOL_UP_S: Final = 0.5
+SPOOL_UP_SHARE: Final = 0.85
+"""Part of the hover thrust to which the rotor turns up first."""
+RISE_PER_S: Final = 0.3
+"""Of the hover thrust, until the vehicle lifts."""
+LARGEST_SHARE: Final = 1.4
+"""Of the hover thrust; a vehicle that this does not lift does not fly."""
+LIFTING_SHARE: Final = 1.1
+"""From here on the vehicle is expected to lift."""
+PATIENCE_S: Final = 1.5
+"""How long after that it may stand."""
+LIFTED_M: Final = 0.006
+"""Twenty times the noise of a motion capture."""
+
+
+class LiftOff:
+    """One take-off, from `begin` to the first lift.
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._hover = float(model.hover_input[U_THRUST])
+        self._largest = min(LARGEST_SHARE * self._hover, float(model.u_max[U_THRUST]))
+        self._lag_s = max(model.lag_s[U_THRUST], 1e-3)
+        self._delay_s = model.delay_s
+        self._begun_s: float | None = None
+        self._floor_m = 0.0
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the vehicle stands with its rotor turning up."""
+        return self._begun_s is not None
+
+    def begin(self, time_s: float, floor_m: float) -> None:
+        """Turn the rotor up from now on; the height is that of the standing vehicle."""
+        self._begun_s, self._floor_m = time_s, floor_m
+
+    def end(self) -> None:
+        """The vehicle flies, or the take-off was given up."""
+        self._begun_s = None
+
+    def thrust(self, time_s: float) -> float:
+        """Thrust input to command now; 0 while no take-off is under way."""
+        if self._begun_s is None:
+            return 0.0
+        elapsed_s = max(0.0, time_s - self._begun_s)
+        if elapsed_s < SPOOL_UP_S:
+            return SPOOL_UP_SHARE * self._hover * elapsed_s / SPOOL_UP_S
+        share = SPOOL_UP_SHARE + RISE_PER_S * (elapsed_s - SPOOL_UP_S)
+        return min(share * self._hover, self._largest)
+
+    def acting_thrust(self, time_s: float) -> float:
+        """Thrust after delay and lag: what has lifted the vehicle."""
+        behind_s = self._delay_s + self._lag_s
+        return self.thrust(time_s - behind_s)
+
+    def lifted(self, height_m: float) -> bool:
+        """Whether the vehicle has left the floor."""
+        return self.under_way and height_m > self._floor_m + LIFTED_M
+
+    def failed(self, time_s: float) -> bool:
+        """Whether it should have lifted long ago."""
+        if self._begun_s is None:
+            return False
+        expected_s = SPOOL_UP_S + (LIFTING_SHARE - SPOOL_UP_SHARE) / RISE_PER_S
+        return time_s > self._begun_s + expected_s + PATIENCE_S
