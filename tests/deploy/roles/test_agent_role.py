@@ -18,22 +18,22 @@ def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
 
 
-def test_agents_get_their_leaders_and_the_share_their_followers_leave_them() -> None:
+def test_agents_get_their_leaders_and_the_limits_their_followers_leave_them() -> None:
     fleet = parse_fleet(PAIR)
     leader, follower = agent_settings(fleet, "h1"), agent_settings(fleet, "h2")
     assert leader.following == ()
-    assert leader.share.inputs == 4 * (LEADER_LIMIT_SCALE,)
-    assert follower.share == FULL_LIMITS
+    assert leader.limit_scale.inputs == 4 * (LEADER_LIMIT_SCALE,)
+    assert follower.limit_scale == FULL_LIMITS
     assert [(link.leader, link.offset_m) for link in follower.following] == [("h1", (-0.4, 0.5, 0.0))]
     assert leader.vehicles == tuple(leader.models) == ("h1", "h2")
     assert leader.volume_max_m == fleet.volume.max_m
 
 
 def test_avoidance_is_on_unless_the_file_says_otherwise() -> None:
-    assert agent_settings(parse_fleet(PAIR), "h1").clearance == SeparationEllipsoid(0.35, 0.6)
+    assert agent_settings(parse_fleet(PAIR), "h1").separation == SeparationEllipsoid(0.35, 0.6)
     wider = PAIR + "[avoidance]\nhorizontal_m = 0.5\n"
-    assert agent_settings(parse_fleet(wider), "h1").clearance == SeparationEllipsoid(0.5, 0.6)
+    assert agent_settings(parse_fleet(wider), "h1").separation == SeparationEllipsoid(0.5, 0.6)
     off = PAIR + "[avoidance]\nenabled = false\n"
-    assert agent_settings(parse_fleet(off), "h1").clearance is None
+    assert agent_settings(parse_fleet(off), "h1").separation is None
     with pytest.raises(FleetError, match=r"^avoidance\.vertical_m: .*0\.0"):
         parse_fleet(PAIR + "[avoidance]\nvertical_m = -1.0\n")
