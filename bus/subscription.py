@@ -4,6 +4,7 @@ A direct callback stores the payload and wakes the loop; nothing is decoded on Z
 queues up unread (zenoh_bus.md sections 1 and 6).
 """
 
+import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,6 +31,24 @@ class Received(Generic[M]):
     arrived_s: float
 
 
+class Rejections:
+    """Counts of refused messages, written by receive threads while others read them."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._lock = threading.Lock()
+
+    def count(self, kind: str) -> None:
+        """Count one more of a kind."""
+        with self._lock:
+            self._counts[kind] += 1
+
+    def counts(self) -> Counter[str]:
+        """Counts of this moment."""
+        with self._lock:
+            return Counter(self._counts)
+
+
 class Inbox(Generic[M]):
     """Messages of one channel of one unit, newest first in importance; knows no bus.
 
@@ -43,8 +62,8 @@ class Inbox(Generic[M]):
 
     def __init__(self, channel: Channel[M], depth: int = 1) -> None:
         self.channel = channel
-        self.rejected: Counter[str] = Counter()
         self.reason = ""
+        self._rejections = Rejections()
         self._payloads: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._arrivals: deque[float] = deque(maxlen=RATE_WINDOW)
         self._newest: Received[M] | None = None
@@ -52,7 +71,7 @@ class Inbox(Generic[M]):
     def store(self, payload: bytes, arrived_s: float) -> None:
         """Keep a payload for the loop. Called on the receive thread."""
         if len(self._payloads) == self._payloads.maxlen and self._payloads.maxlen > 1:
-            self.rejected["overrun"] += 1
+            self._rejections.count("overrun")
         self._payloads.append((payload, arrived_s))
         self._arrivals.append(arrived_s)
 
@@ -88,8 +107,13 @@ class Inbox(Generic[M]):
 
     def reject(self, kind: str, reason: str) -> None:
         """Count a message that is not acceptable, here or to whoever reads the inbox."""
-        self.rejected[kind] += 1
+        self._rejections.count(kind)
         self.reason = reason
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """Refused messages so far, by kind."""
+        return self._rejections.counts()
 
     def age_s(self, now_s: float) -> float | None:
         """Age of the newest valid message on the local monotonic clock."""
@@ -162,10 +186,7 @@ class Subscription(Inbox[M]):
 
 
 class UnitSubscriptions(Generic[M]):
-    """One channel of every unit of a fleet, an inbox each; for ground stations, recorders and gateways.
-
-    `rejected` counts what was put on a wildcard key and so belongs to no unit.
-    """
+    """One channel of every unit of a fleet, an inbox each; for ground stations, recorders and gateways."""
 
     def __init__(
         self,
@@ -177,7 +198,7 @@ class UnitSubscriptions(Generic[M]):
         depth: int = 1,
     ) -> None:
         self.inboxes: dict[str, Inbox[M]] = {}
-        self.rejected: Counter[str] = Counter()
+        self._rejections = Rejections()
         self._channel = channel
         self._depth = depth
         self._clock = clock
@@ -188,7 +209,7 @@ class UnitSubscriptions(Generic[M]):
     def _on_sample(self, sample: zenoh.Sample) -> None:
         full_key = str(sample.key_expr)
         if "*" in full_key:
-            self.rejected["key"] += 1
+            self._rejections.count("key")
             return
         unit = full_key.split("/")[self._unit_at]
         inbox = self.inboxes.get(unit)
@@ -196,6 +217,11 @@ class UnitSubscriptions(Generic[M]):
             inbox = self.inboxes[unit] = Inbox(self._channel, self._depth)
         inbox.store(sample.payload.to_bytes(), self._clock())
         self._wake()
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """What was put on a wildcard key and so belongs to no unit."""
+        return self._rejections.counts()
 
     def close(self) -> None:
         """Stop receiving."""

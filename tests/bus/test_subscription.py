@@ -1,5 +1,7 @@
 """Promises of inboxes: newest message, its age on the local clock, and every refusal counted."""
 
+import threading
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -160,3 +162,16 @@ def test_channels_without_a_rate_are_judged_by_age_alone() -> None:
     inbox.store(encode(Kill(source="gcs", reason="test")), 100.0)
     inbox.latest()
     assert inbox.rate_ok(100.5)
+
+
+def test_rejections_can_be_read_while_a_receive_thread_counts_new_kinds() -> None:
+    inbox = Inbox(channels.POSE)
+    kinds = [f"kind {number}" for number in range(3000)]
+    writer = threading.Thread(target=lambda: [inbox.reject(kind, "") for kind in kinds])
+    writer.start()
+    seen = 0
+    while writer.is_alive() or seen < len(kinds):
+        counts = dict(inbox.rejected.items())
+        assert len(counts) >= seen
+        seen = len(counts)
+    writer.join()
