@@ -11,7 +11,7 @@ from numbers import Real
 
 from msgspec import Struct
 
-from transmitter_gateway.inputs import Cause, CommandInput, Input
+from transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
 from transmitter_gateway.limits import ArbiterLimits
 
 LONGEST_PLAN = 64
@@ -28,6 +28,7 @@ class Rejection(StrEnum):
     OLD_SEQUENCE = "old sequence number"
     OLDER_EPOCH = "older epoch"
     UNKNOWN_EPOCH = "epoch not in the raw poses"
+    OLD_POSE = "command computed from an old pose"
     NO_LEASE = "source without control lease"
     TOO_MANY_SOURCES = "too many sources"
 
@@ -74,7 +75,7 @@ class Admission:
         self.streams: dict[str, Stream] = {}
 
     def consider(
-        self, command: CommandInput, now_s: float, *, pose_epoch: int | None, holder: str | None
+        self, command: CommandInput, now_s: float, *, pose: PoseStamp | None, holder: str | None
     ) -> Rejection | None:
         """Accept `command` into its source's stream or say why not.
 
@@ -84,14 +85,16 @@ class Admission:
             The command as received.
         now_s : float
             Time of arrival [s].
-        pose_epoch : int or None
-            Epoch of the raw poses, if any was received.
+        pose : PoseStamp or None
+            Newest raw pose of the vehicle, if any was received.
         holder : str or None
             Source with the control lease; None while the vehicle is not flying.
         """
         checked = self._check_form(command)
         if isinstance(checked, AcceptedCommand):
-            rejection = self._check_order(checked.cause, now_s, pose_epoch, holder)
+            rejection = self._check_order(checked.cause, now_s, None if pose is None else pose.epoch, holder)
+            if rejection is None and pose is not None:
+                rejection = self._check_age(checked.cause, pose)
             if rejection is None:
                 self._store(checked, now_s)
                 rejection = None if holder in (None, checked.cause.source) else Rejection.NO_LEASE
@@ -170,12 +173,30 @@ class Admission:
         if cause.epoch == last.epoch:
             if pose_epoch is not None and cause.epoch > pose_epoch:
                 return Rejection.UNKNOWN_EPOCH
-            return None if cause.sequence > last.sequence else Rejection.OLD_SEQUENCE
+            return None if self._follows(cause, stream, now_s) else Rejection.OLD_SEQUENCE
         if cause.epoch < last.epoch and (flying or cause.epoch != pose_epoch):
             return Rejection.OLDER_EPOCH
         if pose_epoch is None:
             return Rejection.UNKNOWN_EPOCH if flying else None
         return None if cause.epoch == pose_epoch else Rejection.UNKNOWN_EPOCH
+
+    def _follows(self, cause: Cause, stream: Stream, now_s: float) -> bool:
+        """Whether a command comes after the last one of its source and epoch.
+
+        Sequence numbers may begin at a wall clock, and wall clocks are set back. So a source whose last
+        command is overdue may count from anywhere, with a newer frame; one that was only delayed has an older
+        frame, and an earlier process of a source that commands is refused.
+        """
+        last = stream.command.cause
+        overdue = now_s >= stream.arrival_s + self._limits.hold_after_s
+        return cause.sequence > last.sequence or (overdue and cause.frame > last.frame)
+
+    def _check_age(self, cause: Cause, pose: PoseStamp) -> Rejection | None:
+        """Refuse a command that is behind the raw poses: its source does not hear them any more."""
+        if pose.period_s is None or cause.epoch != pose.epoch:
+            return None
+        age_s = (pose.frame - cause.frame) * pose.period_s + pose.latency_s
+        return Rejection.OLD_POSE if age_s > self._limits.command_age_s else None
 
     def _forget_silent(self, now_s: float, holder: str | None) -> None:
         """Let a source that fell silent start over, so that one wild sequence number is not for ever."""

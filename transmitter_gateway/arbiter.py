@@ -92,9 +92,7 @@ class Arbiter:
         # The next step follows at once and judges the command; before it, time matters only to what is due.
         if now_s >= self.next_event_s():
             self._pass(now_s)
-        rejection = self._admission.consider(
-            command, now_s, pose_epoch=self.surveillance.epoch, holder=self.holder
-        )
+        rejection = self._admission.consider(command, now_s, pose=self.surveillance.stamp, holder=self.holder)
         return Answer(rejection is None, rejection or "accepted")
 
     def pose(self, pose: PoseInput, now_s: float) -> None:
@@ -385,6 +383,6 @@ class Arbiter:
         times.append(self._entered_s + limits.hold_limit_s)
         times.append(self._entered_s + self._descent_s)
         if self.state is State.LAND and self.surveillance.own_track is not None:
-            times.append(self.surveillance.own_track.seen_s + limits.landing.pose_age_s)
+            times.append(self.surveillance.own_track.captured_s + limits.landing.pose_age_s)
             times.append(self._landing_since_s + limits.landing.longest_s)
         return min((time for time in times if time > self._now_s), default=math.inf)

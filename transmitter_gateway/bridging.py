@@ -17,8 +17,7 @@ def bridging_step(stream: Stream, now_s: float, limits: ArbiterLimits) -> int:
     period_s, arrival_s = stream.command.period_s, stream.arrival_s
     if now_s < arrival_s + _first_after_s(period_s, limits):
         return 0
-    within_time = int(limits.bridge_s / period_s + ROUNDING)
-    usable = min(len(stream.command.next_u), limits.bridge_steps, within_time)
+    usable = min(len(stream.command.next_u), _steps_within(limits.bridge_s, period_s))
     if now_s >= arrival_s + max((usable + 1) * period_s, limits.hold_after_s):
         return 0
     return min(max(int((now_s - arrival_s) / period_s + ROUNDING), 1), usable)
@@ -31,8 +30,12 @@ def played_input(command: AcceptedCommand, step: int) -> Input:
 
 def step_ages_s(period_s: float, limits: ArbiterLimits) -> list[float]:
     """Ages of a command at which another input may begin to act [s]."""
-    later = [number * period_s for number in range(2, limits.bridge_steps + 2)]
+    later = [number * period_s for number in range(2, _steps_within(limits.bridge_s, period_s) + 2)]
     return [_first_after_s(period_s, limits), *later]
+
+
+def _steps_within(time_s: float, period_s: float) -> int:
+    return int(time_s / period_s + ROUNDING)
 
 
 def _first_after_s(period_s: float, limits: ArbiterLimits) -> float:

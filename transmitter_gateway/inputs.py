@@ -97,6 +97,8 @@ class PoseInput(Struct, frozen=True):
         Frame period [s] if known; without it the arrival times are used.
     yaw_rad : float or None
         Heading [rad]; without it the vehicle cannot be held or landed in a closed loop.
+    latency_s : float
+        From capture to arrival, as far as the Tracker tells [s].
     """
 
     vehicle: str
@@ -105,6 +107,26 @@ class PoseInput(Struct, frozen=True):
     position_m: Position | None
     period_s: float | None = None
     yaw_rad: float | None = None
+    latency_s: float = 0.0
+
+
+class PoseStamp(Struct, frozen=True):
+    """Which frame the newest raw pose is from, and how late it arrived.
+
+    Parameters
+    ----------
+    epoch, frame : int
+        Stream epoch and frame number.
+    period_s : float or None
+        Frame period [s] if known.
+    latency_s : float
+        From capture to arrival [s].
+    """
+
+    epoch: int
+    frame: int
+    period_s: float | None = None
+    latency_s: float = 0.0
 
 
 class ActionRequest(Struct, frozen=True):

@@ -150,8 +150,10 @@ class ArbiterLimits:
     ----------
     hold_after_s, descend_after_s, cut_after_s : float
         Age of the last accepted command at which HOLD, LAND or DESCEND, and without poses CUT begin [s].
-    bridge_steps, bridge_s : int, float
-        Most planned inputs played when commands are late, and for how long [s].
+    bridge_s : float
+        For how long planned inputs are played when commands are late [s].
+    command_age_s : float
+        A command computed from a pose that was captured longer ago is refused [s].
     hold_limit_s : float
         Longest HOLD before LAND or DESCEND [s].
     arm_low_s, low_thrust : float
@@ -182,8 +184,8 @@ class ArbiterLimits:
     hold_after_s: float = 0.06
     descend_after_s: float = 0.2
     cut_after_s: float = 2.0
-    bridge_steps: int = 6
     bridge_s: float = 0.12
+    command_age_s: float = 0.2
     hold_limit_s: float = 0.5
     arm_low_s: float = 0.5
     low_thrust: float = 0.05
@@ -207,6 +209,7 @@ class ArbiterLimits:
             "descend_after_s",
             "cut_after_s",
             "bridge_s",
+            "command_age_s",
             "hold_limit_s",
             "arm_low_s",
             "low_thrust",
@@ -222,8 +225,6 @@ class ArbiterLimits:
                 f"descend_after_s: {self.descend_after_s} must lie between hold_after_s = {self.hold_after_s}"
                 f" and cut_after_s = {self.cut_after_s}"
             )
-        if self.bridge_steps < 0:
-            raise LimitsError(f"bridge_steps: {self.bridge_steps} must not be negative")
         if not math.isfinite(self.floor_m):
             raise LimitsError(f"floor_m: {self.floor_m} must be a finite number")
         for name in ("tolerance", "hover_correction"):

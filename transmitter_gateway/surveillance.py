@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from msgspec import Struct
 
-from transmitter_gateway.inputs import PoseInput, Position
+from transmitter_gateway.inputs import PoseInput, PoseStamp, Position
 from transmitter_gateway.landing import Motion
 from transmitter_gateway.limits import Fence, SurveillanceLimits
 
@@ -34,7 +34,8 @@ class Judgement(Struct, frozen=True):
 class Track:
     """Newest pose of a vehicle and its newest believed position [m].
 
-    Only the own vehicle's has a heading [rad], a low-passed velocity [m/s] and the frame they are from.
+    Only the own vehicle's has a heading [rad], a low-passed velocity [m/s], the frame they are from, and when
+    that was captured on the local clock [s].
     """
 
     epoch: int
@@ -46,6 +47,7 @@ class Track:
     seen_epoch: int = 0
     velocity_m_s: Position = (0.0, 0.0, 0.0)
     yaw_rad: float | None = None
+    captured_s: float = -math.inf
 
 
 class Surveillance:
@@ -64,6 +66,8 @@ class Surveillance:
     ----------
     own_track : Track or None
         What is known of the own vehicle, None before its first pose.
+    stamp : PoseStamp or None
+        Of its newest pose, believed or not.
     """
 
     def __init__(self, vehicle: str, limits: SurveillanceLimits, counters: Counter[str]) -> None:
@@ -76,11 +80,7 @@ class Surveillance:
         self._jumping_since_s: float | None = None
         self._mistaken: str | None = None
         self._stood_at_m: float | None = None
-
-    @property
-    def epoch(self) -> int | None:
-        """Epoch of the own raw poses, None before the first."""
-        return None if self.own_track is None else self.own_track.epoch
+        self.stamp: PoseStamp | None = None
 
     def pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
         """Take a pose; return whether its position is believed.
@@ -103,6 +103,8 @@ class Surveillance:
         if track is None:
             track = self._new_track(pose, now_s)
         track.epoch, track.frame, track.heard_s = pose.epoch, pose.frame, now_s
+        if own:
+            self.stamp = PoseStamp(pose.epoch, pose.frame, pose.period_s, pose.latency_s)
         position = pose.position_m
         if position is None:
             self._counters["occluded pose"] += 1
@@ -131,7 +133,7 @@ class Surveillance:
         position = pose.position_m
         if position is not None and (len(position) != 3 or not all(map(math.isfinite, position))):
             return "malformed pose"
-        if pose.yaw_rad is not None and not math.isfinite(pose.yaw_rad):
+        if not (math.isfinite(pose.yaw_rad or 0.0) and 0 <= pose.latency_s < math.inf):
             return "malformed pose"
         if track is None:
             other = pose.vehicle != self._vehicle
@@ -181,6 +183,7 @@ class Surveillance:
             track.velocity_m_s = (x, y, z)
         track.seen_frame, track.seen_epoch = pose.frame, pose.epoch
         track.yaw_rad = pose.yaw_rad
+        track.captured_s = now_s - pose.latency_s
 
     def release(self) -> None:
         """Forget that the vehicle may have been mistaken for another; it is not flying."""
@@ -214,7 +217,7 @@ class Surveillance:
         track = self.own_track
         if track is None or track.position_m is None or track.yaw_rad is None:
             return None
-        if self._mistaken is not None or now_s >= track.seen_s + longest_age_s:
+        if self._mistaken is not None or now_s >= track.captured_s + longest_age_s:
             return None
         return Motion(track.position_m, track.velocity_m_s, track.yaw_rad)
 
@@ -243,7 +246,7 @@ class Surveillance:
         return self._mistaken
 
     def _lost(self, own: Track | None, now_s: float) -> tuple[str | None, str | None]:
-        seen_s = -math.inf if own is None else own.seen_s
+        seen_s = -math.inf if own is None else own.captured_s
         hold_s, descend_s = self._limits.tracking_hold_s, self._limits.tracking_descend_s
         if descend_s is not None and now_s >= seen_s + descend_s:
             return None, f"own pose lost for {descend_s:g} s"
@@ -272,7 +275,7 @@ class Surveillance:
         if own is None or own.position_m is None:
             return []
         limits = (self._limits.tracking_hold_s, self._limits.tracking_descend_s)
-        times = [own.seen_s + limit for limit in limits if limit is not None]
+        times = [own.captured_s + limit for limit in limits if limit is not None]
         if self._jumping_since_s is not None:
             times.append(self._jumping_since_s + self._limits.jump_descend_s)
         return times

@@ -1,6 +1,7 @@
 """Surveillance of one vehicle with a virtual clock."""
 
 from collections import Counter
+from typing import Any
 
 from transmitter_gateway.inputs import PoseInput, Position
 from transmitter_gateway.limits import Fence, SurveillanceLimits
@@ -27,11 +28,12 @@ class Watch:
         vehicle: str = "h1",
         airborne: bool = True,
         period_s: float | None = 0.01,
+        latency_s: float = 0.0,
     ) -> bool:
-        pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s)
+        pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s, latency_s=latency_s)
         return self.surveillance.pose(pose, self.now_s, airborne=airborne)
 
-    def step(self, position: Position | None = CENTRE, seconds: float = 0.01, **options: bool) -> bool:
+    def step(self, position: Position | None = CENTRE, seconds: float = 0.01, **options: Any) -> bool:
         self.now_s += seconds
         self.frame += 1
         return self.pose(position, **options)

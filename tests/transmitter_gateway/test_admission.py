@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from transmitter_gateway.admission import Admission, Rejection
-from transmitter_gateway.inputs import CommandInput
+from transmitter_gateway.inputs import CommandInput, PoseStamp
 from transmitter_gateway.limits import ArbiterLimits
 
 GOOD = CommandInput(
@@ -29,11 +29,16 @@ class Desk:
         command: CommandInput = GOOD,
         now_s: float = 1.0,
         pose_epoch: int | None = 5,
+        pose_frame: int = 100,
+        latency_s: float = 0.0,
         holder: str | None = None,
         **changes: Any,
     ) -> Rejection | None:
         return self.admission.consider(
-            structs.replace(command, **changes), now_s, pose_epoch=pose_epoch, holder=holder
+            structs.replace(command, **changes),
+            now_s,
+            pose=None if pose_epoch is None else PoseStamp(pose_epoch, pose_frame, 0.02, latency_s),
+            holder=holder,
         )
 
 
@@ -126,14 +131,16 @@ def test_numbers_of_any_real_type_are_taken() -> None:
 
 
 def test_counting_may_start_at_zero() -> None:
-    assert Desk().say(epoch=0, sequence=0, frame=0, pose_epoch=0) is None
+    assert Desk().say(epoch=0, sequence=0, frame=0, pose_epoch=0, pose_frame=0) is None
 
 
 def test_values_exactly_at_the_tolerance_are_accepted() -> None:
     limits = ArbiterLimits(tolerance=0.25)
     for u in ((1.25, 0, 0.5, 0), (-1.25, 0, 0.5, 0), (0, 0, 1.25, 0), (0, 0, -0.25, 0)):
         admission = Admission(limits, Counter())
-        assert admission.consider(structs.replace(GOOD, u=u), 1.0, pose_epoch=5, holder=None) is None
+        assert (
+            admission.consider(structs.replace(GOOD, u=u), 1.0, pose=PoseStamp(5, 100), holder=None) is None
+        )
 
 
 def test_gap_exactly_at_the_limit_is_a_gap() -> None:
@@ -153,6 +160,22 @@ def test_sequence_must_grow_within_an_epoch(sequence: int, rejection: bool) -> N
     desk = Desk()
     desk.say()
     assert desk.say(sequence=sequence) is (Rejection.OLD_SEQUENCE if rejection else None)
+
+
+@pytest.mark.parametrize(
+    ("gap_s", "frame", "accepted"),
+    [(0.06, 101, True), (0.059, 101, False), (0.06, 100, False), (10.0, 99, False)],
+    ids=["overdue", "in time", "same frame", "older frame"],
+)
+def test_source_that_restarts_with_its_clock_set_back_counts_with_a_newer_frame(
+    gap_s: float, frame: int, accepted: bool
+) -> None:
+    desk = Desk()
+    desk.say(sequence=10**12)
+    rejection = desk.say(sequence=7, frame=frame, now_s=1.0 + gap_s, holder="agent")
+    assert rejection is (None if accepted else Rejection.OLD_SEQUENCE)
+    if accepted:
+        assert desk.say(sequence=8, frame=frame + 1, now_s=1.02 + gap_s, holder="agent") is None
 
 
 def test_rejected_commands_do_not_refresh_the_stream() -> None:
@@ -201,6 +224,31 @@ def test_a_change_of_epoch_is_believed_only_with_the_raw_poses(
 def test_first_command_of_a_source_must_belong_to_the_raw_poses() -> None:
     assert Desk().say(pose_epoch=4) is Rejection.UNKNOWN_EPOCH
     assert Desk().say(pose_epoch=None) is None
+
+
+@pytest.mark.parametrize(
+    ("pose_frame", "latency_s", "expected"),
+    [
+        (110, 0.0, None),
+        (111, 0.0, Rejection.OLD_POSE),
+        (107, 0.05, None),
+        (108, 0.05, Rejection.OLD_POSE),
+        (90, 0.19, None),
+        (100, 0.21, Rejection.OLD_POSE),
+    ],
+)
+def test_command_computed_from_an_old_pose_is_rejected(
+    pose_frame: int, latency_s: float, expected: Rejection | None
+) -> None:
+    desk = Desk()
+    assert desk.say(pose_frame=pose_frame, latency_s=latency_s) is expected
+    assert ("agent" in desk.admission.streams) == (expected is None)
+
+
+def test_age_of_a_command_of_another_epoch_is_not_judged() -> None:
+    desk = Desk()
+    desk.say()
+    assert desk.say(sequence=11, pose_epoch=6, pose_frame=5000) is None
 
 
 def test_sources_without_the_lease_are_rejected_but_known() -> None:
@@ -254,7 +302,7 @@ def test_no_content_whatever_raises_or_stores_bad_inputs(contents: list[tuple[An
     desk = Desk()
     for source, epoch, sequence, frame, u, next_u, period_s in contents:
         command = CommandInput(source, epoch, sequence, frame, u, next_u, period_s)
-        desk.admission.consider(command, 1.0, pose_epoch=None, holder=None)
+        desk.admission.consider(command, 1.0, pose=None, holder=None)
     for stream in desk.admission.streams.values():
         for u in (stream.command.u, *stream.command.next_u):
             limits = zip(u, ArbiterLimits().lower, ArbiterLimits().upper, strict=True)

@@ -34,7 +34,17 @@ def test_planned_inputs_are_applied() -> None:
     assert bench.outputs[-1].cause == Cause("agent", 7, bench.sequence, bench.outputs[-1].cause.frame)  # type: ignore[union-attr]  # fails if None
 
 
-def test_at_most_six_planned_inputs_are_played() -> None:
+@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02, 0.04])
+def test_long_plan_bridges_the_same_time_at_any_rate(period_s: float) -> None:
+    bench = flying()
+    bench.run(0.3, HOVER, next_u=PLAN * 5, period_s=period_s)
+    silent(bench, 0.12 + period_s - EDGE_S)
+    assert (bench.state, bench.outputs[-1].bridging_step) == (State.ARMED, round(0.12 / period_s))
+    silent(bench, 2 * EDGE_S)
+    assert bench.state is State.HOLD
+
+
+def test_planned_inputs_are_played_for_120_ms_and_no_longer() -> None:
     bench = flying()
     bench.run(0.3, HOVER, next_u=PLAN * 3)
     silent(bench, 0.14 - EDGE_S)

@@ -13,7 +13,7 @@ from transmitter_gateway.limits import ArbiterLimits, Fence, LimitsError, Survei
         ({"descend_after_s": 0.05}, "descend_after_s"),
         ({"cut_after_s": 0.1}, "descend_after_s"),
         ({"cut_after_s": math.nan}, "cut_after_s"),
-        ({"bridge_steps": -1}, "bridge_steps"),
+        ({"command_age_s": 0.0}, "command_age_s"),
         ({"bridge_s": math.inf}, "bridge_s"),
         ({"hold_limit_s": -1}, "hold_limit_s"),
         ({"arm_low_s": 0}, "arm_low_s"),

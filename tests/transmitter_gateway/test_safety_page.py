@@ -33,7 +33,8 @@ def test_figures_of_the_page_are_the_defaults() -> None:
     landing = limits.landing
     margin_m = Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)).margin_m
     for line in (
-        f"at most {limits.bridge_steps} of them, at most {limits.bridge_s * 1e3:.0f} ms",
+        f"from 1.5 periods on, for at most {limits.bridge_s * 1e3:.0f} ms",
+        f"captured more than {limits.command_age_s * 1e3:.0f} ms ago",
         f"HOLD | {limits.hold_after_s * 1e3:.0f} ms",
         f"not seen | {limits.descend_after_s * 1e3:.0f} ms",
         f"CUT | commands older than {limits.cut_after_s:.1f} s",
