@@ -198,6 +198,8 @@ class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
     """Time since the last frame it wrote became known."""
     lease: Name | None = None
     """Source whose commands it accepted."""
+    killed: bool = False
+    """It was killed and not reset, even if that could not be written because its port was closed."""
 
 
 class InjectedFault(Struct, frozen=True, forbid_unknown_fields=True):

@@ -44,6 +44,10 @@ class RequestFailedError(RuntimeError):
     """Nobody serves the request, or it was not answered in time or not understood."""
 
 
+class NobodyServesError(RequestFailedError):
+    """Nobody serves the request at all."""
+
+
 @dataclass(frozen=True)
 class BusAddress:
     """Where the bus is: router endpoints, namespace (tests only) and the fleet's name in the keys."""
@@ -274,8 +278,10 @@ class Session:
 
         Raises
         ------
+        NobodyServesError
+            Nobody serves it.
         RequestFailedError
-            Nobody serves it, no answer in time, refused as malformed, or the answer is malformed.
+            No answer in time, refused as malformed, or the answer is malformed.
         """
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)
@@ -293,7 +299,7 @@ class Session:
             if now_s - asked_s >= SILENT_SHARE * timeout_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
             if now_s >= give_up_s:
-                raise RequestFailedError(f"nobody serves {verb.name} for {unit}")
+                raise NobodyServesError(f"nobody serves {verb.name} for {unit}")
             time.sleep(RETRY_S)
 
     def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:

@@ -63,14 +63,18 @@ class RecallService:
 
     def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
         applied = _newest(self._applied.inboxes.get(vehicle))
-        if applied is None:
-            return RecallTransmitterReply(accepted=False, reason=f"nothing was written to {vehicle} yet")
         status = _newest(self._transmitters.inboxes.get(vehicle))
+        known = [(told.arrived_s, told.message.state) for told in (applied, status) if told is not None]
+        if not known:
+            return RecallTransmitterReply(accepted=False, reason=f"nothing is known of {vehicle} yet")
+        # A kill is told as soon as it holds; what could not be written is not among what was applied.
+        newest_s, state = max(known)
         return RecallTransmitterReply(
             accepted=True,
-            applied=applied.message,
-            age_s=max(0.0, self._session.clock() - applied.arrived_s),
+            applied=None if applied is None else applied.message,
+            age_s=max(0.0, self._session.clock() - (newest_s if applied is None else applied.arrived_s)),
             lease=None if status is None else status.message.lease,
+            killed=state == "killed",
         )
 
     def close(self) -> None:

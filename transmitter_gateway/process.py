@@ -14,6 +14,7 @@ from bus.session import Session
 from bus.subscription import Subscription
 from transmitter_gateway.inputs import Action, ActionRequest, PoseInput
 from transmitter_gateway.kill_keys import KillKeys
+from transmitter_gateway.recall import Recall
 from transmitter_gateway.settings import GatewaySettings
 from transmitter_gateway.station import Station
 from transmitter_gateway.transmitter import Transmitter
@@ -54,7 +55,8 @@ class Gateway:
         ]
         self._report_at_s = self._clock() + STATUS_PERIOD_S
         for station in self._stations.values():
-            station.recall()
+            station.transmitter.await_recall(self._clock())
+        self._recall = Recall(session, self._stations)
 
     def wait(self) -> None:
         """Wait for a message, an answer of a module or the next deadline."""
@@ -78,6 +80,8 @@ class Gateway:
         # After a pause of the process: nobody decides about a vehicle before it was looked at.
         if self._clock() >= self._judge_poses_at_s:
             self._take_poses()
+        for vehicle, last in self._recall.answers():
+            self._stations[vehicle].transmitter.recall(last, self._clock())
         commanded = [station for station in self._stations.values() if station.commands_wait]
         for station in commanded:
             station.take_commands(self._clock)
@@ -115,6 +119,7 @@ class Gateway:
             meanwhile()
         for transmitter in transmitters:
             transmitter.close()
+        self._recall.close()
 
     def bring_down(self, kill_asked: Callable[[], bool]) -> None:
         """After an error: as `shut_down`, without telling anybody; what is broken does not stop the others.
@@ -141,6 +146,7 @@ class Gateway:
             _each(working, self._serve)
         for station in self._stations.values():
             station.transmitter.close()
+        self._recall.close()
 
     def _look(self, working: dict[str, Transmitter]) -> None:
         """Hand new poses to the transmitters that work; without poses they descend open loop."""
@@ -192,7 +198,7 @@ def pose_input(vehicle: str, pose: Pose) -> PoseInput:
     if quaternion is not None:
         x, y, z, w = quaternion
         yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return PoseInput(vehicle, pose.epoch, pose.frame, pose.position_m, pose.period_s, yaw_rad)
+    return PoseInput(vehicle, pose.epoch, pose.frame, pose.position_m, pose.period_s, yaw_rad, pose.latency_s)
 
 
 def _each(working: dict[str, Transmitter], act: Callable[[Transmitter], object]) -> None:

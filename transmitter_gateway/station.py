@@ -8,20 +8,17 @@ from bus.requests import (
     Arm,
     Disarm,
     KillVehicle,
-    RecallTransmitter,
-    RecallTransmitterReply,
     Reply,
     ResetKill,
 )
-from bus.session import Incoming, RequestFailedError, Session
+from bus.session import Incoming, Session
 from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, LastApplied, State
+from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, State
 from transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from transmitter_gateway.settings import TransmitterSettings
 from transmitter_gateway.snapshot import Write
 from transmitter_gateway.transmitter import Transmitter
 
-RECALL_LIMIT_S = 0.2
 COMMANDS_KEPT = 256
 """A flood of wrong commands must not push out the right ones between them."""
 COMMANDS_AT_ONCE = 8
@@ -62,6 +59,7 @@ class Station:
         self._written_command: tuple[int, int] | None = None
         self._accepted_s: float | None = None
         self._last_sequence = 0
+        self._reported_state = State.DISARMED
         session.serve(self.vehicle, VERBS)
         session.announce(self.vehicle, "transmitter")
 
@@ -88,22 +86,6 @@ class Station:
     def commands_wait(self) -> bool:
         """Whether there are commands that `take_commands` has left for the next time."""
         return self._commands.waiting_since_s() is not None
-
-    def recall(self) -> None:
-        """Ask the launcher what an earlier process of this gateway wrote last, if there was one."""
-        asked_s = self._session.clock()
-        try:
-            reply = self._session.request(
-                self.vehicle, RecallTransmitter(), timeout_s=RECALL_LIMIT_S, patience_s=0.0
-            )
-        except RequestFailedError:
-            return
-        if isinstance(reply, RecallTransmitterReply) and reply.applied is not None:
-            applied = reply.applied
-            last = LastApplied(
-                State(applied.state.upper()), applied.input, asked_s - reply.age_s, holder=reply.lease
-            )
-            self.transmitter.recall(last, self._session.clock())
 
     def tick(self, now_s: float) -> None:
         """Let the transmitter do what is due; what is written is published by `publish_writes`."""
@@ -136,10 +118,13 @@ class Station:
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))
 
     def publish_writes(self) -> None:
-        """Publish the serial frames written since the last call."""
+        """Publish the serial frames written since the last call, and at once that a kill begins or ends."""
         for applied in self._unpublished:
             self._session.publish(channels.APPLIED, self.vehicle, applied)
         self._unpublished.clear()
+        states = {self._reported_state, self.transmitter.arbiter.state}
+        if len(states) > 1 and State.KILLED in states:
+            self.report(self._session.clock())
 
     def _applied(self, write: Write) -> Applied:
         cause = write.output.cause
@@ -161,6 +146,7 @@ class Station:
     def report(self, now_s: float) -> None:
         """Publish the status."""
         snapshot = self.transmitter.snapshot(now_s)
+        self._reported_state = snapshot.state
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
         accepted_s = self._accepted_s
         self._session.publish(

@@ -36,6 +36,8 @@ LONGEST_BIND_S = 7.0
 POWER_UP_LIMIT_S = 30.0
 """How long a board that binds only when it is switched on is waited for."""
 AFTER_BIND_S = 5.0
+RECALL_LIMIT_S = 0.5
+"""How long a restarted gateway is silent until it has heard what was written before."""
 FIRST_POSE_S = 0.1
 """How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
 
@@ -100,6 +102,8 @@ class Transmitter:
         self._low_frames = 0
         self._shown: tuple[float, ...] = ()
         self._shown_until_s = -math.inf
+        self._awaiting_recall = False
+        self._silent_until_s = -math.inf
         self._last: LastApplied | None = None
         self._decide_by_s = -math.inf
 
@@ -135,20 +139,39 @@ class Transmitter:
         self._decide_at_once()
         return answer
 
-    def recall(self, last: LastApplied, now_s: float) -> None:
-        """Hear what an earlier process wrote last, before the first `tick`.
+    def await_recall(self, now_s: float) -> None:
+        """Begin silent: nothing is written before `recall`, and so nothing switched off.
 
-        A kill stays a kill. A flight goes on if it can: nothing is written, and so nothing switched off,
-        until the own pose has been seen, for at most `FIRST_POSE_S`.
+        After `RECALL_LIMIT_S` throttle low is written all the same; arming waits on.
         """
+        self._awaiting_recall = True
+        self._silent_until_s = now_s + RECALL_LIMIT_S
+        self._deadline_s = None
+
+    def recall(self, last: LastApplied | None, now_s: float) -> None:
+        """Hear what an earlier process wrote last, None if there was none.
+
+        A kill stays a kill. A flight goes on if it can: nothing is written until the own pose has been seen,
+        for at most `FIRST_POSE_S`. A flight that is recalled too late is over.
+        """
+        in_time = now_s < self._silent_until_s
+        self._awaiting_recall = False
+        self._silent_until_s = -math.inf
+        self._decide_at_once()
+        if last is None:
+            return
         if last.state is State.KILLED:
             self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
+        elif last.state in FLYING and not in_time:
+            self.arbiter.counters["recalled too late"] += 1
         elif last.state in FLYING:
-            self._deadline_s = None
             self._last, self._decide_by_s = last, now_s + FIRST_POSE_S
+            self._deadline_s = None
 
     def _undecided(self, now_s: float) -> bool:
         """Whether it is still open if the vehicle flies; decides it when the own pose is there."""
+        if now_s < self._silent_until_s:
+            return self.arbiter.state is State.DISARMED
         last = self._last
         if last is None:
             return False
@@ -228,9 +251,10 @@ class Transmitter:
         return Answer(True, "shown")
 
     def busy(self, now_s: float) -> bool:
-        """Whether binding, a range check or a calibration blocks arming."""
+        """Whether binding, a range check, a calibration or an open recall blocks arming."""
         binding = self._bind_since_s is not None or now_s < self._settled_s
-        return binding or self._range_check or now_s < self._shown_until_s
+        waiting = self._range_check or self._awaiting_recall
+        return binding or waiting or now_s < self._shown_until_s
 
     # Time ---------------------------------------------------------------------------------------------
 
@@ -244,6 +268,7 @@ class Transmitter:
         self._deadline_s = None
         if self._undecided(now_s):
             return None
+        self._silent_until_s = -math.inf
         if self.port.service(now_s):
             self.protocol.link_opened(now_s)
             if self.protocol.binds_at_power_up:
@@ -265,8 +290,8 @@ class Transmitter:
     def next_deadline_s(self) -> float:
         """When `tick` must be called at the latest [s]."""
         if self._deadline_s is None:
-            if self._last is not None:
-                self._deadline_s = self._decide_by_s
+            if self._last is not None or self._silent_until_s > -math.inf:
+                self._deadline_s = max(self._decide_by_s, self._silent_until_s)
             else:
                 self._deadline_s = min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
         return self._deadline_s
@@ -332,7 +357,7 @@ class Transmitter:
             state=self.arbiter.state,
             reason=self.arbiter.reason,
             link=self._link(module, now_s),
-            module=self.port.problem or module.text,
+            module="waiting for the recall" if self._awaiting_recall else self.port.problem or module.text,
             holder=self.arbiter.holder,
             binding=self._bind_since_s is not None,
             bridging_step=self._output.bridging_step,

@@ -6,8 +6,8 @@ from support.waiting import wait_for
 
 from bus import channels
 from bus.intent import Intent
-from bus.messages import LeaderLink, SetPoint
-from bus.requests import Recall, RecallReply
+from bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
+from bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from bus.session import BusAddress, Session
 from deploy.recall import RecallService
 
@@ -48,5 +48,56 @@ def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
         assert 0 <= reply.age_s < 10
         other = agent.request("h2", Recall())
         assert not other.accepted
+    finally:
+        service.close()
+
+
+def transmitter_status(state: str) -> TransmitterStatus:
+    return TransmitterStatus(state=state, reason="", link="lost", module="", ready=False, lease=None)
+
+
+APPLIED = Applied(
+    state="armed",
+    input=(0.0, 0.0, 0.5, 0.0),
+    pulse_width_us=(1500.0,),
+    epoch=1,
+    frame=1,
+    sequence=1,
+    fresh=True,
+)
+
+
+def test_kill_is_recalled_although_it_could_not_be_written_and_a_reset_ends_it(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    service = RecallService(bus_address, [], ["h1"])
+    gateway = join()
+
+    def recalled() -> RecallTransmitterReply:
+        reply = gateway.request("h1", RecallTransmitter(), patience_s=10.0)
+        assert isinstance(reply, RecallTransmitterReply)
+        return reply
+
+    def killed() -> bool:
+        gateway.publish(channels.TRANSMITTER_STATUS, "h1", transmitter_status("killed"))
+        return recalled().killed
+
+    def reset() -> bool:
+        gateway.publish(channels.TRANSMITTER_STATUS, "h1", transmitter_status("disarmed"))
+        return not recalled().killed
+
+    def written() -> bool:
+        gateway.publish(channels.APPLIED, "h1", APPLIED)
+        return recalled().applied == APPLIED
+
+    try:
+        assert not recalled().accepted
+        wait_for(killed, "the kill is not remembered")
+        assert recalled().applied is None
+        wait_for(reset, "the reset is not remembered")
+        wait_for(written, "what was written is not remembered")
+        assert not recalled().killed
+        wait_for(killed, "the kill is not remembered")
+        assert recalled().applied == APPLIED
     finally:
         service.close()

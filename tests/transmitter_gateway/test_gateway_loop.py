@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from bus.codec import encode
-from bus.messages import Command, FloatArray, Message, Pose
-from bus.session import BusAddress, Incoming, RequestFailedError
+from bus.messages import Command, FloatArray, Message, Pose, TransmitterStatus
+from bus.session import BusAddress, Incoming, NobodyServesError
 from bus.subscription import Inbox
 from simulator.radio import RadioLink, RadioPty
 from simulator.radio_multi import MultiModule
@@ -64,9 +64,12 @@ class OwnBus:
         return []
 
     def request(self, *_: object, **__: object) -> None:
-        raise RequestFailedError("nobody remembers")
+        raise NobodyServesError("nobody remembers")
 
     def serve(self, *_: object) -> None:
+        pass
+
+    def wake(self) -> None:
         pass
 
     announce = serve
@@ -102,6 +105,7 @@ class Laboratory(Wakeup):
         settings = GatewaySettings(BusAddress((), "lab"), "transmitters", tuple(transmitters), NAMES)
         keys = KillKeys(-1)
         self.gateway = Gateway(settings, self.bus, self, keys, realtime=False)  # type: ignore[arg-type]  # no bus
+        self.gateway._recall.join()
         for name in NAMES:
             self._note_writes(name)
 
@@ -276,3 +280,21 @@ def test_flood_of_commands_for_one_vehicle_is_read_in_portions_between_those_of_
 
 def refused(counters: Counter[str]) -> int:
     return counters["source without control lease"] + counters["old sequence number"]
+
+
+def test_kill_is_reported_at_once_also_where_it_cannot_be_written(laboratory: Laboratory) -> None:
+    laboratory.run(1.0)
+    laboratory.radios["h2"].unplug()
+    laboratory.run(0.3)
+    laboratory.bus.published.clear()
+    laboratory.gateway.kill("test")
+    laboratory.gateway.step()
+    reported = {
+        unit: message.state
+        for unit, message in laboratory.bus.published
+        if isinstance(message, TransmitterStatus)
+    }
+    assert reported == dict.fromkeys(NAMES, "killed")
+    laboratory.bus.published.clear()
+    laboratory.gateway.step()
+    assert not any(isinstance(message, TransmitterStatus) for _, message in laboratory.bus.published)

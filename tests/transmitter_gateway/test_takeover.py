@@ -26,7 +26,7 @@ from transmitter_gateway.protocols.base import SerialLine
 from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from transmitter_gateway.serial_port import SerialPort
 from transmitter_gateway.snapshot import Write
-from transmitter_gateway.transmitter import FIRST_POSE_S, Transmitter
+from transmitter_gateway.transmitter import FIRST_POSE_S, RECALL_LIMIT_S, Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
 LAST_FLYING = LastApplied(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, holder="agent")
@@ -196,6 +196,7 @@ class Restart:
             self.now_s += 0.02
             self.radio.service(self.now_s)
         self.start()
+        self.transmitter.await_recall(self.now_s)
         return words
 
     def throttle_us(self) -> list[float]:
@@ -273,3 +274,66 @@ def test_a_kill_while_it_is_undecided_counts(restart: Restart) -> None:
     restart.run(0.3)
     assert restart.state is State.KILLED
     assert set(map(round, restart.throttle_us())) == {1100}
+
+
+@pytest.mark.parametrize("late_s", [0.3, 0.45])
+def test_recall_that_takes_its_time_still_keeps_a_vehicle_in_the_air(restart: Restart, late_s: float) -> None:
+    restart.fly()
+    words = restart.die(0.05)
+    restart.throttle_us()
+    restart.run(late_s)
+    assert not restart.throttle_us()
+    restart.transmitter.recall(words, restart.now_s)
+    restart.run(0.5)
+    assert restart.state is State.ARMED
+    assert min(restart.throttle_us()) > 1480
+
+
+def test_recall_that_never_comes_leaves_throttle_low_and_arming_refused(restart: Restart) -> None:
+    restart.fly()
+    restart.die(0.05)
+    restart.throttle_us()
+    restart.run(RECALL_LIMIT_S - 0.05)
+    assert not restart.throttle_us()
+    restart.run(2.0, thrust=0.0)
+    assert set(map(round, restart.throttle_us())) == {1100}
+    assert restart.transmitter.snapshot(restart.now_s).module == "waiting for the recall"
+    arm = ActionRequest(Action.ARM, "operator", "agent")
+    assert restart.transmitter.request(arm, restart.now_s).reason == "missing: transmitter ready"
+    restart.transmitter.recall(None, restart.now_s)
+    restart.run(0.1, thrust=0.0)
+    assert restart.transmitter.request(arm, restart.now_s).accepted
+
+
+def test_flight_that_is_recalled_too_late_stays_over_and_is_counted(restart: Restart) -> None:
+    restart.fly()
+    words = restart.die(0.05)
+    restart.run(RECALL_LIMIT_S + 0.05)
+    restart.throttle_us()
+    restart.transmitter.recall(words, restart.now_s)
+    restart.run(0.5)
+    assert restart.state is State.DISARMED
+    assert set(map(round, restart.throttle_us())) == {1100}
+    assert restart.transmitter.arbiter.counters["recalled too late"] == 1
+
+
+def test_kill_that_is_recalled_late_is_a_kill_all_the_same(restart: Restart) -> None:
+    restart.fly()
+    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
+    restart.run(0.1)
+    words = restart.die(0.05)
+    restart.run(5.0)
+    assert restart.state is State.DISARMED
+    restart.transmitter.recall(words, restart.now_s)
+    restart.run(0.1)
+    assert restart.state is State.KILLED
+
+
+def test_kill_before_the_recall_is_written_at_once(restart: Restart) -> None:
+    restart.fly()
+    restart.die(0.05)
+    restart.throttle_us()
+    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
+    restart.run(0.1)
+    assert set(map(round, restart.throttle_us())) == {1100}
+    assert restart.state is State.KILLED

@@ -1,0 +1,90 @@
+"""What an earlier process of this gateway wrote last, asked of the launcher until it answers."""
+
+import threading
+from collections import deque
+from collections.abc import Iterable
+from queue import Empty, SimpleQueue
+
+from bus.requests import RecallTransmitter, RecallTransmitterReply, Reply
+from bus.session import NobodyServesError, RequestFailedError, Session
+from transmitter_gateway.inputs import NEUTRAL, LastApplied, State
+
+ANSWER_LIMIT_S = 0.2
+PATIENCE_S = 0.1
+"""For a launcher that is about to find a new router."""
+
+
+class Recall:
+    """Asks for several vehicles in a thread of its own: a busy launcher keeps no radio waiting.
+
+    Parameters
+    ----------
+    session : Session
+        Open bus session; its loop is woken by answers.
+    vehicles : iterable of str
+        Vehicles of this gateway.
+    """
+
+    def __init__(self, session: Session, vehicles: Iterable[str]) -> None:
+        self._session = session
+        self._open = deque(vehicles)
+        self._answers: SimpleQueue[tuple[str, LastApplied | None]] = SimpleQueue()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="recall", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while self._open and not self._stopping:
+            vehicle = self._open.popleft()
+            asked_s = self._session.clock()
+            try:
+                reply = self._session.request(
+                    vehicle, RecallTransmitter(), timeout_s=ANSWER_LIMIT_S, patience_s=PATIENCE_S
+                )
+            except NobodyServesError:
+                last = None
+            except RequestFailedError:
+                self._open.append(vehicle)
+                continue
+            else:
+                last = last_applied(reply, asked_s)
+            self._answers.put((vehicle, last))
+            self._session.wake()
+
+    def answers(self) -> list[tuple[str, LastApplied | None]]:
+        """Vehicles that are decided since the last call, and what was written to them last, if anything."""
+        answers = []
+        while True:
+            try:
+                answers.append(self._answers.get_nowait())
+            except Empty:
+                return answers
+
+    def join(self) -> None:
+        """Wait until everything is answered."""
+        self._thread.join()
+
+    def close(self) -> None:
+        """Ask no more."""
+        self._stopping = True
+        self._thread.join()
+
+
+def last_applied(reply: Reply, asked_s: float) -> LastApplied | None:
+    """What an answer says about the earlier process; None if there was none.
+
+    Parameters
+    ----------
+    reply : Reply
+        The launcher's answer.
+    asked_s : float
+        When it was asked [s].
+    """
+    if not isinstance(reply, RecallTransmitterReply):
+        return None
+    if reply.killed:
+        return LastApplied(State.KILLED, NEUTRAL, asked_s - reply.age_s, holder=None)
+    if reply.applied is None:
+        return None
+    state = State(reply.applied.state.upper())
+    return LastApplied(state, reply.applied.input, asked_s - reply.age_s, holder=reply.lease)
