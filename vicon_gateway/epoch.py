@@ -20,7 +20,8 @@ class Stamp(NamedTuple):
     Attributes
     ----------
     epoch : int
-        Milliseconds of the wall clock at the first frame of the epoch; always grows.
+        Milliseconds of the wall clock at the first frame of the epoch, or more: it always grows, also when
+        the wall clock is set back, as far as earlier epochs are known (`EpochCounter.leave_behind`).
     frame : int
         Raw frame id.
     """
@@ -35,7 +36,17 @@ class EpochCounter:
     def __init__(self) -> None:
         self.epochs = 0
         self._epoch = 0
+        self._foreign_epoch = 0
         self._last: CapturedFrame | None = None
+
+    @property
+    def epoch(self) -> int:
+        """Present epoch, 0 before the first frame."""
+        return self._epoch
+
+    def leave_behind(self, epoch: int) -> None:
+        """Take notice of an epoch that another gateway began; the next stamp has a newer one."""
+        self._foreign_epoch = max(self._foreign_epoch, epoch)
 
     def stamp(self, frame: CapturedFrame, wall_clock_s: float) -> Stamp | None:
         """Return the stamp of a frame; None for a capture that has been stamped before.
@@ -55,9 +66,10 @@ class EpochCounter:
         if last is not None and frame.frame == last.frame and frame.subjects == last.subjects:
             return None  # a Tracker that hangs says the same again, to a new connection too
         self._last = frame
-        if last is None or not _continues(last, frame):
+        overtaken = self._foreign_epoch > self._epoch
+        if last is None or overtaken or not _continues(last, frame):
             self.epochs += 1
-            self._epoch = max(int(wall_clock_s * 1000.0), self._epoch + 1)
+            self._epoch = max(int(wall_clock_s * 1000.0), self._epoch + 1, self._foreign_epoch + 1)
         elif frame.frame == last.frame:
             return None
         return Stamp(self._epoch, frame.frame)

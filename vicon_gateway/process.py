@@ -1,14 +1,17 @@
 """The Vicon gateway process: frames of the Tracker in, one pose per vehicle out."""
 
+import math
 import signal
+import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
 
 from bus import channels
-from bus.messages import Pose, SubjectState, TrackerStatus
+from bus.messages import Applied, Pose, SubjectState, TrackerStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
+from bus.subscription import UnitSubscriptions
 from vicon_gateway.brands import BrandClient, check_library
 from vicon_gateway.client import ClientState, DataStreamClient
 from vicon_gateway.epoch import EpochCounter, Stamp
@@ -19,6 +22,11 @@ from vicon_gateway.settings import TrackerSettings
 
 STATUS_PERIOD_S = 0.2
 LONGEST_WAIT_S = 0.1
+POSES_KEPT = 8
+STANDBY_S = 1.0
+"""A gateway that stands by goes on when the other one has been silent for so long."""
+FLOWN_LIMIT_S = 1.0
+"""How long a gateway that starts listens to what vehicles fly by."""
 
 
 class TrackerGateway:
@@ -42,21 +50,64 @@ class TrackerGateway:
         self._stamp = Stamp(0, 0)
         self._frame: CapturedFrame | None = None
         self._report_at_s = 0.0
+        self._standby_until_s = -math.inf
+        self._standbys = 0
+        # One vehicle's poses are enough: our own come back, another gateway's tell that it is there.
+        vehicle = next(iter(settings.subjects.values()))
+        self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False)
+        self._flown: UnitSubscriptions[Applied] | None = session.subscribe_all(channels.APPLIED, waking=False)
+        self._flown_until_s = session.clock() + FLOWN_LIMIT_S
         session.announce(channels.TRACKER_UNIT, "vicon_gateway")
 
     def step(self) -> None:
         """Wait for the next frame, publish its poses, and now and then the status."""
         frame = self._client.next_frame(LONGEST_WAIT_S)
-        if frame is not None:
-            stamp = self._epochs.stamp(frame, time.time())
-            if stamp is not None:
-                self._frame, self._stamp = frame, stamp
-                for vehicle, subject in self._subjects.update(frame):
-                    self._session.publish(channels.POSE, vehicle, pose_message(frame, stamp, subject))
         now_s = self._session.clock()
+        self._notice_earlier_gateway(now_s)
+        self._notice_other_gateway(now_s)
+        if now_s < self._standby_until_s:
+            return
+        if frame is not None:
+            self._publish(frame)
         if now_s >= self._report_at_s:
             self._report_at_s = now_s + STATUS_PERIOD_S
             self._session.publish(channels.TRACKER_STATUS, channels.TRACKER_UNIT, self._status(now_s))
+
+    def _publish(self, frame: CapturedFrame) -> None:
+        stamp = self._epochs.stamp(frame, time.time())
+        if stamp is not None:
+            self._frame, self._stamp = frame, stamp
+            for vehicle, subject in self._subjects.update(frame):
+                self._session.publish(channels.POSE, vehicle, pose_message(frame, stamp, subject))
+
+    def _notice_earlier_gateway(self, now_s: float) -> None:
+        """Begin a newer epoch than the one by which vehicles fly, though the wall clock was set back."""
+        if self._flown is None:
+            return
+        for inbox in list(self._flown.inboxes.values()):
+            applied = inbox.latest()
+            if applied is not None:
+                self._epochs.leave_behind(applied.message.epoch)
+        if now_s >= self._flown_until_s:
+            self._flown.close()
+            self._flown = None
+
+    def _notice_other_gateway(self, now_s: float) -> None:
+        """Stand by while another gateway publishes: of two, the one that began later goes on.
+
+        A gateway that has published nothing yet never stands by: what it hears may be the last pose of one
+        that has just died.
+        """
+        for received in self._published.drain():
+            epoch = received.message.epoch
+            if epoch <= self._epochs.epoch:
+                continue
+            if self._epochs.epoch:
+                if now_s >= self._standby_until_s:
+                    self._standbys += 1
+                    print("another gateway publishes poses; this one stands by", file=sys.stderr, flush=True)
+                self._standby_until_s = now_s + STANDBY_S
+            self._epochs.leave_behind(epoch)
 
     def _status(self, now_s: float) -> TrackerStatus:
         state = self._client.state
@@ -69,6 +120,7 @@ class TrackerGateway:
             "restarts": state.restarts,
             "rejected": state.rejected,
             "epochs": self._epochs.epochs,
+            "standbys": self._standbys,
             "recording failures": int(state.recording_error is not None),
         }
         trying = state.doing if state.last_error is None else f"{state.doing} (before: {state.last_error})"

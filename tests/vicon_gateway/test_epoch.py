@@ -108,3 +108,23 @@ def test_stamps_always_grow(sequence: list[tuple[int, float, bool, float]]) -> N
         if stamp is not None:
             stamps.append(stamp)
     assert all(earlier < later for earlier, later in itertools.pairwise(stamps))
+
+
+def test_epoch_of_another_gateway_is_left_behind_whatever_the_wall_clock_says() -> None:
+    counter = EpochCounter()
+    counter.leave_behind(1_800_000_000_000)
+    assert counter.epoch == 0
+    assert counter.stamp(frame(7, 50.0), 1_700_000_000.0) == Stamp(1_800_000_000_001, 7)
+    assert counter.stamp(frame(8, 50.02), 1_700_000_000.02) == Stamp(1_800_000_000_001, 8)
+    assert counter.epochs == 1
+
+
+def test_newer_epoch_of_another_gateway_begins_a_new_one_and_an_older_one_does_not() -> None:
+    counter = started()
+    counter.leave_behind(1_700_000_000_500)
+    assert counter.stamp(frame(1001, 50.02), 0.0) == Stamp(1_700_000_000_500, 1001)
+    counter.leave_behind(1_700_000_000_501)
+    assert counter.stamp(frame(1002, 50.04), 0.0) == Stamp(1_700_000_000_502, 1002)
+    counter.leave_behind(1_000)
+    assert counter.stamp(frame(1003, 50.06), 0.0) == Stamp(1_700_000_000_502, 1003)
+    assert counter.epoch == 1_700_000_000_502

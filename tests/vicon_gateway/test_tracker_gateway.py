@@ -1,6 +1,7 @@
 """Promises of the gateway process: poses by vehicle, a status that tells everything, recordings."""
 
 import io
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from support.tracker import running_tracker
 from support.waiting import wait_for
 
 from bus import channels
-from bus.messages import TrackerStatus
+from bus.messages import Applied, TrackerStatus
 from bus.session import Session
 from vicon_gateway.client import DataStreamClient
 from vicon_gateway.process import TrackerGateway
@@ -76,3 +77,60 @@ def test_gateway_flies_on_when_the_recording_fails_and_says_so(
         running.step_until(lambda status: status.frame > frame + 20)
         running.client.close()
         assert any(received.message.frame > frame for received in running.poses.drain())
+
+
+def applied(epoch: int) -> Applied:
+    return Applied(
+        state="armed", input=(0.0, 0.0, 0.5, 0.0), pulse_width_us=(1500.0,), epoch=epoch, frame=1, sequence=1,
+        fresh=True,
+    )  # fmt: skip
+
+
+def test_restarted_gateway_leaves_the_epoch_behind_by_which_vehicles_fly(
+    join: Callable[..., Session], tmp_path: Path
+) -> None:
+    """The wall clock was set back by a century."""
+    flown = int(time.time() * 1000) + 100 * 365 * 86_400_000
+    with running_tracker("heli1", "heli2") as server:
+        running = Running(join, server.address, None, tmp_path)
+        transmitter = join()
+
+        def heard() -> bool:
+            transmitter.publish(channels.APPLIED, "h2", applied(flown))
+            running.gateway.step()
+            return any(received.message.epoch == flown + 1 for received in running.poses.drain())
+
+        wait_for(heard, "the epoch is not left behind")
+        running.client.close()
+
+
+def test_of_two_gateways_the_one_that_began_later_goes_on_and_the_other_stands_by(
+    join: Callable[..., Session], tmp_path: Path
+) -> None:
+    with running_tracker("heli1", "heli2") as server:
+        first, second = (Running(join, server.address, None, tmp_path) for _ in range(2))
+        first.step_until(lambda status: status.frame > 0)
+        epoch = first.gateway._epochs.epoch
+
+        def standing_by() -> bool:
+            second.gateway.step()
+            first.gateway.step()
+            return first.gateway._standbys == 1
+
+        wait_for(standing_by, "both publish")
+        newer = second.gateway._epochs.epoch
+        assert newer > epoch
+        first.poses.drain()
+        for _ in range(20):
+            second.gateway.step()
+            first.gateway.step()
+        assert {received.message.epoch for received in first.poses.drain()} == {newer}
+        assert second.gateway._standbys == 0
+        second.client.close()
+
+        def gone_on() -> bool:
+            first.gateway.step()
+            return any(received.message.epoch > newer for received in first.poses.drain())
+
+        wait_for(gone_on, "nobody publishes")
+        first.client.close()

@@ -1,13 +1,16 @@
 """Promises of what transmitter gateways are told by the fleet file."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
 from deploy.fleet_file.reading import parse_fleet
-from deploy.roles.transmitters import gateway_settings, limits_of, protocol_of
+from deploy.fleet_file.schema import FleetError
+from deploy.roles.transmitters import gateway_settings, landing_of, limits_of, protocol_of
 from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
+from vehicles.types import COAXIAL
 
 
 @pytest.fixture(autouse=True)
@@ -64,3 +67,37 @@ def test_the_arbiter_limits_are_those_of_the_model_and_of_the_file() -> None:
     assert limits.hold_after_s == 0.08
     assert limits.surveillance.minimum_distance_m == 0.2
     assert limits.surveillance.fence is not None
+
+
+@pytest.mark.parametrize(("lowest_m", "floor_m"), [(0.3, 0.0), (0.0, 0.0), (-0.7, -0.7)])
+def test_volume_that_begins_above_the_floor_forbids_neither_arming_nor_landing(
+    lowest_m: float, floor_m: float
+) -> None:
+    volume = f"[volume]\nmin_m = [-1, -1, {lowest_m}]\nmax_m = [1, 1, 2]\n"
+    limits = limits_of(parse_fleet(PAIR + volume), "h1")
+    assert limits.floor_m == floor_m
+    assert limits.surveillance.fence is not None
+    assert limits.surveillance.fence.lower_m == (-1.0, -1.0, floor_m)
+
+
+def test_law_that_lands_a_vehicle_knows_the_gains_of_its_model_and_the_limits_of_the_file() -> None:
+    fleet = parse_fleet(PAIR + "[safety.settings.landing]\ndescent_m_s = 0.3\n")
+    landing = limits_of(fleet, "h1").landing
+    assert landing.input_gain == COAXIAL.input_gain[:3]
+    assert landing.yaw_rate_gain_rad_s == pytest.approx(111 / 5)
+    assert landing.descent_m_s == 0.3
+    assert landing_of(replace(COAXIAL, damping=(0.0, 0.0, 0.0, 0.0))).yaw_rate_gain_rad_s == 111
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        ("landing = 3", "safety.settings.landing: 3, must be a table"),
+        ("[safety.settings.landing]\nspeed = 1", "safety.settings.landing"),
+        ("[safety.settings.landing]\ncyclic = -1", "landing.cyclic"),
+    ],
+)
+def test_wrong_landing_settings_are_refused_with_their_place(settings: str, problem: str) -> None:
+    text = f"{PAIR}[safety.settings]\n{settings}\n" if "[" not in settings else f"{PAIR}{settings}\n"
+    with pytest.raises(FleetError, match=problem):
+        limits_of(parse_fleet(text), "h1")
