@@ -39,21 +39,27 @@ class OwnBus:
 
     def __init__(self) -> None:
         self.now_s = 0.0
-        self.inboxes: dict[tuple[str, str], tuple[Inbox[Any], Callable[[], None]]] = {}
+        self.address = BusAddress((), "lab")
+        self.inboxes: dict[tuple[str, str, str], tuple[Inbox[Any], Callable[[], None]]] = {}
         self.published: list[tuple[str, Message]] = []
 
     def clock(self) -> float:
         return self.now_s
 
     def subscribe(
-        self, channel: Any, unit: str, depth: int = 1, wake: Callable[[], None] = lambda: None
+        self,
+        channel: Any,
+        unit: str,
+        depth: int = 1,
+        wake: Callable[[], None] = lambda: None,
+        fleet: str = "lab",
     ) -> Inbox[Any]:
         inbox: Inbox[Any] = Inbox(channel, depth)
-        self.inboxes[channel.topic, unit] = (inbox, wake)
+        self.inboxes[channel.topic, unit, fleet] = (inbox, wake)
         return inbox
 
     def arrive(self, topic: str, unit: str, message: Message) -> None:
-        inbox, wake = self.inboxes[topic, unit]
+        inbox, wake = self.inboxes[topic, unit, "lab"]
         inbox.store(encode(message), self.now_s)
         wake()
 
@@ -102,7 +108,7 @@ class Laboratory(Wakeup):
             )
             for name in NAMES
         )
-        settings = GatewaySettings(BusAddress((), "lab"), "transmitters", tuple(transmitters), NAMES)
+        settings = GatewaySettings(self.bus.address, "transmitters", tuple(transmitters), NAMES)
         keys = KillKeys(-1)
         self.gateway = Gateway(settings, self.bus, self, keys, realtime=False)  # type: ignore[arg-type]  # no bus
         self.gateway._recall.join()
