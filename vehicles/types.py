@@ -4,7 +4,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
-from vehicles.model import Model
+from vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
 from vehicles.quadrotor import QUADROTOR
 from vehicles.tilt import TiltModel
 
@@ -23,6 +23,7 @@ COAXIAL_LAG: Final = Model(
     input_scale=(1.0, 1.0, 0.5, 0.4),
     state_shift=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     input_shift=(0.0, 0.0, 0.5, 0.0),
+    uncertainty=IDENTIFIED,
 )
 """Blade mCX2 as the paper models it: parameters of [11], limits and scaling of the paper's section VI-A
 (control.md 2, 3, 6), sticks that act as accelerations after a lag."""
@@ -41,6 +42,7 @@ COAXIAL: Final = replace(
         direct_m=0.011,
         servo_lag_s=0.03,
     ),
+    uncertainty=UNIDENTIFIED,
 )
 """A coaxial helicopter with stabilizer bar of which nothing else is known: gains and limits of the mCX2, tilt
 of the Skybotix CoaX shrunk to between the mCX2 and itself (helicopter.md sections 2, 3)."""

@@ -157,7 +157,7 @@ class CascadeController(GuardedController):
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         state, inputs = self._settings.state_weights, self._settings.input_weights
         weights = np.array(default_state_weights(self._model) if state is None else state)
-        effort = np.array(default_input_weights(self._model) if inputs is None else inputs)
+        effort = np.array(default_input_weights(self._model, self._period_s) if inputs is None else inputs)
         poles = lag_poles(self._model, self._period_s)
         return ChainParameters(
             stages=self._horizon,

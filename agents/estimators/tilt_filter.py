@@ -94,6 +94,11 @@ class TiltFilter:
         return self._state[self._offset]
 
     @property
+    def variances(self) -> Array:
+        """Of a measured position and of a measured tilt, shape (4,)."""
+        return np.array([self._position_variance] * 2 + [self._tilt_variance] * 2)
+
+    @property
     def covariance(self) -> Array:
         """Covariance of all states, shape (n, n)."""
         return self._covariance
@@ -194,7 +199,7 @@ class TiltFilter:
         surprise = position_m - self._state[POSITION]
         observed = np.zeros((4, self._size))
         observed[:2, POSITION] = np.eye(2)
-        variance = np.array([self._position_variance] * 2 + [self._tilt_variance] * 2)
+        variance = self.variances
         if tilt is not None:
             observed[2:, self._tilt] = np.eye(2)
             observed[2:, self._offset] = turn
@@ -236,10 +241,10 @@ class TiltFilter:
             if len(self._prepared) >= 64:
                 self._prepared.clear()
             system = LateralSystem(self._model, period_s)
-            found = self._prepared[period_s] = system, self._process_noise(system)
+            found = self._prepared[period_s] = system, self.process_noise(system)
         return found
 
-    def _process_noise(self, system: LateralSystem) -> Array:
+    def process_noise(self, system: LateralSystem) -> Array:
         """Covariance that a period adds (Van Loan), shape (n, n); the same for every heading."""
         size = system.size
         density = np.zeros(size)

@@ -19,6 +19,21 @@ TILT_DENSITY_OF_GAIN = 7.0
 (`vehicles.model.Uncertainty`)."""
 
 
+def tilt_filter_of(model: Model, settings: ExtendedKalmanSettings) -> TiltFilter:
+    """The horizontal filter of a vehicle with a tilt model."""
+    density = settings.tilt_density
+    if density is None:
+        density = TILT_DENSITY_OF_GAIN * (model.uncertainty.gain_factor - 1.0)
+    return TiltFilter(
+        model,
+        settings.position_noise_m,
+        settings.tilt_noise,
+        settings.velocity_noise[0],
+        density,
+        settings.wind_rms_m_s2,
+    )
+
+
 class TiltKalmanEstimator(LagKalmanEstimator):
     """Motion, tilt, wind and trim from poses and applied inputs.
 
@@ -33,17 +48,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
     """
 
     def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
-        density = settings.tilt_density
-        if density is None:
-            density = TILT_DENSITY_OF_GAIN * (model.uncertainty.gain_factor - 1.0)
-        self._tilt_filter = TiltFilter(
-            model,
-            settings.position_noise_m,
-            settings.tilt_noise,
-            settings.velocity_noise[0],
-            density,
-            settings.wind_rms_m_s2,
-        )
+        self._tilt_filter = tilt_filter_of(model, settings)
         self._use_tilt = settings.measured_tilt
         self._measured_tilt: Array | None = None
         super().__init__(model, period_s, settings)

@@ -8,7 +8,8 @@ The drag of the two body axes is taken as their mean; the servo's state turns wi
 where a prediction goes further than one period.
 """
 
-from functools import lru_cache
+import math
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -25,7 +26,7 @@ WIND_CORRELATION_S: Final = 0.5
 
 
 class LateralSystem:
-    """Discrete matrices for one period.
+    """Continuous dynamics, and discrete matrices for one period.
 
     Parameters
     ----------
@@ -36,8 +37,8 @@ class LateralSystem:
 
     Attributes
     ----------
-    transition, demand
-        x[k + 1] = transition x[k] + demand e, shapes (n, n) and (n, 2).
+    continuous
+        x' = continuous x without a demand, shape (n, n).
     acceleration
         Acceleration = acceleration x, wind included, shape (2, n); a demand acts through the servo only.
     core, servo, wind
@@ -72,13 +73,25 @@ class LateralSystem:
         self.continuous[self.core, self.servo] = dynamics.b
         self.continuous[self.servo, self.servo] = -np.eye(2) / model.tilt.servo_lag_s
         self.continuous[self.wind, self.wind] = -np.eye(2) / WIND_CORRELATION_S
+        self.servo_pole = math.exp(-period_s / model.tilt.servo_lag_s)
+        self._servo_lag_s = model.tilt.servo_lag_s
+
+    @property
+    def transition(self) -> Array:
+        """State after a period per state before it, shape (n, n)."""
+        return self._step[: self.size, : self.size]
+
+    @property
+    def demand(self) -> Array:
+        """State after a period per demand, shape (n, 2)."""
+        return self._step[: self.size, self.size :]
+
+    @cached_property
+    def _step(self) -> Array:
         whole = np.zeros((self.size + 2, self.size + 2))
         whole[: self.size, : self.size] = self.continuous
-        whole[self.servo, self.size :] = np.eye(2) / model.tilt.servo_lag_s
-        step = expm(period_s * whole)
-        self.transition: Array = step[: self.size, : self.size].copy()
-        self.demand: Array = step[: self.size, self.size :].copy()
-        self.servo_pole = float(self.transition[self.servo.start, self.servo.start])
+        whole[self.servo, self.size :] = np.eye(2) / self._servo_lag_s
+        return np.asarray(expm(self.period_s * whole))
 
 
 @lru_cache(maxsize=64)

@@ -1,0 +1,1 @@
+"""How far a vehicle may be from its model before its closed loop becomes unstable."""

@@ -1,0 +1,112 @@
+"""The rule of the weights keeps its promise for every vehicle within reason."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.controllers.weights import DEMAND_FLOOR, default_input_weights, default_state_weights
+from agents.margins.axes import lag_loop, tilt_loop
+from agents.margins.search import bears, margins
+from vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
+from vehicles.tilt import TiltModel
+from vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
+
+PERIOD_S = 0.02
+
+
+def between(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_nan=False)
+
+
+BARS = st.fixed_dictionaries(
+    {
+        "bar_time_constant_s": between(0.8, 2.0),
+        "upper_phase_rad": between(-0.2, 0.1),
+        "lower_phase_rad": between(0.1, 0.45),
+        "upper_share": between(0.1, 0.4),
+        "direct_m": between(0.0, 0.02),
+    }
+)
+TILTS = st.builds(
+    lambda frequency, damping, servo, bar: TiltModel(frequency, damping, servo, **bar),
+    between(8.0, 30.0),
+    between(0.1, 1.0),
+    between(0.01, 0.05),
+    BARS | st.just({}),
+)
+VEHICLES = st.builds(
+    lambda tilt, gain, delay_s, lag_s, uncertainty: replace(
+        COAXIAL,
+        tilt=tilt,
+        input_gain=(gain, 1.1 * gain, 18.0, 111.0),
+        delay_s=delay_s,
+        lag_s=(0.12, 0.12, lag_s, lag_s),
+        uncertainty=uncertainty,
+    ),
+    TILTS,
+    between(1.0, 8.0),
+    between(0.0, 0.06),
+    between(0.03, 0.15),
+    st.sampled_from((UNIDENTIFIED, IDENTIFIED)),
+)
+
+
+def bears_its_uncertainty(model: Model) -> dict[str, bool]:
+    states, efforts = default_state_weights(model), default_input_weights(model, PERIOD_S)
+    loops = {
+        axis: lag_loop(model, PERIOD_S, axis, (states[axis], states[4 + axis], efforts[axis]))
+        for axis in range(4)
+    }
+    borne = {name: bears(loops[axis], model.uncertainty) for axis, name in ((2, "height"), (3, "yaw"))}
+    if model.tilt is None:
+        return borne | {name: bears(loops[axis], model.uncertainty) for axis, name in ((0, "x"), (1, "y"))}
+    demand = efforts[0] / model.input_gain[0] ** 2
+    tilted = tilt_loop(model, PERIOD_S, (states[0], states[4], demand))
+    return borne | {"horizontal": bears(tilted, model.uncertainty)}
+
+
+@settings(max_examples=60, deadline=None)
+@given(VEHICLES)
+def test_every_vehicle_within_reason_bears_the_uncertainty_of_its_model(model: Model) -> None:
+    borne = bears_its_uncertainty(model)
+    assert all(borne.values()), borne
+
+
+@pytest.mark.parametrize("model", TYPES.values(), ids=TYPES)
+@pytest.mark.parametrize("uncertainty", [UNIDENTIFIED, IDENTIFIED])
+def test_every_type_bears_it(model: Model, uncertainty: object) -> None:
+    assert all(bears_its_uncertainty(replace(model, uncertainty=uncertainty)).values())
+
+
+def test_what_is_better_known_is_flown_harder() -> None:
+    loose, tight = (
+        default_input_weights(replace(COAXIAL, uncertainty=known), PERIOD_S)
+        for known in (UNIDENTIFIED, IDENTIFIED)
+    )
+    assert tight[0] < loose[0] / 5
+    assert tight[2] < loose[2]
+
+
+def test_a_stick_of_twice_the_gain_has_four_times_the_weight() -> None:
+    twice = replace(COAXIAL, input_gain=(4.0, 4.2, 18.0, 111.0))
+    light, heavy = (default_input_weights(model, PERIOD_S) for model in (COAXIAL, twice))
+    assert heavy[:2] == pytest.approx([4 * weight for weight in light[:2]])
+    assert light[0] == pytest.approx(DEMAND_FLOOR * 4.0)
+
+
+def test_a_slow_lightly_damped_vehicle_with_a_long_delay_is_flown_softer() -> None:
+    assert COAXIAL.tilt is not None
+    slow = replace(COAXIAL.tilt, frequency_rad_s=8.0, damping_ratio=0.1, servo_lag_s=0.04)
+    hard = replace(COAXIAL, tilt=slow, delay_s=0.05)
+    floor = default_input_weights(COAXIAL, PERIOD_S)[0]
+    assert default_input_weights(hard, PERIOD_S)[0] > 1.4 * floor
+
+
+@pytest.mark.parametrize("model", [COAXIAL_LAG, QUADROTOR])
+def test_a_weight_less_than_the_rules_falls_short(model: Model) -> None:
+    loose = replace(model, uncertainty=UNIDENTIFIED)
+    effort = default_input_weights(loose, PERIOD_S)[0]
+    found = margins(lag_loop(loose, PERIOD_S, 0, (800.0, 1.0, effort / 1.51)))
+    assert "gain up" in found.shortfalls(UNIDENTIFIED)
