@@ -1,7 +1,7 @@
 """The scripting interface of a fleet: every call is a request on the bus."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -28,7 +28,7 @@ from ground_station.waiting import NotReachedError
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1
 """Between two copies of a kill; one that is lost costs a vehicle this much time."""
-ARM_RETRY_S = 0.1
+RETRY_S = 0.1
 DISARM_S = 1.0
 """For the agents to tell that they are disarmed."""
 STAY_BEHIND_S = 5.0
@@ -143,7 +143,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         deadline_s = time.monotonic() + timeout_s
         for name in vehicles:
             if self.state_of(name).phase not in ("armed", *AIRBORNE):
-                self._arm_patiently(name, deadline_s)
+                # The arbiter wants half a second of throttle-low commands first.
+                self._patiently(self[name].arm, deadline_s)
         self.wait_until(
             lambda: all(self.state_of(name).phase in ("armed", *AIRBORNE) for name in vehicles),
             timeout_s,
@@ -151,16 +152,16 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             vehicles,
         )
 
-    def _arm_patiently(self, name: str, deadline_s: float) -> None:
-        # The arbiter wants half a second of throttle-low commands first; a refusal for that reason passes.
+    def _patiently(self, ask: Callable[[], None], deadline_s: float) -> None:
+        """Ask again until it is not refused any more: some reasons pass by themselves."""
         while True:
             try:
-                self[name].arm()
+                ask()
                 return
             except (RefusedError, RequestFailedError):
                 if time.monotonic() > deadline_s:
                     raise
-                self._notifier.wait_until(lambda: False, ARM_RETRY_S)
+                self._notifier.wait_until(lambda: False, RETRY_S)
 
     def take_off(
         self, names: Iterable[str] | None = None, height_m: float = 1.0, timeout_s: float = 15.0
@@ -291,7 +292,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         for vehicle in [vehicle for vehicle in told if not vehicle.state.airborne]:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 with _collected(problems):
-                    vehicle.disarm()
+                    self._patiently(vehicle.disarm, time.monotonic() + DISARM_S)
         # A take-off that follows must not mistake the last status before disarming for the present one.
         self._notifier.wait_until(
             lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S

@@ -65,7 +65,7 @@ class Vehicle:
         self._ask(Arm(lease=self.name))
 
     def disarm(self) -> None:
-        """Keep the throttle low."""
+        """Keep the throttle low; refused while the vehicle may be in the air."""
         self._ask(Disarm())
 
     def take_off(self, height_m: float = 1.0) -> None:

@@ -131,7 +131,8 @@ class Arbiter:
                 state = self._take(Condition.RESET, request.by, now_s)
                 return None if state is State.DISARMED else "a source asks for thrust: lower it first"
             case Action.DISARM:
-                self._take(Condition.DISARM, request.by, now_s)
+                if self._take(Condition.DISARM, request.by, now_s) in FLYING:
+                    return "it may be in the air: land it first; kill is what cuts motors"
             case Action.KILL:
                 self._take(Condition.KILL, request.by, now_s)
         return None
@@ -216,6 +217,8 @@ class Arbiter:
         if self.state is State.KILLED and self._thrust_wanted(now_s):
             found.add(Condition.THRUST_WANTED)
         self._judge_poses(found, now_s)
+        if self.state is State.ARMED and now_s >= self._idle_at_s:
+            found.add(Condition.IDLE)
         if self.state is State.HOLD and now_s >= self._entered_s + self.limits.hold_limit_s:
             found.add(Condition.HOLD_OVER)
         if self.state is State.DESCEND and now_s >= self._entered_s + self._descent_s:
@@ -223,6 +226,13 @@ class Arbiter:
         if self.state in ON_THE_WAY_DOWN and now_s >= self._landing_since_s + self.limits.landing.longest_s:
             found.add(Condition.LANDING_OVER)
         return found
+
+    @property
+    def _idle_at_s(self) -> float:
+        """When an armed vehicle that stays on the floor is disarmed [s]."""
+        if self._low_since_s is None:
+            return math.inf
+        return max(self._low_since_s, self._entered_s) + self.limits.disarm_after_s
 
     @property
     def _descent_s(self) -> float:
@@ -379,7 +389,7 @@ class Arbiter:
             ages += step_ages_s(stream.command.period_s, limits)
             times += [stream.arrival_s + age for age in ages]
         if self._low_since_s is not None:
-            times.append(self._low_since_s + limits.arm_low_s)
+            times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
         times.append(self._entered_s + limits.hold_limit_s)
         times.append(self._entered_s + self._descent_s)
         if self.state is State.LAND and self.surveillance.own_track is not None:

@@ -159,6 +159,8 @@ class ArbiterLimits:
     arm_low_s, low_thrust : float
         Commanded thrust must be at most `low_thrust` for `arm_low_s` before arming [s]; the same applied
         thrust for the same time means that the vehicle stands on the floor.
+    disarm_after_s : float
+        How long an armed vehicle may stand on the floor before it is disarmed [s].
     lower, upper, tolerance
         Input limits; a command further outside than `tolerance` is rejected.
     descend_below_hover, descend_rate_per_s : float
@@ -189,6 +191,7 @@ class ArbiterLimits:
     hold_limit_s: float = 0.5
     arm_low_s: float = 0.5
     low_thrust: float = 0.05
+    disarm_after_s: float = 60.0
     lower: Input = (-1.0, -1.0, 0.0, -0.4)
     upper: Input = (1.0, 1.0, 1.0, 0.4)
     tolerance: float = 0.02
@@ -213,6 +216,7 @@ class ArbiterLimits:
             "hold_limit_s",
             "arm_low_s",
             "low_thrust",
+            "disarm_after_s",
             "descend_below_hover",
             "descend_rate_per_s",
             "longest_period_s",

@@ -51,7 +51,7 @@ class Gateway:
         }
         self._kills = [
             session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=4, fleet=fleet)
-            for fleet in (session.address.fleet, channels.EVERY_FLEET)
+            for fleet in (settings.bus.fleet, channels.EVERY_FLEET)
         ]
         self._report_at_s = self._clock() + STATUS_PERIOD_S
         for station in self._stations.values():

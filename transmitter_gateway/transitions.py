@@ -30,6 +30,7 @@ class Condition(StrEnum):
     LOW_COMMANDED = "commanded thrust low long enough"
     THRUST_WANTED = "a source asks for thrust"
     GROUNDED = "on the floor"
+    IDLE = "on the floor for long"
     SEEN = "own pose seen"
     AIRBORNE = "own pose seen in the air"
     TOUCHDOWN = "touched down"
@@ -85,7 +86,10 @@ TRANSITIONS: tuple[Transition, ...] = (
     _row(NOT_KILLED, {_C.KILL}, _S.KILLED, "killed"),
     _row({_S.KILLED}, {_C.RESET}, _S.DISARMED, "kill reset", unless={_C.THRUST_WANTED}),
     _row(LIVE, {_C.LINK_LOST}, _S.DISARMED, "serial link lost"),
-    _row(LIVE, {_C.DISARM}, _S.DISARMED, "disarmed"),
+    _row({_S.CUT}, {_C.DISARM}, _S.DISARMED, "disarmed"),
+    _row(FLYING, {_C.DISARM, _C.GROUNDED}, _S.DISARMED, "disarmed"),
+    _row(FLYING, {_C.DISARM, _C.SEEN}, _S.DISARMED, "disarmed", unless={_C.AIRBORNE}),
+    _row({_S.ARMED}, {_C.IDLE}, _S.DISARMED, "on the floor for long"),
     _row({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
     _row(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
     _row({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),

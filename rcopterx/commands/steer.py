@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from bus.messages import Setting
+from ground_station.vehicle import RefusedError
 from rcopterx import kill as fast_kill
 from rcopterx.fleet_option import RunningFleetOption, running_fleet
 
@@ -23,11 +24,22 @@ def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
         typer.echo("armed")
 
 
-def disarm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
-    """Keep the throttle low until armed again."""
+def disarm(
+    vehicles: Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...")] = None,
+    everybody: Annotated[bool, typer.Option("--all", help="All vehicles.")] = False,
+    fleet: RunningFleetOption = None,
+) -> None:
+    """Keep the throttle low until armed again; refused in the air, for that there are land and kill."""
+    if bool(vehicles) == everybody:
+        raise typer.BadParameter("name the vehicles, or give --all", param_hint="[VEHICLE]...")
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
-        for name in vehicles or running.file.vehicles:
+        names = vehicles or list(running.file.vehicles)
+        running.wait_for_status(names)
+        airborne = [name for name in names if running[name].state.airborne]
+        if airborne:
+            raise RefusedError(f"{', '.join(airborne)} in the air: land first; kill is what cuts motors")
+        for name in names:
             running[name].disarm()
         typer.echo("disarmed")
 

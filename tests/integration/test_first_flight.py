@@ -203,7 +203,7 @@ def _tracker_up(flying: Flying) -> bool:
 def test_kill_latches_until_it_is_reset(launch: Launch) -> None:
     flying = launch()
     flying.fleet.take_off(["h2"], height_m=0.4)
-    flying.fleet.kill(["h2"], seconds=0.2)
+    flying.fleet.kill(["h2"])
     flying.fleet.wait_until(lambda: transmitter_state(flying, "h2") == "killed", 3, "not killed")
     with pytest.raises(RefusedError):
         flying.fleet["h2"].arm()

@@ -11,6 +11,7 @@ from click.testing import Result
 from support.bus import own_address
 from support.fleets import HARDWARE_PAIR, PAIR
 from support.scripted import ScriptedVehicle, fleet_file_text
+from support.waiting import wait_for
 from typer.testing import CliRunner
 
 from bus.requests import Follow, GoTo, TakeOff
@@ -97,6 +98,8 @@ def test_manoeuvres_are_listed() -> None:
         (("follow", "h2", "h1", "--frame", "body"), "'body': allowed are inertial, heading"),
         (("arm", "--colour", "red"), "No such option"),
         (("agent",), "Missing argument 'VEHICLE'"),
+        (("disarm",), "name the vehicles, or give --all"),
+        (("disarm", "h1", "--all"), "name the vehicles, or give --all"),
     ],
 )
 def test_wrong_arguments_are_usage_errors_that_say_what_is_allowed(
@@ -111,7 +114,7 @@ def test_wrong_arguments_are_usage_errors_that_say_what_is_allowed(
     "arguments",
     [
         ("arm",),
-        ("disarm",),
+        ("disarm", "--all"),
         ("takeoff",),
         ("goto", "h1", "0", "0", "1"),
         ("follow", "h2", "h1"),
@@ -293,10 +296,19 @@ def test_a_vehicle_whose_agent_is_gone_is_not_said_to_have_landed(up: str, vehic
 
 def test_arm_disarm_kill_and_reset_reach_the_transmitters(up: str, vehicles: Vehicles) -> None:
     assert run("arm", "h1", "-f", up).output.strip() == "armed"
-    assert run("disarm", "-f", up).output.strip() == "disarmed"
+    assert run("disarm", "--all", "-f", up).output.strip() == "disarmed"
     assert run("reset", "h2", "-f", up).output.strip() == "reset"
     assert vehicles["h1"].verbs == ["Arm", "Disarm"]
     assert vehicles["h2"].verbs == ["Disarm", "ResetKill"]
+
+
+def test_vehicles_in_the_air_are_not_disarmed(up: str, vehicles: Vehicles) -> None:
+    vehicles["h2"].phase, vehicles["h2"].state = "flying", "armed"
+    wait_for(lambda: "h2: flying" in run("status", "-f", up).output, "not seen to fly")
+    result = run("disarm", "--all", "-f", up)
+    assert result.exit_code == 1
+    assert result.stderr == "error: h2 in the air: land first; kill is what cuts motors\n"
+    assert [vehicle.verbs for vehicle in vehicles.values()] == [[], []]
 
 
 def test_a_refusal_is_an_error_line_with_vehicle_and_reason(up: str, vehicles: Vehicles) -> None:

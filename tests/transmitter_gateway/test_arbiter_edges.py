@@ -109,6 +109,7 @@ def test_a_new_arbiter_says_that_it_started_and_has_no_link() -> None:
 
 def test_reason_is_part_of_the_output() -> None:
     clock = flying()
+    clock.run(64, IDLE)
     clock.request(Action.DISARM)
     assert clock.arbiter.step(clock.now_s).reason == "disarmed: by operator"
     clock.request(Action.KILL, by="someone")
@@ -285,6 +286,8 @@ def test_thrust_time_adds_up_over_landings_and_starts_anew_with_arming() -> None
     assert clock.state is State.ARMED
     clock.run(64)
     assert clock.state is State.DESCEND
+    clock.run(160, IDLE)
+    assert clock.state is State.CUT
     clock.request(Action.DISARM)
     clock.run(33, IDLE)
     assert clock.request(Action.ARM).accepted

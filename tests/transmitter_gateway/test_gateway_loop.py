@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from bus.codec import encode
-from bus.messages import Command, FloatArray, Message, Pose, TransmitterStatus
+from bus.keys import EVERY_FLEET, FLEET_UNIT
+from bus.messages import Command, FloatArray, Kill, Message, Pose, TransmitterStatus
 from bus.session import BusAddress, Incoming, NobodyServesError
 from bus.subscription import Inbox
 from simulator.radio import RadioLink, RadioPty
@@ -58,8 +59,8 @@ class OwnBus:
         self.inboxes[channel.topic, unit, fleet] = (inbox, wake)
         return inbox
 
-    def arrive(self, topic: str, unit: str, message: Message) -> None:
-        inbox, wake = self.inboxes[topic, unit, "lab"]
+    def arrive(self, topic: str, unit: str, message: Message, fleet: str = "lab") -> None:
+        inbox, wake = self.inboxes[topic, unit, fleet]
         inbox.store(encode(message), self.now_s)
         wake()
 
@@ -228,6 +229,25 @@ def test_error_in_the_poses_still_brings_everybody_down(
     laboratory.gateway.bring_down(lambda: False)
     assert laboratory.states() == {State.CUT}
     assert "broken" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("fleet", ["lab", EVERY_FLEET])
+def test_a_kill_of_this_fleet_or_of_every_fleet_is_obeyed_and_told_at_once(
+    laboratory: Laboratory, fleet: str
+) -> None:
+    laboratory.fly()
+    laboratory.bus.published.clear()
+    kill = Kill(source="operator", reason="test", vehicles=("h2",))
+    laboratory.bus.arrive("kill", FLEET_UNIT, kill, fleet)
+    laboratory.gateway.step()
+    assert laboratory.transmitter("h2").arbiter.state is State.KILLED
+    assert laboratory.transmitter("h1").arbiter.state is State.ARMED
+    told = {
+        name: message.state
+        for name, message in laboratory.bus.published
+        if isinstance(message, TransmitterStatus)
+    }
+    assert told == {"h1": "armed", "h2": "killed", "h3": "armed"}
 
 
 def test_kill_counts_while_an_error_brings_vehicles_down(laboratory: Laboratory) -> None:

@@ -1,9 +1,10 @@
 """Who may kill, reset, disarm and hand over a vehicle."""
 
 import pytest
-from arbiter_bench import HOVER, Bench, flying, silent
+from arbiter_bench import HOVER, IDLE, Bench, flying, silent
 
-from transmitter_gateway.inputs import NEUTRAL, Action, LinkState, State
+from transmitter_gateway.inputs import FLYING, NEUTRAL, Action, LinkState, State
+from transmitter_gateway.limits import ArbiterLimits
 
 
 @pytest.mark.parametrize("by", ["operator", "agent", "anybody"])
@@ -60,23 +61,97 @@ def test_reset_is_possible_when_nobody_commands() -> None:
 def test_disarming_is_for_holder_and_operator() -> None:
     for by, accepted in (("operator", True), ("agent", True), ("other", False)):
         bench = flying()
+        bench.run(0.8, IDLE)
         answer = bench.request(Action.DISARM, by=by)
         assert answer.accepted == accepted
         assert bench.state is (State.DISARMED if accepted else State.ARMED)
     assert answer.reason == "only the holder of the control lease or an operator may disarm"
 
 
-@pytest.mark.parametrize(("silence_s", "state"), [(0.08, State.HOLD), (1.0, State.DESCEND), (3.0, State.CUT)])
-def test_disarming_works_in_every_live_state(silence_s: float, state: State) -> None:
+@pytest.mark.parametrize(
+    ("silence_s", "state"), [(0.0, State.ARMED), (0.08, State.HOLD), (1.0, State.DESCEND)]
+)
+@pytest.mark.parametrize("by", ["operator", "agent"])
+def test_disarming_is_refused_while_the_vehicle_may_be_in_the_air(
+    silence_s: float, state: State, by: str
+) -> None:
     bench = flying()
     silent(bench, silence_s)
     assert bench.state is state
-    bench.request(Action.DISARM)
+    answer = bench.request(Action.DISARM, by=by)
+    assert answer.reason == "it may be in the air: land it first; kill is what cuts motors"
+    assert not answer.accepted
+    assert bench.state is state
+    assert bench.arbiter.counters["refused: disarm"] == 1
+
+
+def test_disarming_is_refused_in_a_landing_and_where_the_vehicle_is_not_seen() -> None:
+    bench = Bench()
+    bench.yaw_rad = 0.0
+    bench.fly()
+    silent(bench, 0.4)
+    assert bench.state is State.LAND
+    assert not bench.request(Action.DISARM).accepted
+    bench.position = None
+    bench.run(0.1)
+    assert not bench.request(Action.DISARM).accepted
+    assert bench.state in FLYING
+
+
+def test_disarming_works_at_once_for_a_vehicle_that_is_seen_on_the_floor() -> None:
+    bench = Bench()
+    bench.yaw_rad, bench.position = 0.0, (0.0, 0.0, 0.05)
+    bench.fly()
+    assert bench.request(Action.DISARM).accepted
     assert (bench.state, bench.reason) == (State.DISARMED, "disarmed: by operator")
+
+
+def test_disarming_works_without_sight_after_the_thrust_was_low_for_long_enough() -> None:
+    bench = flying()
+    bench.run(0.5, IDLE)
+    assert not bench.request(Action.DISARM).accepted
+    bench.run(0.3, IDLE)
+    assert bench.request(Action.DISARM).accepted
+
+
+def test_disarming_works_when_the_motors_are_cut() -> None:
+    bench = flying()
+    silent(bench, 3.0)
+    assert bench.state is State.CUT
+    assert bench.request(Action.DISARM).accepted
+    assert bench.state is State.DISARMED
+
+
+def test_a_vehicle_that_stands_on_the_floor_for_long_is_disarmed_by_itself() -> None:
+    bench = Bench(ArbiterLimits(disarm_after_s=3.0))
+    bench.run(10.0, IDLE)
+    assert bench.request(Action.ARM, source="agent").accepted
+    bench.run(2.9, IDLE)
+    assert bench.state is State.ARMED
+    bench.run(0.2, IDLE)
+    assert (bench.state, bench.reason) == (State.DISARMED, "on the floor for long")
+
+
+def test_a_flight_starts_the_time_on_the_floor_anew() -> None:
+    bench = Bench(ArbiterLimits(disarm_after_s=3.0))
+    bench.fly()
+    bench.run(5.0, HOVER)
+    bench.run(2.9, IDLE)
+    assert bench.state is State.ARMED
+    bench.run(0.3, IDLE)
+    assert bench.state is State.DISARMED
+
+
+def test_the_time_on_the_floor_ends_without_any_message() -> None:
+    bench = Bench(ArbiterLimits(disarm_after_s=0.6))
+    assert bench.arm().accepted
+    bench.run(0.55, IDLE)
+    assert bench.now_s < bench.arbiter.next_event_s() <= bench.now_s + 0.06
 
 
 def test_disarmed_vehicle_has_no_thrust_whatever_is_commanded() -> None:
     bench = flying()
+    bench.run(0.8, IDLE)
     bench.request(Action.DISARM)
     assert bench.run(1.0, HOVER).u == NEUTRAL
     assert bench.arbiter.holder is None

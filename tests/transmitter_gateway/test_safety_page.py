@@ -49,6 +49,8 @@ def test_figures_of_the_page_are_the_defaults() -> None:
         f"closer than {poses.minimum_distance_m} m",
         f"outside the fence by {margin_m} m",
         f"commanded low for {limits.arm_low_s} s",
+        f"on the floor | disarmed after {limits.disarm_after_s:.0f} s",
+        f"thrust low for {limits.arm_low_s} s, or seen less than {limits.airborne_m} m above it",
         f"CUT, {THROTTLE_LOW_FRAMES} throttle-low frames",
         f"younger than {limits.take_over_s} s",
     ):
