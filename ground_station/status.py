@@ -5,6 +5,7 @@ from typing import Any
 
 from bus.messages import LeaderLink
 from ground_station.fleet import Fleet
+from ground_station.margins import flying_warnings
 from ground_station.state import VehicleState
 
 
@@ -35,8 +36,8 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
 
 def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
     """What blocks take-off: `fleet`, `ready`, `problems` and `notes`, which do not block it."""
-    problems = fleet.problems(names)
-    return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": fleet.notes()}
+    problems, notes = fleet.problems(names), [*fleet.notes(), *flying_warnings(fleet)]
+    return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": notes}
 
 
 def _tracker(fleet: Fleet) -> dict[str, Any] | None:

@@ -2,7 +2,7 @@
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -42,34 +42,27 @@ class Margins:
     frequency_up: float
     frequency_down: float
 
-    def shortfalls(self, rule: Uncertainty) -> tuple[str, ...]:
-        """Names of the margins that are smaller than what the true vehicle may depart from its model."""
-        fraction = rule.frequency_fraction
-        below = {
-            "gain up": self.gain_up < rule.gain_factor,
-            "gain down": self.gain_down > 1.0 / rule.gain_factor,
-            "delay": self.delay_s < rule.delay_s,
-            "frequency up": self.frequency_up < 1.0 + fraction,
-            "frequency down": self.frequency_down > 1.0 - fraction,
-        }
-        return tuple(name for name, short in below.items() if short)
 
-
-def corners(rule: Uncertainty) -> tuple[Perturbation, ...]:
-    """Perturbations that a loop has to bear, the hardest first."""
+def corners(rule: Uncertainty) -> Mapping[str, Perturbation]:
+    """Perturbations that a loop has to bear, by name; those that most loops bear last come first."""
     fraction = rule.frequency_fraction
-    return (
-        Perturbation(gain=rule.gain_factor),
-        Perturbation(frequency=1.0 - fraction),
-        Perturbation(delay_s=rule.delay_s),
-        Perturbation(frequency=1.0 + fraction),
-        Perturbation(gain=1.0 / rule.gain_factor),
-    )
+    return {
+        "gain up": Perturbation(gain=rule.gain_factor),
+        "frequency down": Perturbation(frequency=1.0 - fraction),
+        "delay": Perturbation(delay_s=rule.delay_s),
+        "frequency up": Perturbation(frequency=1.0 + fraction),
+        "gain down": Perturbation(gain=1.0 / rule.gain_factor),
+    }
 
 
 def bears(loop: FeedbackLoop, rule: Uncertainty) -> bool:
     """Whether a loop is stable around its model and under each of the `corners`."""
-    return loop.stable() and all(map(loop.stable, corners(rule)))
+    return loop.stable() and all(map(loop.stable, corners(rule).values()))
+
+
+def shortfalls(loop: FeedbackLoop, rule: Uncertainty) -> tuple[str, ...]:
+    """Names of the `corners` that a loop does not bear."""
+    return tuple(name for name, corner in corners(rule).items() if not loop.stable(corner))
 
 
 def margins(loop: FeedbackLoop) -> Margins:

@@ -17,6 +17,7 @@ from deploy.run_directory import run_directory
 from ground_station.fleet import Fleet
 from ground_station.launched import processes_up
 from ground_station.live_table import fleet_table
+from ground_station.margins import configured_warnings
 from ground_station.waiting import NotReachedError
 from rcopterx.fleet_option import (
     DEFAULT_FLEET,
@@ -132,6 +133,8 @@ def up(
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
     with user_errors(), interruptible(fleet, host, without or ()) as (running, interrupts):
+        for line in configured_warnings(running.file):
+            typer.echo(f"warning: {line}", err=True)
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
         Watch(running, interrupts).until(lambda: False)
 

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from bus import channels
 from bus.messages import (
@@ -54,6 +55,7 @@ class ScriptedVehicle:
         self.requests: list[object] = []
         self.kills: list[Kill] = []
         self.counts: dict[str, int] = {}
+        self.diagnostics: dict[str, Any] = {}
         self.following: tuple[LeaderLink, ...] = ()
         self.assigned: tuple[LeaderLink, ...] = ()
         self.following_mode = "follow"
@@ -118,6 +120,7 @@ class ScriptedVehicle:
             following_mode=self.following_mode,
             pose_age_s=self.pose_age_s,
             fallbacks=self.counts,
+            **self.diagnostics,
         )
 
     def pose(self) -> Pose:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from agents.controllers.weights import DEMAND_FLOOR, default_input_weights, default_state_weights
 from agents.margins.axes import lag_loop, tilt_loop
-from agents.margins.search import bears, margins
+from agents.margins.search import bears, shortfalls
 from vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
 from vehicles.tilt import TiltModel
 from vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
@@ -108,5 +108,5 @@ def test_a_slow_lightly_damped_vehicle_with_a_long_delay_is_flown_softer() -> No
 def test_a_weight_less_than_the_rules_falls_short(model: Model) -> None:
     loose = replace(model, uncertainty=UNIDENTIFIED)
     effort = default_input_weights(loose, PERIOD_S)[0]
-    found = margins(lag_loop(loose, PERIOD_S, 0, (800.0, 1.0, effort / 1.51)))
-    assert "gain up" in found.shortfalls(UNIDENTIFIED)
+    loop = lag_loop(loose, PERIOD_S, 0, (800.0, 1.0, effort / 1.51))
+    assert "gain up" in shortfalls(loop, UNIDENTIFIED)

@@ -1,0 +1,69 @@
+"""Feedback loops of a vehicle as it is configured."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from agents.controllers.cascade import CascadeSettings
+from agents.controllers.weights import default_input_weights, default_state_weights
+from agents.estimators.lag_kalman import ExtendedKalmanSettings
+from agents.margins.axes import lag_loop, tilt_loop
+from agents.margins.loop import FeedbackLoop
+from agents.plugins.plain_settings import parse_settings
+from agents.tuning.configuration import Configuration
+from vehicles.model import Model
+from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
+
+CONTROLLER: Final = "cascade"
+ESTIMATOR: Final = "extended_kalman"
+"""The pair whose loops are known; others would need loops of their own."""
+HORIZONTAL: Final = "horizontal"
+"""Both horizontal axes of a vehicle with a tilt model, which couples them."""
+HORIZONTAL_AXES: Final = {"x": U_PITCH, "y": U_ROLL}
+STEADY_AXES: Final = {"height": U_THRUST, "yaw": U_YAW}
+
+
+def unknown_loops(configuration: Configuration) -> str | None:
+    """Why the loops of a configuration are not known; None if they are."""
+    if (configuration.controller, configuration.estimator) == (CONTROLLER, ESTIMATOR):
+        return None
+    flown = f"{configuration.controller} with {configuration.estimator}"
+    return f"margins are known for {CONTROLLER} with {ESTIMATOR}, not for {flown}"
+
+
+def loops_of(model: Model, period_s: float, configuration: Configuration) -> Mapping[str, FeedbackLoop]:
+    """Loops of a vehicle by axis: `horizontal`, or `x` and `y` without a tilt model, `height` and `yaw`.
+
+    Integral action, which the cascade needs only without an estimated disturbance, is left out.
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    period_s
+        Control period.
+    configuration
+        Controller and estimator, for which `unknown_loops` has no objection.
+
+    Raises
+    ------
+    SettingsError
+        A setting that is not allowed.
+    """
+    cascade = parse_settings(CascadeSettings, configuration.controller_settings)
+    estimator = parse_settings(ExtendedKalmanSettings, configuration.estimator_settings)
+    states = cascade.state_weights or default_state_weights(model)
+    efforts = cascade.input_weights or default_input_weights(model, period_s)
+    compensate, lag = cascade.disturbance_compensation, cascade.actuator_lag
+
+    def single(axis: int) -> FeedbackLoop:
+        weights = states[axis], states[4 + axis], efforts[axis]
+        return lag_loop(model, period_s, axis, weights, estimator, compensate, lag)
+
+    steady = {name: single(axis) for name, axis in STEADY_AXES.items()}
+    if model.tilt is None:
+        return {name: single(axis) for name, axis in HORIZONTAL_AXES.items()} | steady
+    demand = float((np.array(efforts[:2]) / model.b[:2] ** 2).mean())
+    weights = 0.5 * (states[0] + states[1]), 0.5 * (states[4] + states[5]), demand
+    return {HORIZONTAL: tilt_loop(model, period_s, weights, estimator, compensate)} | steady

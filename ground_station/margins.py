@@ -1,0 +1,105 @@
+"""Margins of the vehicles of a fleet: as its file configures them, or as they fly."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from agents.margins.search import margins, shortfalls
+from agents.tuning.configuration import Configuration
+from agents.tuning.loops import loops_of, unknown_loops
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.roles.vehicle_models import model_of
+from ground_station.fleet import Fleet
+from vehicles.model import Model
+
+
+def configured(file: FleetFile, vehicle: str) -> Configuration:
+    """Controller and estimator with which a vehicle starts."""
+    control = file.vehicles[vehicle].control
+    return Configuration(control.controller, control.estimator, control.settings, control.estimator_settings)
+
+
+def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
+    """Margins of vehicles as their fleet file configures them.
+
+    Parameters
+    ----------
+    file
+        The fleet file.
+    vehicles
+        Names.
+
+    Returns
+    -------
+    dict
+        JSON document: `fleet` and `vehicles` by name with `rule`, the margins their models' uncertainty asks
+        for, and `axes`; `axes` is null where margins are not known, and `unknown` then says why. Names carry
+        the units.
+
+    Raises
+    ------
+    FleetError
+        A setting that is not allowed.
+    """
+    return {"fleet": file.name, "vehicles": {name: _vehicle_margins(file, name) for name in vehicles}}
+
+
+def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
+    model, configuration = model_of(file, name), configured(file, name)
+    table: dict[str, Any] = {
+        "controller": configuration.controller,
+        "estimator": configuration.estimator,
+        "rule": asdict(model.uncertainty),
+        "unknown": unknown_loops(configuration),
+        "axes": None,
+    }
+    if table["unknown"] is None:
+        try:
+            loops = loops_of(model, file.vehicles[name].control.period_s, configuration)
+        except ValueError as error:
+            raise FleetError(f"vehicles.{name}.control: {error}") from None
+        table["axes"] = {
+            axis: asdict(margins(loop)) | {"below_rule": list(shortfalls(loop, model.uncertainty))}
+            for axis, loop in loops.items()
+        }
+    return table
+
+
+def configured_warnings(file: FleetFile) -> list[str]:
+    """What is below the rule as a fleet file configures its vehicles, a line each."""
+    return [
+        line
+        for name, vehicle in file.vehicles.items()
+        for line in _warnings(name, model_of(file, name), vehicle.control.period_s, configured(file, name))
+    ]
+
+
+def flying_warnings(fleet: Fleet) -> list[str]:
+    """What is below the rule as the vehicles of a running fleet are tuned now, a line each."""
+    lines = []
+    for vehicle in fleet:
+        agent = vehicle.state.agent
+        if agent is not None:
+            said = agent.diagnostics
+            configuration = Configuration(
+                said.controller, said.estimator, said.controller_settings, said.estimator_settings
+            )
+            period_s = fleet.file.vehicles[vehicle.name].control.period_s
+            lines += _warnings(vehicle.name, model_of(fleet.file, vehicle.name), period_s, configuration)
+    return lines
+
+
+def _warnings(name: str, model: Model, period_s: float, configuration: Configuration) -> list[str]:
+    """Lines about one vehicle; an agent refuses settings that are not allowed itself."""
+    if unknown_loops(configuration) is not None:
+        return []
+    loops = loops_of(model, period_s, configuration)
+    below: Mapping[str, tuple[str, ...]] = {
+        axis: shortfalls(loop, model.uncertainty) for axis, loop in loops.items()
+    }
+    return [
+        f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
+        "or identify the vehicle"
+        for axis, names in below.items()
+        if names
+    ]
