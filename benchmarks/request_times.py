@@ -29,7 +29,9 @@ VERBS: Final[dict[str, Ask]] = {
         fleet["h3"].follow("h1", NEAR) if number % 2 else fleet["h3"].follow("h2", BESIDE_H2)
     ),
     "lead": lambda fleet, _: fleet["h3"].lead(),
-    "tune": lambda fleet, number: fleet["h2"].tune(input_weights=(1.5 + 0.1 * (number % 2), 1.5, 15.0, 5.0)),
+    "tune": lambda fleet, number: fleet["h2"].tune(
+        input_weights=(12.0 + 0.1 * (number % 2), 12.0, 15.0, 100.0)
+    ),
 }
 """What is asked of the trio, by the number of the round."""
 

@@ -274,7 +274,7 @@ ROWS: Final = (
         "Weights and horizon change in flight; weights that make no sense are refused",
         10.0,
         in_order(
-            steps.tune("h2", lambda vehicle: vehicle.tune(input_weights=(3.0, 3.0, 30.0, 10.0))),
+            steps.tune("h2", lambda vehicle: vehicle.tune(input_weights=(20.0, 20.0, 30.0, 200.0))),
             go_to((0.2, 0.0, 1.0)),
             steps.tune("h1", lambda vehicle: vehicle.tune(horizon=30)),
             go_to((0.2, 0.2, 1.1)),

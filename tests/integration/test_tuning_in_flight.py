@@ -29,7 +29,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(l
         assert estimator in fleet["h2"].tune(estimator=estimator)
     for horizon in (60, 15, 30):
         assert f"horizon {horizon}" in fleet["h1"].tune(horizon=horizon)
-    fleet["h2"].tune(horizon=24, input_weights=(2.0, 2.0, 15.0, 5.0))
+    fleet["h2"].tune(horizon=24, input_weights=(15.0, 15.0, 15.0, 120.0))
     with pytest.raises(RefusedError, match=r"h2: .*> 0"):
         fleet["h2"].tune(input_weights=(-1.0, 1.0, 1.0, 1.0))
     with pytest.raises(RefusedError, match="allowed are cascade"):
@@ -46,7 +46,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(l
             and status is not None
             and status.phase == "flying"
             and status.diagnostics.horizon == 24
-            and status.diagnostics.controller_settings.get("input_weights") == (2.0, 2.0, 15.0, 5.0)
+            and status.diagnostics.controller_settings.get("input_weights") == (15.0, 15.0, 15.0, 120.0)
         )
 
     fleet.wait_until(restored, 15, "h2 does not fly with what was tuned")
