@@ -5,8 +5,7 @@ from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any, Final
 
-Three = tuple[float, float, float]
-Four = tuple[float, float, float, float]
+from vehicles.tuples import Four, Three
 
 COAXIAL_PLANTS: Final = ("first_order", "helicopter", "drawn_helicopter")
 

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from simulator.conditions import Conditions, Four
+from simulator.conditions import Conditions
 from simulator.disturbance import PARAMETERS, random_stream
 from simulator.plant import CALM, Plant, Pose, four
 from vehicles.model import Model
 from vehicles.quadrotor import QUADROTOR, thrust_acceleration, tilt_limit_rad
+from vehicles.tuples import Four
 
 
 def specimen(model: Model, conditions: Conditions, generator: np.random.Generator) -> tuple[Model, Four]:

@@ -11,12 +11,13 @@ To fly one by itself, without weather and delay::
 
 import math
 
-from simulator.conditions import Conditions, Four
+from simulator.conditions import Conditions
 from simulator.disturbance import PARAMETERS, random_stream
 from simulator.helicopter_dynamics import HelicopterDynamics, State, level_state
 from simulator.helicopter_parameters import HelicopterParameters
 from simulator.plant import CALM, Plant, Pose
 from vehicles.model import Model
+from vehicles.tuples import Four
 
 
 def helicopter_of(name: str, conditions: Conditions, seed: int) -> HelicopterParameters:

@@ -9,12 +9,12 @@ import math
 from typing import Final
 
 from simulator.helicopter_parameters import GRAVITY_M_S2, HelicopterParameters
+from vehicles.tuples import Four
 
 State = tuple[float, ...]
 """Position and velocity in the inertial frame (6), attitude as a unit quaternion, scalar first (4), rates of
 the body p, q, r (3), speeds of the upper and lower rotor (2), axis of the bar in the inertial frame (3), tilt
 of the swash plate towards body x and y (2)."""
-Four = tuple[float, float, float, float]
 
 STATE_SIZE: Final = 20
 _TINY: Final = 1e-9

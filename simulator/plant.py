@@ -10,10 +10,11 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from simulator.conditions import Conditions, Four, Three
+from simulator.conditions import Conditions
 from simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
 from vehicles.model import Model
 from vehicles.state import U_THRUST, Array
+from vehicles.tuples import Four, Three
 
 CALM: Four = (0.0, 0.0, 0.0, 0.0)
 _TIME_TOLERANCE_S = 1e-9

@@ -15,6 +15,7 @@ from agents.margins.loop import FeedbackLoop
 from agents.margins.search import bears
 from vehicles.model import UNIDENTIFIED, Model
 from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
+from vehicles.tuples import Four
 
 _LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
 _TILT_STATES: Final = (100.0, 100.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
@@ -32,7 +33,6 @@ STEP: Final = 1.5
 STEPS: Final = 24
 
 Eight = tuple[float, float, float, float, float, float, float, float]
-Four = tuple[float, float, float, float]
 
 
 def default_state_weights(model: Model) -> Eight:

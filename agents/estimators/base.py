@@ -9,6 +9,7 @@ import numpy as np
 from agents.estimators.gate import InnovationGate
 from agents.estimators.settings import EstimatorSettings
 from agents.interfaces import Estimate, Measurement
+from agents.references.turns import nearest_heading
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, YAW, Array
 
@@ -146,8 +147,7 @@ class PoseEstimator(ABC):
         return True
 
     def _unwrapped(self, yaw_rad: float) -> float:
-        predicted_rad = float(self.estimate.motion[YAW])
-        return predicted_rad + math.remainder(yaw_rad - predicted_rad, math.tau)
+        return nearest_heading(yaw_rad, float(self.estimate.motion[YAW]))
 
     @abstractmethod
     def _settle(self, applied_input: Array) -> None:
