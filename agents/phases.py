@@ -50,6 +50,7 @@ TRANSITIONS: Final = MappingProxyType(
         (Phase.TAKEOFF, Event.LAND): Phase.LANDING,
         (Phase.TAKEOFF, Event.DISARM): Phase.GROUND,
         (Phase.TAKEOFF, Event.OVERRIDE): Phase.EMERGENCY,
+        (Phase.FLYING, Event.TAKE_OFF): Phase.TAKEOFF,
         (Phase.FLYING, Event.LAND): Phase.LANDING,
         (Phase.FLYING, Event.DISARM): Phase.GROUND,
         (Phase.FLYING, Event.OVERRIDE): Phase.EMERGENCY,

@@ -206,8 +206,7 @@ class Pilot:
             self.input_history = InputHistory(value)
         self.informed = True
         self.guidance.on_event(event, self.estimate)
-        if self.guidance.landing_interrupted:
-            self.guidance.land(self.estimate, self.clock.time_s)
+        self.guidance.go_on(self.estimate, self.clock.time_s)
 
     def take_off(self, height_m: float) -> str | None:
         """Begin to take off; a refusal is returned as its reason."""

@@ -174,7 +174,16 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         -------
         list of str
             What keeps vehicles on the floor that stayed behind.
+
+        Raises
+        ------
+        RefusedError
+            A vehicle is killed, or came back to the floor; says why.
+        NotReachedError
+            Not all reached their height in time.
         """
+        names = None if names is None else list(names)
+        self._refuse_killed(names)
         behind = self._wait_for_most() if names is None else {}
         vehicles = [name for name in self.present() if name not in behind] if names is None else list(names)
         if names is not None:
@@ -183,25 +192,51 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         for name in vehicles:
             if self.state_of(name).phase == "armed":
                 self[name].take_off(height_m)
+        climbing: set[str] = set()
+
+        def back_on_the_floor() -> list[str]:
+            states = [self.state_of(name) for name in vehicles]
+            climbing.update(state.name for state in states if state.airborne)
+            return [
+                state.summary()
+                for state in states
+                if state.transmitter_state == "killed" or (state.name in climbing and not state.airborne)
+            ]
+
+        # A vehicle flies once it has reached its height; until then it takes off, interrupted or not.
         self.wait_until(
-            lambda: all(self.state_of(name).phase == "flying" for name in vehicles),
+            lambda: (
+                bool(back_on_the_floor()) or all(self.state_of(name).phase == "flying" for name in vehicles)
+            ),
             timeout_s,
             "not all vehicles have taken off",
             vehicles,
         )
+        if failed := back_on_the_floor():
+            raise RefusedError(f"take-off failed: {'; '.join(failed)}")
         return [line for lines in behind.values() for line in lines]
+
+    def _refuse_killed(self, names: list[str] | None) -> None:
+        """Refuse at once where killed vehicles are named, or only they are there: a reset is up to people."""
+        self.wait_for_status(names)
+        wanted = self.present() if names is None else names
+        killed = [name for name in wanted if self.state_of(name).transmitter_state == "killed"]
+        if killed and (names is not None or len(killed) == len(wanted)):
+            raise RefusedError(f"killed: {', '.join(killed)}; reset first (rcopterx reset)")
 
     def _wait_for_most(self) -> dict[str, list[str]]:
         """Wait until everybody is ready, or for a while; what keeps the others, by vehicle."""
+        killed = [name for name in self.present() if self.state_of(name).transmitter_state == "killed"]
+        others = [name for name in self.present() if name not in killed]
         try:
-            self.wait_ready(timeout_s=STAY_BEHIND_S)
+            self.wait_ready(others, timeout_s=STAY_BEHIND_S)
         except NotReachedError:
             behind = {name: self.problems([name]) for name in self.present()}
             if all(behind.values()):
                 self.wait_ready()
                 return {}
             return {name: lines for name, lines in behind.items() if lines}
-        return {}
+        return {name: self.problems([name]) for name in killed}
 
     def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
         """Let a vehicle that does not take part yet take off and follow its leaders of the fleet file.

@@ -62,7 +62,8 @@ class Guidance:
         self.plan_limit_s = plan_limit_s
         self._touchdown = Touchdown()
         self._restored_at_s = -math.inf
-        self._landing_interrupted = False
+        self._interrupted: Phase | None = None
+        self._climb_end_m: Array = np.zeros(3)
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
 
@@ -81,10 +82,15 @@ class Guidance:
         """Whether the reference comes from leaders now."""
         return bool(self.followed) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
 
-    @property
-    def landing_interrupted(self) -> bool:
-        """Whether the vehicle was landing when the transmitter gateway took over, and flies freely again."""
-        return self._landing_interrupted and self.phase is Phase.FLYING
+    def go_on(self, estimate: Estimate, time_s: float) -> None:
+        """Go on with a climb or a landing that the transmitter gateway interrupted, once it is over."""
+        if self.phase is not Phase.FLYING or self._interrupted is None:
+            return
+        if self._interrupted is Phase.LANDING:
+            self.land(estimate, time_s)
+        else:
+            self._climb_to(self._climb_end_m, estimate, time_s)
+            self.on_event(Event.TAKE_OFF, estimate)
 
     def set_point(self) -> tuple[Array, float]:
         """Position [m], shape (3,), and yaw [rad] the own reference ends at."""
@@ -97,7 +103,8 @@ class Guidance:
         if self.phase is before:
             return False
         if self.phase is not Phase.FLYING:
-            self._landing_interrupted = before is Phase.LANDING and self.phase is Phase.EMERGENCY
+            under_way = self.phase is Phase.EMERGENCY and before in (Phase.TAKEOFF, Phase.LANDING)
+            self._interrupted = before if under_way else None
         if estimate is not None and event in (Event.RESUME, Event.ARM) and self.phase is Phase.FLYING:
             self.hold_here(estimate)
         if self.phase is Phase.FLYING:
@@ -132,6 +139,7 @@ class Guidance:
 
     def _climb_to(self, end_m: Array, estimate: Estimate, time_s: float) -> None:
         """Make the way up to a place the reference; it is climbed above where the vehicle stood."""
+        self._climb_end_m = end_m
         start_m = np.append(end_m[:2], estimate.motion[2])
         self.source = SmoothMove.at_speed(
             start_m, end_m, float(estimate.motion[YAW]), time_s, TAKE_OFF_SPEED_M_S

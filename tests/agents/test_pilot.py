@@ -132,6 +132,36 @@ def test_a_landing_goes_on_after_the_gateway_has_held_the_vehicle() -> None:
     assert pilot.guidance.phase is Phase.LANDING
 
 
+def test_a_take_off_goes_on_to_its_height_after_the_gateway_has_held_the_vehicle() -> None:
+    pilot = airborne(noted())
+    guidance = pilot.guidance
+    guidance.on_event(Event.DISARM, pilot.estimate)
+    guidance.on_event(Event.ARM, pilot.estimate)
+    assert guidance.take_off(pilot.estimate, 0.7, pilot.clock.time_s) is None
+    end_m, _ = guidance.set_point()
+    for state in ("hold", "descend", "hold"):
+        pilot.note_applied(state, 0, HOVER)
+        assert guidance.phase is Phase.EMERGENCY
+    pilot.note_applied("armed", 0, HOVER)
+    assert guidance.phase is Phase.TAKEOFF
+    assert guidance.set_point()[0] == pytest.approx(end_m)
+    pilot.note_applied("armed", 0, HOVER)
+    assert guidance.phase is Phase.TAKEOFF
+
+
+def test_a_take_off_that_was_interrupted_and_ended_on_the_floor_is_forgotten() -> None:
+    pilot = airborne(noted())
+    pilot.guidance.on_event(Event.DISARM, pilot.estimate)
+    pilot.guidance.on_event(Event.ARM, pilot.estimate)
+    pilot.guidance.take_off(pilot.estimate, 0.7, pilot.clock.time_s)
+    pilot.note_applied("hold", 0, HOVER)
+    pilot.note_applied("cut", 0, np.zeros(4))
+    assert pilot.guidance.phase is Phase.GROUND
+    pilot.guidance.on_event(Event.RESUME, pilot.estimate)
+    pilot.note_applied("armed", 0, HOVER)
+    assert pilot.guidance.phase is Phase.FLYING
+
+
 def test_who_was_held_while_it_flew_flies_on_even_if_it_landed_before() -> None:
     pilot = airborne(noted())
     pilot.guidance.land(pilot.estimate, pilot.clock.time_s)

@@ -2,6 +2,7 @@
 
 import io
 import threading
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -355,3 +356,44 @@ def test_a_vehicle_does_not_join_below_or_into_somebody(fleet: Fleet, vehicles: 
     with pytest.raises(RefusedError, match=words):
         fleet.join("h2")
     assert vehicles["h2"].requests == []
+
+
+def test_taking_off_with_a_killed_vehicle_fails_at_once(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].state = "killed"
+    wait_for(lambda: fleet["h2"].state.transmitter_state == "killed", "not seen killed")
+    began_s = time.monotonic()
+    with pytest.raises(RefusedError, match=r"^killed: h2; reset first \(rcopterx reset\)$"):
+        fleet.take_off(["h1", "h2"])
+    assert time.monotonic() - began_s < 2.0
+    assert vehicles["h1"].verbs == vehicles["h2"].verbs == []
+
+
+def test_a_killed_vehicle_stays_behind_at_once_when_everybody_takes_off(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h2"].state = "killed"
+    wait_for(lambda: fleet["h2"].state.transmitter_state == "killed", "not seen killed")
+    assert fleet.take_off() == ["h2: killed (scripted); reset it first"]
+    assert vehicles["h1"].phase == "flying"
+    vehicles["h1"].state = "killed"
+    wait_for(lambda: fleet["h1"].state.transmitter_state == "killed", "not seen killed")
+    with pytest.raises(RefusedError, match="killed: h1, h2; reset first"):
+        fleet.take_off()
+
+
+def test_a_take_off_that_ends_on_the_floor_fails_at_once_with_the_reason(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h1"].stuck.add("take_off")
+    vehicles["h1"].phase, vehicles["h1"].state = "takeoff", "armed"
+    wait_for(lambda: fleet["h1"].state.phase == "takeoff", "not seen to take off")
+
+    def drop() -> None:
+        time.sleep(0.3)
+        vehicles["h1"].phase = "armed"
+
+    thread = threading.Thread(target=drop)
+    thread.start()
+    with pytest.raises(RefusedError, match=r"^take-off failed: h1: armed, transmitter armed: scripted$"):
+        fleet.take_off(["h1"], timeout_s=10.0)
+    thread.join()
