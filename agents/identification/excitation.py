@@ -1,0 +1,131 @@
+"""Multisines on the sticks of a flying vehicle, added to what its controller commands.
+
+Every axis has frequencies of its own, so that all of them are excited at once and their responses, the
+coupling of pitch and roll among them, can still be told apart. The controller goes on flying: it keeps the
+vehicle in its place, and a prediction-error fit does not mind the closed loop.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vehicles.model import Model
+from vehicles.state import INPUT_SIZE, Array
+
+BASE_HZ: Final = 0.05
+"""All frequencies are multiples of it, so that the signal repeats every 20 s."""
+FADE_S: Final = 2.0
+_LATERAL_BAND_HZ: Final = (0.4, 4.5)
+_THRUST_BAND_HZ: Final = (0.3, 3.0)
+_YAW_BAND_HZ: Final = (0.4, 2.5)
+_TONES: Final = (10, 10, 6, 6)
+HORIZONTAL_M_S2: Final = 0.3
+"""Acceleration that the pitch and roll sticks are to ask for, root mean square, at full amplitude."""
+VERTICAL_M_S2: Final = 0.35
+YAW_RATE_RAD_S: Final = 0.4
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A multisine on every stick.
+
+    Parameters
+    ----------
+    amplitude
+        Root mean square of pitch, roll, thrust and yaw.
+    duration_s
+        Length; it fades in and out within `FADE_S`.
+
+    Raises
+    ------
+    ValueError
+        An amplitude below 0, or a duration too short to tell the tones of two axes apart.
+    """
+
+    amplitude: tuple[float, ...]
+    duration_s: float
+
+    def __post_init__(self) -> None:
+        if len(self.amplitude) != INPUT_SIZE or not all(0.0 <= a <= 1.0 for a in self.amplitude):
+            raise ValueError(f"amplitude: four numbers from 0 to 1, got {self.amplitude}")
+        if not 1.0 / BASE_HZ <= self.duration_s <= 600.0:
+            raise ValueError(f"duration_s: must be from {1 / BASE_HZ:g} to 600 s, got {self.duration_s}")
+
+    def at(self, time_s: float) -> Array:
+        """What is added to the sticks, shape (4,), some time after the start; zeros outside."""
+        if not 0.0 <= time_s < self.duration_s:
+            return np.zeros(INPUT_SIZE)
+        fade = min(1.0, time_s / FADE_S, (self.duration_s - time_s) / FADE_S)
+        return np.array(
+            [
+                fade * rms * math.sqrt(2.0 / len(tones)) * _sum_of_tones(tones, time_s)
+                for rms, tones in zip(self.amplitude, TONES_HZ, strict=True)
+            ]
+        )
+
+
+def _sum_of_tones(tones_hz: Sequence[float], time_s: float) -> float:
+    """Sum of unit sines with Schroeder's phases, which keep its peaks low."""
+    count = len(tones_hz)
+    return sum(
+        math.sin(math.tau * hz * time_s + math.pi * index * (index + 1) / count)
+        for index, hz in enumerate(tones_hz)
+    )
+
+
+def _all_tones() -> tuple[tuple[float, ...], ...]:
+    """Frequencies of the four axes, each used once, spread evenly over the logarithm of its band."""
+    taken: set[int] = set()
+    tones = []
+    bands = (_LATERAL_BAND_HZ, _LATERAL_BAND_HZ, _THRUST_BAND_HZ, _YAW_BAND_HZ)
+    for axis, ((low, high), count) in enumerate(zip(bands, _TONES, strict=True)):
+        own = []
+        shift = (0.0, 0.5, 0.25, 0.75)[axis]
+        for index in range(count):
+            hz = low * (high / low) ** ((index + shift) / count)
+            harmonic = round(hz / BASE_HZ)
+            while harmonic in taken:
+                harmonic += 1
+            taken.add(harmonic)
+            own.append(harmonic * BASE_HZ)
+        tones.append(tuple(own))
+    return tuple(tones)
+
+
+TONES_HZ: Final = _all_tones()
+"""Frequencies on pitch, roll, thrust and yaw."""
+
+
+def excitation_for(model: Model, duration_s: float, strength: float = 1.0) -> Excitation:
+    """Excitation that moves a vehicle of this model by centimetres.
+
+    Parameters
+    ----------
+    model
+        The vehicle as far as it is known.
+    duration_s
+        Length.
+    strength
+        Fraction of the usual accelerations `HORIZONTAL_M_S2`, `VERTICAL_M_S2` and yaw rate.
+
+    Returns
+    -------
+    Excitation
+        At most a quarter of every stick's range, root mean square.
+    """
+    pitch, roll, thrust, yaw = model.input_gain
+    yaw_rate_gain = yaw / max(-model.damping[3], 1.0)
+    wanted = np.array(
+        [
+            HORIZONTAL_M_S2 / pitch,
+            HORIZONTAL_M_S2 / roll,
+            VERTICAL_M_S2 / thrust,
+            YAW_RATE_RAD_S / yaw_rate_gain,
+        ]
+    )
+    room = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
+    amplitude = np.minimum(strength * wanted, 0.25 * room)
+    return Excitation(tuple(float(value) for value in amplitude), duration_s)

@@ -1,0 +1,154 @@
+"""Horizontal motion, height and heading of a model as linear systems with their inputs and measurements."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from agents.flight.lateral import WIND_CORRELATION_S
+from agents.identification.linear_filter import Complex, LinearSystem, StationaryPredictor
+from agents.identification.recording import FlightRecording
+from vehicles.model import Model
+from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
+
+POSITION_NOISE_M: Final = 0.0005
+YAW_NOISE_RAD: Final = 0.003
+TILT_NOISE: Final = 0.003
+_VELOCITY_DENSITY: Final = 0.01
+_RATE_DENSITY: Final = 0.1
+"""Where the model of the tilt is wrong, as a random walk of the tilt rate. More of it would make the fit
+trust single noisy tilts, which biases frequency and servo lag upwards."""
+_SERVO_DENSITY: Final = 0.01
+_ACTUATOR_DENSITY: Final = 0.001
+WIND_M_S2: Final = 0.15
+VERTICAL_WIND_M_S2: Final = 0.1
+YAW_WIND_RAD_S2: Final = 0.5
+_VERTICAL_DRIFT: Final = 0.03
+_YAW_DRIFT: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """What differs from vehicle to vehicle and flight to flight without being dynamics.
+
+    Attributes
+    ----------
+    trim
+        Offsets of the pitch and roll stick.
+    body_rad
+        Tilt of the measured body frame against the axis of the thrust, body frame.
+    """
+
+    trim: tuple[float, float] = (0.0, 0.0)
+    body_rad: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion of a flight: its predictor, inputs of shape (K,) and measurements of shape (K, m)."""
+
+    predictor: StationaryPredictor
+    inputs: Complex
+    measured: Complex
+
+    def innovations(self) -> Complex:
+        """One-period prediction errors, shape (K, m)."""
+        return self.predictor.innovations(self.inputs, self.measured)
+
+    def errors_ahead(self, periods: int) -> Complex:
+        """Errors of the first measurement predicted so many periods ahead, shape (K - periods,)."""
+        predicted = self.predictor.ahead(self.inputs, self.measured, periods)
+        return self.measured[periods:, 0] - predicted[:, 0]
+
+
+def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
+    """Horizontal motion; measured are the position and, where there is one, the tilt."""
+    # A stick acts on the heading that the vehicle has by then, half a period later on average.
+    time_s = recording.period_s * np.arange(len(recording.yaw_rad))
+    acts_s = time_s + model.delay_s + 0.5 * recording.period_s
+    acting = np.exp(1j * np.interp(acts_s, time_s, recording.yaw_rad))
+    pitch = recording.inputs[:, U_PITCH] + offsets.trim[0]
+    roll = recording.inputs[:, U_ROLL] + offsets.trim[1]
+    demand = acting * (model.b[U_PITCH] * pitch + 1j * model.b[U_ROLL] * roll)
+    measured = [_complex(recording.position_m[:, :2])]
+    with_tilt = recording.tilt is not None and model.tilt is not None
+    if recording.tilt is not None and model.tilt is not None:
+        measured.append(
+            _complex(recording.tilt) - np.exp(1j * recording.yaw_rad) * complex(*offsets.body_rad)
+        )
+    system = _horizontal_system(model, with_tilt)
+    predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
+    return Motion(predictor, demand, np.column_stack(measured))
+
+
+def vertical(model: Model, recording: FlightRecording) -> Motion:
+    """Height."""
+    system = _single_axis(model, U_THRUST, POSITION_NOISE_M, VERTICAL_WIND_M_S2, _VERTICAL_DRIFT)
+    thrust = recording.inputs[:, U_THRUST] - model.hover_input[U_THRUST]
+    return _of_single_axis(model, recording, system, thrust, recording.position_m[:, Z])
+
+
+def heading(model: Model, recording: FlightRecording) -> Motion:
+    """Heading."""
+    system = _single_axis(model, U_YAW, YAW_NOISE_RAD, YAW_WIND_RAD_S2, _YAW_DRIFT)
+    return _of_single_axis(model, recording, system, recording.inputs[:, U_YAW], recording.yaw_rad)
+
+
+def _of_single_axis(
+    model: Model, recording: FlightRecording, system: LinearSystem, stick: Array, measured: Array
+) -> Motion:
+    predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
+    return Motion(predictor, stick.astype(complex), measured[:, None].astype(complex))
+
+
+def _horizontal_system(model: Model, with_tilt: bool) -> LinearSystem:
+    """Position, velocity, core of the tilt model, servo, wind; without tilt model the lag is the servo."""
+    if model.tilt is None:
+        lag_s = max(0.5 * sum(model.lag_s[:2]), 1e-3)
+        core_a, core_b = np.zeros((0, 0), complex), np.zeros(0, complex)
+        core_c, direct = np.zeros(0, complex), 1.0 + 0.0j
+    else:
+        lag_s, dynamics = model.tilt.servo_lag_s, model.tilt.dynamics()
+        core_a, core_b = _of_plane(dynamics.a), _of_plane(dynamics.b)[:, 0]
+        core_c, direct = _of_plane(dynamics.c)[0], complex(_of_plane(dynamics.d)[0, 0])
+    core = slice(2, 2 + len(core_b))
+    servo, wind = core.stop, core.stop + 1
+    a = np.zeros((wind + 1, wind + 1), complex)
+    a[0, 1] = 1.0
+    a[1, 1] = 0.5 * sum(model.damping[:2])
+    a[1, core], a[1, servo], a[1, wind] = core_c, direct, 1.0
+    a[core, core], a[core, servo] = core_a, core_b
+    a[servo, servo], a[wind, wind] = -1.0 / lag_s, -1.0 / WIND_CORRELATION_S
+    b = np.zeros(wind + 1, complex)
+    b[servo] = 1.0 / lag_s
+    c = np.eye(3, wind + 1, dtype=complex)[[0, 2] if with_tilt else [0]]
+    density = np.zeros(wind + 1)
+    density[1], density[servo] = _VELOCITY_DENSITY, _SERVO_DENSITY
+    if model.tilt is not None:
+        density[3] = _RATE_DENSITY
+    density[wind] = WIND_M_S2 * np.sqrt(2.0 / WIND_CORRELATION_S)
+    noise = np.array([POSITION_NOISE_M, TILT_NOISE])[: len(c)]
+    return LinearSystem(a, b, c, density**2, noise**2)
+
+
+def _single_axis(model: Model, axis: int, noise: float, wind: float, drift: float) -> LinearSystem:
+    """Position, rate, actuator, wind and a slowly drifting offset of one axis."""
+    lag_s = max(model.lag_s[axis], 1e-3)
+    a = np.zeros((5, 5), complex)
+    a[0, 1] = 1.0
+    a[1, 1:] = model.damping[axis], model.input_gain[axis], 1.0, 1.0
+    a[2, 2], a[3, 3] = -1.0 / lag_s, -1.0 / WIND_CORRELATION_S
+    b = np.zeros(5, complex)
+    b[2] = 1.0 / lag_s
+    gust = wind * np.sqrt(2.0 / WIND_CORRELATION_S)
+    density = np.array([0.0, _VELOCITY_DENSITY, _ACTUATOR_DENSITY, gust, drift])
+    return LinearSystem(a, b, np.eye(1, 5, dtype=complex), density**2, np.array([noise**2]))
+
+
+def _complex(vectors: Array) -> Complex:
+    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
+
+
+def _of_plane(matrix: Array) -> Complex:
+    """A real matrix that maps pairs of components and commutes with rotations, as a complex one."""
+    return np.asarray(matrix[0::2, 0::2] + 1j * matrix[1::2, 0::2])
