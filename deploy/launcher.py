@@ -152,7 +152,7 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _run(self) -> None:
         # Children are told when the thread that started them ends, so this one starts and stops them all.
-        self.supervisor.start_all()
+        self.events.extend(self.supervisor.start_all())
         while not self._stopping.is_set():
             self.events.extend(self.supervisor.watch(WATCH_S))
         self.supervisor.stop_all()

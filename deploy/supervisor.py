@@ -19,6 +19,8 @@ SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
 """What vehicles in the air cannot do without, and a spare process can take over."""
 QUICK_RESTARTS = 3
 MAX_PAUSE_S = 5.0
+START_RETRY_S = 0.2
+SPARE_RETRY_S = 1.0
 STOP_LIMIT_S = 12.0
 """Transmitter gateways land their vehicles meanwhile."""
 
@@ -83,17 +85,44 @@ class Supervisor:
         self._logs = log_directory
         self._clock = clock
         self._selector = selectors.DefaultSelector()
+        self._spare_at_s = 0.0
+        self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
         self._spare = SpareProcess(self._snapshot, jobs, log_directory / "spare.log")
 
-    def start(self, name: str) -> None:
-        """Start one process; the spare process takes its place if it can and is ready."""
+    def start(self, name: str) -> list[str]:
+        """Start one process; the spare process takes its place if it can and is ready.
+
+        Returns
+        -------
+        list of str
+            What is wrong, if anything: without a log it runs all the same; what cannot be started now, for
+            instance for want of descriptors, is tried again a moment later.
+        """
         child = self.children[name]
+        child.restart_at_s = 0.0
         log_path = self._logs / f"{name}.log"
-        child.process = self._spare.take(child.spec.role, child.spec.unit, log_path)
-        if child.process is None:
+        lines = []
+        try:
+            self._logs.mkdir(parents=True, exist_ok=True)
+            log_path.open("ab").close()
+        except OSError as error:
+            child.events["without_log"] += 1
+            lines.append(f"{name}: writes no log: {error}")
+            log_path = Path(os.devnull)
+        try:
+            self._launch(child, log_path)
+        except OSError as error:
+            child.events["start_failed"] += 1
+            child.restart_at_s = self._clock() + START_RETRY_S
+            lines.append(f"{name}: cannot be started: {error}; trying again")
+        return lines
+
+    def _launch(self, child: Child, log_path: Path) -> None:
+        process = self._spare.take(child.spec.role, child.spec.unit, log_path)
+        if process is None:
             with log_path.open("ab") as log:
-                child.process = subprocess.Popen(
+                process = subprocess.Popen(
                     child.spec.command(self._snapshot),
                     stdin=subprocess.DEVNULL,
                     stdout=log,
@@ -101,16 +130,20 @@ class Supervisor:
                     start_new_session=True,
                     env=child_environment(),
                 )
+        try:
+            pidfd = os.pidfd_open(process.pid)
+        except OSError:
+            # Nobody would notice its death.
+            process.kill()
+            process.wait()
+            raise
+        child.process, child.pidfd = process, pidfd
         child.started_s = self._clock()
-        child.restart_at_s = 0.0
-        child.pidfd = os.pidfd_open(child.process.pid)
-        self._selector.register(child.pidfd, selectors.EVENT_READ, name)
+        self._selector.register(pidfd, selectors.EVENT_READ, child.spec.name)
 
-    def start_all(self) -> None:
-        """Start every wanted process in order."""
-        for name, child in self.children.items():
-            if child.wanted:
-                self.start(name)
+    def start_all(self) -> list[str]:
+        """Start every wanted process in order; returns what is wrong, as `start`."""
+        return [line for name, child in self.children.items() if child.wanted for line in self.start(name)]
 
     def watch(self, timeout_s: float) -> list[str]:
         """Wait for deaths and restart what died.
@@ -127,7 +160,7 @@ class Supervisor:
         """
         now = self._clock()
         if all(now - child.started_s > SETTLED_S for child in self.children.values()):
-            self._spare.prepare()
+            self._prepare_spare(now)
         lines = self._start_and_stop()
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
@@ -137,10 +170,21 @@ class Supervisor:
             time.sleep(wait_s)
         for name, child in self.children.items():
             if child.restart_at_s > 0 and self._clock() >= child.restart_at_s:
-                child.restarts += 1
-                self.start(name)
-                lines.append(f"{name}: started again (restart {child.restarts})")
+                lines += self.start(name)
+                if child.process is not None:
+                    child.restarts += 1
+                    lines.append(f"{name}: started again (restart {child.restarts})")
         return lines
+
+    def _prepare_spare(self, now_s: float) -> None:
+        """Have a spare process; where that is not possible, vehicles fly without one until it is."""
+        if now_s < self._spare_at_s:
+            return
+        try:
+            self._spare.prepare()
+        except OSError:
+            self.spare_failures += 1
+            self._spare_at_s = now_s + SPARE_RETRY_S
 
     def _start_and_stop(self) -> list[str]:
         """Start what is wanted and was not, end what is not wanted any more."""
@@ -148,8 +192,9 @@ class Supervisor:
         for name, child in self.children.items():
             if child.wanted and child.process is None and not child.restart_at_s:
                 child.quick_deaths = 0
-                self.start(name)
-                lines.append(f"{name}: started")
+                lines += self.start(name)
+                if child.process is not None:
+                    lines.append(f"{name}: started")
             elif not child.wanted:
                 child.restart_at_s = 0.0
                 self._end_gently(child)

@@ -1,6 +1,7 @@
 """Promises of the supervisor, with harmless processes that do nothing but live and die."""
 
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -322,3 +323,69 @@ def test_a_process_that_left_while_it_waited_for_its_restart_stays_away(supervis
     clock.advance(MAX_PAUSE_S + 1)
     assert supervisor.watch(0.0) == []
     assert supervisor.running() == []
+
+
+def test_a_process_without_a_place_for_its_log_is_restarted_all_the_same(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    supervisor = supervise(fake("one"))
+    supervisor.start_all()
+
+    def refused(self: Path, *_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "mkdir", refused)
+    kill(supervisor, "one")
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert any(line.startswith("one: writes no log: ") for line in lines)
+    assert supervisor.children["one"].events["without_log"] == 1
+    assert supervisor.running() == ["one"]
+
+
+def test_a_log_directory_that_was_removed_is_made_again(tmp_path: Path) -> None:
+    logs = tmp_path / "log"
+    logs.mkdir()
+    supervisor = Supervisor([fake("one")], tmp_path / "fleet.json", logs)
+    try:
+        supervisor.start_all()
+        shutil.rmtree(logs)
+        kill(supervisor, "one")
+        watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+        assert (logs / "one.log").exists()
+    finally:
+        supervisor.stop_all()
+
+
+@pytest.mark.parametrize("function", ["subprocess.Popen", "os.pidfd_open"])
+def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later(
+    supervise: Supervise, monkeypatch: pytest.MonkeyPatch, function: str
+) -> None:
+    supervisor = supervise(fake("one"), fake("two"))
+    supervisor.start_all()
+
+    def exhausted(*_: object, **__: object) -> None:
+        raise OSError(24, "Too many open files")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(f"deploy.supervisor.{function}", exhausted)
+        kill(supervisor, "one")
+        lines = watch_until(
+            supervisor, lambda: supervisor.children["one"].events["start_failed"] >= 2, "not tried again"
+        )
+        assert "one: cannot be started: [Errno 24] Too many open files; trying again" in lines
+        assert supervisor.running() == ["two"]
+    watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert supervisor.running() == ["one", "two"]
+
+
+def test_a_spare_that_cannot_be_started_ends_nothing(
+    supervise: Supervise, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def exhausted(self: SpareProcess) -> None:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(SpareProcess, "prepare", exhausted)
+    supervisor = supervise(fake("one"))
+    supervisor.start_all()
+    watch_until(supervisor, lambda: supervisor.spare_failures > 0, "no spare is tried")
+    assert supervisor.running() == ["one"]
