@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -102,6 +102,28 @@ def test_vehicles_whose_agents_never_come_back_land_where_they_were(launch: Laun
         assert vehicle.touchdown_speed_m_s < 0.6
         assert math.dist(vehicle.position_m[:2], places[name][:2]) < 0.3
         assert counter(flying, name, "entered DESCEND") == 0
+
+
+def test_vehicles_whose_agents_hang_for_two_seconds_fly_on(launch: Launch) -> None:
+    flying = launch()
+    truth = Truth(flying)
+    flying.fleet.take_off(height_m=1.2)
+    flying.fleet.wait_until(truth.rested, 15, "not hovering")
+    truth.start_watch()
+    pids = [flying.pid(f"agent-{name}") for name in NAMES]
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    hung_s = time.monotonic()
+    flying.fleet.wait_until(lambda: time.monotonic() > hung_s + 2.0, 5, "no time passes")
+    for pid in pids:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
+    flying.fleet.wait_until(
+        lambda: all_states(flying, "armed") and all(truth.height_m(name) > 1.1 for name in NAMES),
+        15,
+        "not flown again",
+    )
+    truth.assert_nobody_touched_down()
 
 
 def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(launch: Launch) -> None:
