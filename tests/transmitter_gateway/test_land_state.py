@@ -38,6 +38,13 @@ def test_hold_of_a_vehicle_that_is_seen_holds_its_place() -> None:
     assert thrust > U_HOVER
 
 
+def test_hold_of_a_vehicle_at_rest_neither_climbs_nor_sinks() -> None:
+    bench = seen_flying()
+    silent(bench, 0.19)
+    assert bench.state is State.HOLD
+    assert bench.outputs[-1].u == pytest.approx((0.0, 0.0, U_HOVER, 0.0), abs=0.003)
+
+
 def test_vehicle_without_a_heading_comes_down_open_loop() -> None:
     bench = Bench().fly()
     silent(bench, 0.3)

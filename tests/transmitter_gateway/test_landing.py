@@ -78,11 +78,13 @@ def test_velocity_is_braked() -> None:
     )
 
 
-def test_place_that_is_far_is_approached_as_one_that_is_near() -> None:
-    near = held().step(at((-LARGEST_ERROR_M, 0.0, 1.0)), 0.0, HOVER, STEP_S)
-    far = held().step(at((-10 * LARGEST_ERROR_M, 0.0, 1.0)), 0.0, HOVER, STEP_S)
-    assert far == pytest.approx(near)
-    assert near[0] == pytest.approx(POSITION_GAIN_PER_S2 * LARGEST_ERROR_M / 2.0)
+@pytest.mark.parametrize("distance", [1.5, 3.0, 10.0])
+def test_place_that_is_far_is_approached_as_one_that_is_near(distance: float) -> None:
+    far_m = distance * LARGEST_ERROR_M
+    forward = POSITION_GAIN_PER_S2 * LARGEST_ERROR_M / 2.0
+    assert held().step(at((-far_m, 0.0, 1.0)), 0.0, HOVER, STEP_S)[:2] == pytest.approx((forward, 0.0))
+    left = held().step(at((0.0, -far_m, 1.0)), 0.0, HOVER, STEP_S)[:2]
+    assert left == pytest.approx((0.0, forward / 2))
 
 
 def test_heading_is_held_the_short_way_round() -> None:
