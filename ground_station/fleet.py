@@ -21,7 +21,7 @@ from deploy.launcher import Launcher
 from deploy.roles.transmitters import limits_of
 from ground_station.joining import fleet_that_is_up
 from ground_station.observer import Observer
-from ground_station.regroup import RegroupError, formation_leader, regroup, swapped
+from ground_station.regroup import RegroupError, change_lines, formation_leader, regroup, role, swapped
 from ground_station.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from ground_station.waiting import NotReachedError
 
@@ -103,13 +103,22 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """All vehicles, in the order of the fleet file."""
         return iter(self._vehicles.values())
 
-    def swap(self, first: str, second: str) -> list[str]:
+    def swap(
+        self, first: str, second: str, announce: Callable[[list[str]], object] | None = None
+    ) -> list[str]:
         """Let two flying vehicles change roles at one frame; everybody keeps its place in space.
+
+        Parameters
+        ----------
+        first, second
+            Who changes roles; vehicles that follow one of them follow the other one then.
+        announce
+            Called with every change of leaders before any of them is made.
 
         Returns
         -------
         list of str
-            Whom each vehicle that got other leaders follows now, in words.
+            Whom each vehicle that got other leaders follows now, a line each.
 
         Raises
         ------
@@ -120,22 +129,22 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         statuses = self.statuses()
         try:
             change, where = swapped(statuses, first, second)
-            regroup(self, change, where, {name: statuses[name].assigned for name in change})
+            before = {name: statuses[name].assigned for name in change}
+            if announce is not None:
+                announce(change_lines(change, before))
+            regroup(self, change, where, before)
         except RegroupError as error:
             raise RefusedError(str(error)) from None
-        return [
-            f"{name} follows {', '.join(link.leader for link in links)}" if links else f"{name} leads"
-            for name, links in change.items()
-        ]
+        return [f"{name} {role(links)}" for name, links in change.items()]
 
-    def promote(self, name: str) -> list[str]:
+    def promote(self, name: str, announce: Callable[[list[str]], object] | None = None) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
         self.wait_for_status([name])
         try:
             head = formation_leader(self.statuses(), name)
         except RegroupError as error:
             raise RefusedError(str(error)) from None
-        return self.swap(head, name)
+        return self.swap(head, name, announce)
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""

@@ -58,6 +58,16 @@ def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tup
         raise RegroupError(str(error)) from None
 
 
+def role(links: Sequence[LeaderLink]) -> str:
+    """What a vehicle with these leaders does, for people."""
+    return f"follows {', '.join(link.leader for link in links)}" if links else "leads"
+
+
+def change_lines(change: Change, before: Change) -> list[str]:
+    """A line for each vehicle that gets other leaders: what it will do, and what it does now."""
+    return [f"{name} {role(links)}; now it {role(before[name])}" for name, links in change.items()]
+
+
 def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     """The leader of the whole formation a vehicle flies in.
 

@@ -109,14 +109,21 @@ def swap(
     """Let two vehicles change roles, for instance leader and follower; all keep their places in space."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [first, second])
-        typer.echo("\n".join(running.swap(first, second)))
+        running.swap(first, second, _announce)
+        typer.echo("done")
 
 
 def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Make a vehicle the leader of its whole formation; all keep their places in space."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
-        typer.echo("\n".join(running.promote(vehicle)))
+        running.promote(vehicle, _announce)
+        typer.echo("done")
+
+
+def _announce(changes: list[str]) -> None:
+    """Tell what a change of roles does to whom, before it is done."""
+    typer.echo("\n".join(changes))
 
 
 def tune(
