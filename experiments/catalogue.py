@@ -1,13 +1,28 @@
 """The experiments that reproduce the paper's figures, by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from experiments import chain, formation, horizon, hover, preview, swapping, turning
+from experiments import (
+    chain,
+    family,
+    fleets,
+    formation,
+    horizon,
+    hover,
+    preview,
+    swapping,
+    tuning,
+    turning,
+)
 from experiments.runner import Options, Result, Tell
+from simulator.conditions import PRESETS
+
+FIRST_REPORTED_VEHICLE: Final = 100
+"""Helicopters drawn by smaller seeds are for tuning; what is reported is flown by those from here on."""
 
 
 @dataclass(frozen=True)
@@ -19,32 +34,90 @@ class Experiment:
     name, title
         For the command line.
     flights
-        How many seeds it takes where none are given.
+        Conditions in which it is flown where none are given, and how many seeds it takes in each; in others
+        as many as in the first.
     run
         Runs it.
+    first_seed
+        Where none is given; None leaves it to the conditions.
     """
 
     name: str
     title: str
-    flights: int
+    flights: Mapping[str, int]
     run: Callable[[Options, Tell], Result]
+    first_seed: int | None = None
+
+    def seeds(self, preset: str, first: int | None = None) -> tuple[int, ...]:
+        """Seeds in some conditions, from the first one on."""
+        if first is None:
+            first = self.first_seed
+        if first is None:
+            drawn = PRESETS[preset].coaxial_plant == "drawn_helicopter"
+            first = FIRST_REPORTED_VEHICLE if drawn else 0
+        count = self.flights.get(preset, next(iter(self.flights.values())))
+        return tuple(range(first, first + count))
 
 
 EXPERIMENTS: Final = MappingProxyType(
     {
         row.name: row
         for row in (
-            Experiment("hover", "Fig. 1: hovering errors of [11], the paper and the cascade", 3, hover.run),
             Experiment(
-                "horizon", "Fig. 2: computing time and tracking error against the horizon", 3, horizon.run
+                "hover",
+                "Fig. 1: hovering errors of [11], the paper and the cascade",
+                {"laboratory": 3, "helicopters": 10},
+                hover.run,
             ),
             Experiment(
-                "formation", "Fig. 3: formation errors of every scheme over five minutes", 5, formation.run
+                "horizon",
+                "Fig. 2: computing time and tracking error against the horizon",
+                {"laboratory": 3},
+                horizon.run,
             ),
-            Experiment("preview", "A figure-eight with and without preview and feed-forward", 3, preview.run),
-            Experiment("chain", "Errors along chains, trees and with several leaders", 3, chain.run),
-            Experiment("turning", "Yaw steps of a leader whose followers turn with it", 3, turning.run),
-            Experiment("swapping", "Ten vehicles swap places without collision", 5, swapping.run),
+            Experiment(
+                "formation",
+                "Fig. 3: formation errors of every scheme over five minutes",
+                {"laboratory": 5, "helicopters": 2},
+                formation.run,
+            ),
+            Experiment(
+                "preview",
+                "A figure-eight with and without preview and feed-forward",
+                {"laboratory": 3, "helicopters": 3},
+                preview.run,
+            ),
+            Experiment(
+                "chain", "Errors along chains, trees and with several leaders", {"laboratory": 3}, chain.run
+            ),
+            Experiment(
+                "turning",
+                "Yaw steps of a leader whose followers turn with it",
+                {"laboratory": 3},
+                turning.run,
+            ),
+            Experiment(
+                "swapping",
+                "Ten vehicles swap places without collision",
+                {"laboratory": 5, "helicopters": 2},
+                swapping.run,
+            ),
+            Experiment(
+                "family",
+                "Fifty drawn helicopters hover, step, turn and fly an eight",
+                {"helicopters": 50},
+                family.run,
+            ),
+            Experiment(
+                "fleets", "Formations of ten fleets of drawn helicopters", {"helicopters": 10}, fleets.run
+            ),
+            Experiment(
+                "tuning",
+                "Candidates from which the simple schemes got their settings for helicopters",
+                {"helicopters": 4},
+                tuning.run,
+                first_seed=0,
+            ),
         )
     }
 )

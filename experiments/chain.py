@@ -16,16 +16,14 @@ from experiments.events import Event, GoTo
 from experiments.record import rms
 from experiments.rig import Progress, Rig, RigVehicle
 from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE
+from experiments.schemes import CASCADE, HORIZON
 from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG
 
 SLOT_S: Final = 5.0
 SETTLED_S: Final = 5.0
 """Errors count from here on: estimators start at rest without knowing trim and turbulence."""
-HORIZON: Final = 50
 QUICK_HORIZON: Final = 20
 HEAD: Final = "h1"
 START: Final = (0.8, 0.0, 1.0, 0.5)
@@ -63,23 +61,15 @@ def shapes() -> dict[str, FormationGraph]:
     return found
 
 
-def vehicles(links: FormationGraph, horizon: int = HORIZON) -> list[RigVehicle]:
+def vehicles(
+    links: FormationGraph, conditions: Conditions, seed: int, horizon: int = HORIZON
+) -> list[RigVehicle]:
     """Vehicles of a formation in the air, each at its place."""
     where = places(links, {HEAD: np.array(START)})
     found = []
     for name, following in links.items():
         x, y, z, yaw = where[name].tolist()
-        found.append(
-            RigVehicle(
-                name,
-                COAXIAL_LAG,
-                Pose((x, y, z), yaw),
-                CASCADE.controller,
-                CASCADE.settings,
-                horizon=horizon,
-                following=following,
-            )
-        )
+        found.append(CASCADE.vehicle(name, Pose((x, y, z), yaw), conditions, seed, horizon, following))
     return found
 
 
@@ -103,7 +93,7 @@ def fly_shape(
         GoTo((number + 1) * SLOT_S, HEAD, (x + dx, y + dy, z + dz), yaw)
         for number, (dx, dy, dz) in enumerate(steps)
     ]
-    rig = Rig(vehicles(links, QUICK_HORIZON if quick else HORIZON), conditions, seed)
+    rig = Rig(vehicles(links, conditions, seed, QUICK_HORIZON if quick else HORIZON), conditions, seed)
     record = rig.fly((len(steps) + 1) * SLOT_S, events, progress)
     return {name: record[name].formation_error_m(SETTLED_S) for name, own in links.items() if own}
 

@@ -1,7 +1,7 @@
 """The paper's Fig. 3: three vehicles keep their formation for five minutes, scheme against scheme.
 
 Set points of the leader, distances and relative headings change every six seconds; the same flight is flown
-by every scheme, in ideal and in laboratory conditions, on the same seeds.
+by every scheme, on the same seeds.
 """
 
 import math
@@ -19,7 +19,7 @@ from experiments.formation_figure import draw_formation
 from experiments.record import FlightRecord, rms
 from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks
 from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, PAPER, SCHEMES, Scheme
+from experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
 from simulator.conditions import PRESETS, Conditions
 from simulator.plant import Pose
 from vehicles.state import MOTION_SIZE, YAW, Array
@@ -32,7 +32,6 @@ SLOT_S: Final = 6.0
 SETTLED_S: Final = 5.0
 """Errors count from here on: estimators start at rest without knowing trim and turbulence."""
 QUICK_SLOTS: Final = 7
-HORIZON: Final = 50
 
 HALF: Final = math.pi
 QUARTER: Final = math.pi / 2
@@ -121,20 +120,17 @@ def following(offset_m: Three, yaw_offset_rad: float = 0.0) -> LeaderLink:
     return LeaderLink(leader=LEADER, offset_m=offset_m, yaw_offset_rad=yaw_offset_rad)
 
 
-def formation(scheme: Scheme, horizon: int = HORIZON) -> list[RigVehicle]:
+def formation(scheme: Scheme, conditions: Conditions, seed: int, horizon: int = HORIZON) -> list[RigVehicle]:
     """One leader and two followers in the air, a metre above the floor."""
-    leader = RigVehicle(
-        LEADER, COAXIAL_LAG, Pose((0.0, 0.0, 1.0)), scheme.controller, scheme.settings, horizon=horizon
-    )
+    leader = scheme.vehicle(LEADER, Pose((0.0, 0.0, 1.0)), conditions, seed, horizon)
     followers = [
-        RigVehicle(
+        scheme.vehicle(
             name,
-            COAXIAL_LAG,
             Pose((NEAR[name][0], NEAR[name][1], 1.0 + NEAR[name][2])),
-            scheme.controller,
-            scheme.settings,
-            horizon=horizon,
-            following=(following(NEAR[name]),),
+            conditions,
+            seed,
+            horizon,
+            (following(NEAR[name]),),
         )
         for name in FOLLOWERS
     ]
@@ -169,7 +165,8 @@ def fly_formation(
     Flown
         Errors of both followers.
     """
-    rig = Rig(formation(scheme), conditions, seed, RigOptions(previous_frame=scheme.previous_frame))
+    vehicles = formation(scheme, conditions, seed)
+    rig = Rig(vehicles, conditions, seed, RigOptions(previous_frame=scheme.previous_frame))
     record = rig.fly((len(slots) + 2) * SLOT_S, events(slots), progress)
     return Flown(
         record.formation_error_m(SETTLED_S),
@@ -191,14 +188,14 @@ def bound_excess(record: FlightRecord) -> Array:
     return worst
 
 
-def flown_schemes() -> list[Scheme]:
-    """Schemes whose controllers are installed."""
+def flown_schemes(conditions: Conditions) -> dict[str, Scheme]:
+    """Schemes of these conditions whose controllers are installed, by name."""
     available = CONTROLLERS.available()
-    return [scheme for scheme in SCHEMES.values() if scheme.controller in available]
+    return {name: scheme for name, scheme in compared(conditions).items() if scheme.controller in available}
 
 
 def run(options: Options, tell: Tell) -> Result:
-    """Fly every scheme: once in ideal conditions, and on every seed in those of the laboratory.
+    """Fly every scheme on every seed, and beside first-order plants once in ideal conditions.
 
     Returns
     -------
@@ -206,9 +203,10 @@ def run(options: Options, tell: Tell) -> Result:
         Document: condition -> scheme -> figures.
     """
     slots = sequence(options.quick)
+    schemes = flown_schemes(options.conditions)
     cases = [
-        Case(scheme.name, condition, seed)
-        for scheme in flown_schemes()
+        Case(scheme, condition, seed)
+        for scheme in schemes
         for condition, seeds in options.beside_ideal.items()
         for seed in seeds
     ]
@@ -218,7 +216,7 @@ def run(options: Options, tell: Tell) -> Result:
             f"{case.scheme}, {case.condition}, seed {case.seed}",
             partial(
                 fly_formation,
-                SCHEMES[case.scheme],
+                schemes[case.scheme],
                 PRESETS[case.condition],
                 case.seed,
                 slots,
@@ -229,7 +227,7 @@ def run(options: Options, tell: Tell) -> Result:
     ]
     flights = dict(zip(cases, run_all(works, options.processes, tell), strict=True))
     records = {
-        SCHEMES[case.scheme].title: record for case in shown if (record := flights[case].record) is not None
+        schemes[case.scheme].title: record for case in shown if (record := flights[case].record) is not None
     }
     return Result(document(flights), partial(draw_formation, records))
 

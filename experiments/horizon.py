@@ -10,13 +10,12 @@ import numpy as np
 
 from experiments.events import GoTo
 from experiments.record import VehicleRecord
-from experiments.rig import Progress, Rig, RigVehicle
+from experiments.rig import Progress, Rig
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE, PAPER, Scheme
 from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import YAW, Array
-from vehicles.types import COAXIAL_LAG
 
 HORIZONS: Final = (10, 18, 30, 50, 80, 110)
 QUICK_HORIZONS: Final = (10, 50)
@@ -62,9 +61,7 @@ def fly_horizon(
     Flown
         Of this scheme and horizon.
     """
-    vehicle = RigVehicle(
-        "h1", COAXIAL_LAG, Pose((0.0, 0.0, 1.4)), scheme.controller, scheme.settings, horizon=horizon
-    )
+    vehicle = scheme.vehicle("h1", Pose((0.0, 0.0, 1.4)), conditions, seed, horizon)
     hover = Rig([vehicle], conditions, seed).fly(hover_s, progress=progress)["h1"]
     changes = [
         GoTo(SETTLED_S + index * SET_POINT_S, "h1", position_m, yaw_rad)

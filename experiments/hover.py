@@ -7,20 +7,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.rig import Progress, Rig, RigVehicle
+from experiments.knowledge import flies_helicopters
+from experiments.rig import Progress, Rig
 from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, KUNZ, PAPER, Scheme
+from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, HORIZON, KUNZ, PAPER, Scheme
 from simulator.conditions import Conditions
 from simulator.plant import Pose
 from vehicles.state import YAW, Array
-from vehicles.types import COAXIAL_LAG
 
 FLIGHT_S: Final = 120.0
 QUICK_FLIGHT_S: Final = 15.0
 SETTLED_S: Final = 5.0
 """Errors count from here on: estimators start at rest without knowing trim and turbulence."""
 PAPER_HORIZON: Final = 18
-LONG_HORIZON: Final = 50
 SET_POINT_M: Final = (0.0, 0.0, 1.0)
 AXES: Final = ("x", "y", "z")
 
@@ -37,9 +36,18 @@ SETTINGS: Final[tuple[Setting, ...]] = (
     Setting(KUNZ, PAPER_HORIZON),
     Setting(PAPER, PAPER_HORIZON),
     Setting(CASCADE, PAPER_HORIZON),
-    Setting(replace(CASCADE, name="cascade_50", title="Cascade, N = 50"), LONG_HORIZON),
+    Setting(replace(CASCADE, name="cascade_50", title="Cascade, N = 50"), HORIZON),
 )
 """[11] (no z integrator, no terminal cost), the paper's scheme and ours with N = 18; ours with N = 50."""
+HELICOPTER_SETTINGS: Final = tuple(
+    Setting(scheme, HORIZON) for scheme in (*HELICOPTER_SCHEMES.values(), *ABLATIONS.values())
+)
+"""On helicopters: every scheme, and what the parts of the cascade are worth."""
+
+
+def settings_in(conditions: Conditions) -> tuple[Setting, ...]:
+    """Settings that are flown in these conditions."""
+    return HELICOPTER_SETTINGS if flies_helicopters(conditions) else SETTINGS
 
 
 def fly_hover(
@@ -52,10 +60,7 @@ def fly_hover(
     Array
         True errors x, y, z [m], yaw [rad] in every settled control period, shape (K, 4).
     """
-    scheme = setting.scheme
-    vehicle = RigVehicle(
-        "h1", COAXIAL_LAG, Pose(SET_POINT_M), scheme.controller, scheme.settings, horizon=setting.horizon
-    )
+    vehicle = setting.scheme.vehicle("h1", Pose(SET_POINT_M), conditions, seed, setting.horizon)
     rig = Rig([vehicle], conditions, seed)
     flown = rig.fly(flight_s, progress=progress)["h1"]
     return np.asarray((flown.motion[:, : YAW + 1] - flown.reference)[flown.time_s >= SETTLED_S])
@@ -70,7 +75,8 @@ def run(options: Options, tell: Tell) -> Result:
         Document: setting -> axis -> root mean square and mean square.
     """
     flight_s = QUICK_FLIGHT_S if options.quick else FLIGHT_S
-    cases = [(setting, seed) for setting in SETTINGS for seed in options.seeds]
+    settings = settings_in(options.conditions)
+    cases = [(setting, seed) for setting in settings for seed in options.seeds]
     works = [
         Work(
             f"{setting.scheme.name}, seed {seed}",
@@ -80,10 +86,10 @@ def run(options: Options, tell: Tell) -> Result:
     ]
     flights = run_all(works, options.processes, tell)
     document = {}
-    for setting in SETTINGS:
+    for setting in settings:
         own = [errors for (other, _), errors in zip(cases, flights, strict=True) if other is setting]
         document[setting.scheme.name] = figures(own)
-    titles = {setting.scheme.name: setting.scheme.title for setting in SETTINGS}
+    titles = {setting.scheme.name: setting.scheme.title for setting in settings}
     return Result(document, partial(draw_hover, document, titles, options.preset))
 
 

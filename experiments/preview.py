@@ -13,14 +13,14 @@ import numpy as np
 
 from agents.references.path_shapes import figure_eight
 from experiments.events import Event, Fly, GoTo
+from experiments.knowledge import flies_helicopters
 from experiments.record import rms
-from experiments.rig import Progress, Rig, RigVehicle
+from experiments.rig import Progress, Rig
 from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, PAPER, SCHEMES, Scheme
+from experiments.schemes import CASCADE, NO_FEED_FORWARD, PAPER, TUNED_LQR, TUNED_PAPER, TUNED_PID, Scheme
 from simulator.conditions import PRESETS, Conditions
 from simulator.plant import Pose
 from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG
 
 PERIOD_S: Final = 0.02
 START_S: Final = 3.0
@@ -43,9 +43,26 @@ class Setting:
 SETTINGS: Final = (
     Setting("set_points_paper", "Paper's scheme, set points", PAPER, preview=False),
     Setting("set_points", "Cascade, set points", CASCADE, preview=False),
-    Setting("preview", "Cascade, preview", SCHEMES["cascade_no_feed_forward"], preview=True),
+    Setting("preview", "Cascade, preview", NO_FEED_FORWARD, preview=True),
     Setting("preview_feed_forward", "Cascade, preview and feed-forward", CASCADE, preview=True),
 )
+HELICOPTER_SETTINGS: Final = (
+    Setting("set_points_paper", "Paper's scheme, tuned, set points", TUNED_PAPER, preview=False),
+    Setting("set_points_lqr", "LQR, tuned, set points", TUNED_LQR, preview=False),
+    Setting("set_points_pid", "PID, tuned, set points", TUNED_PID, preview=False),
+    *SETTINGS[1:],
+    Setting(
+        "preview_feed_forward_exact",
+        "Cascade, preview and feed-forward, known exactly",
+        CASCADE.knowing("exact"),
+        preview=True,
+    ),
+)
+
+
+def settings_in(conditions: Conditions) -> tuple[Setting, ...]:
+    """Settings that are flown in these conditions."""
+    return HELICOPTER_SETTINGS if flies_helicopters(conditions) else SETTINGS
 
 
 @dataclass(frozen=True)
@@ -63,13 +80,8 @@ def fly_path(
     """Fly the path once."""
     path = PATH(turns=turns)
     first = path.sample(np.zeros(1))[0]
-    vehicle = RigVehicle(
-        "h1",
-        COAXIAL_LAG,
-        Pose((first[0], first[1], first[2]), first[3]),
-        setting.scheme.controller,
-        setting.scheme.settings,
-    )
+    start = Pose((first[0], first[1], first[2]), first[3])
+    vehicle = setting.scheme.vehicle("h1", start, conditions, seed)
     events: Sequence[Event] = (Fly(START_S, "h1", path),)
     if not setting.preview:
         times = np.arange(0.0, path.duration_s, PERIOD_S)
@@ -85,7 +97,7 @@ def fly_path(
 
 
 def run(options: Options, tell: Tell) -> Result:
-    """Fly every setting: once in ideal conditions, and on every seed in those of the laboratory.
+    """Fly every setting on every seed, and beside first-order plants once in ideal conditions.
 
     Returns
     -------
@@ -93,10 +105,11 @@ def run(options: Options, tell: Tell) -> Result:
         Document: condition -> setting -> figures.
     """
     turns = QUICK_TURNS if options.quick else TURNS
+    settings = settings_in(options.conditions)
     cases = [
         (condition, setting, seed)
         for condition, seeds in options.beside_ideal.items()
-        for setting in SETTINGS
+        for setting in settings
         for seed in seeds
     ]
     works = [
@@ -114,8 +127,9 @@ def run(options: Options, tell: Tell) -> Result:
         condition: {name: figures(flown) for name, flown in group.items()}
         for condition, group in groups.items()
     }
-    shown = {setting.title: groups["ideal"][setting.name][0] for setting in SETTINGS}
-    return Result(document, partial(draw_preview, shown))
+    first, group = next(iter(groups.items()))
+    shown = {setting.title: group[setting.name][0] for setting in settings}
+    return Result(document, partial(draw_preview, shown, first))
 
 
 def figures(flights: Sequence[Flown]) -> dict[str, float]:
@@ -131,13 +145,15 @@ def figures(flights: Sequence[Flown]) -> dict[str, float]:
     }
 
 
-def draw_preview(flights: Mapping[str, Flown], figure: Any) -> None:
+def draw_preview(flights: Mapping[str, Flown], preset: str, figure: Any) -> None:
     """Draw the path from above and the distance from it over time.
 
     Parameters
     ----------
     flights
-        By title, flown in ideal conditions.
+        By title.
+    preset
+        Name of the conditions.
     figure
         Empty `matplotlib.figure.Figure`.
     """
@@ -159,5 +175,5 @@ def draw_preview(flights: Mapping[str, Flown], figure: Any) -> None:
     over_time.set_ylabel("distance from the path's point of the moment [mm]")
     for axes in (above, over_time):
         axes.grid(alpha=0.3)
-    figure.suptitle("A figure-eight with the heading along the path, ideal conditions")
+    figure.suptitle(f"A figure-eight with the heading along the path, conditions `{preset}`")
     figure.tight_layout()

@@ -45,7 +45,10 @@ SHARES_EVERY_FRAMES: Final = 10
 
 @dataclass(frozen=True)
 class RigVehicle:
-    """One vehicle: what its agent would be told at start, and where it hovers at time 0."""
+    """One vehicle: what its agent would be told at start, and where it hovers at time 0.
+
+    `plant_type` is the type that truly flies, and with it the true transport delay; None for `model`.
+    """
 
     name: str
     model: Model
@@ -57,6 +60,7 @@ class RigVehicle:
     horizon: int = 50
     period_s: float = 0.02
     following: tuple[LeaderLink, ...] = ()
+    plant_type: Model | None = None
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ class Rig:
         self._vehicles = {vehicle.name: vehicle for vehicle in vehicles}
         self._options = options
         self._laboratory = Laboratory(
-            {name: vehicle.model for name, vehicle in self._vehicles.items()},
+            {name: vehicle.plant_type or vehicle.model for name, vehicle in self._vehicles.items()},
             {name: vehicle.start for name, vehicle in self._vehicles.items()},
             conditions,
             seed,

@@ -6,6 +6,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from experiments.knowledge import flies_helicopters
 from experiments.rig import Progress
 from simulator.conditions import PRESETS, Conditions
 
@@ -43,8 +44,14 @@ class Options:
 
     @property
     def beside_ideal(self) -> dict[str, tuple[int, ...]]:
-        """Seeds by preset for experiments that fly once in ideal conditions, too, which know no chance."""
-        return {"ideal": self.seeds[:1]} | ({} if self.preset == "ideal" else {self.preset: self.seeds})
+        """Seeds by preset for experiments that fly once in ideal conditions, too, which know no chance.
+
+        Beside helicopters that would say nothing: nobody knows an ideal one.
+        """
+        own = {self.preset: self.seeds}
+        if flies_helicopters(self.conditions):
+            return own
+        return {"ideal": self.seeds[:1]} | ({} if self.preset == "ideal" else own)
 
 
 @dataclass(frozen=True)

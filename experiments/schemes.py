@@ -1,17 +1,24 @@
 """Control schemes that the experiments compare, by name."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Final
 
+from bus.messages import LeaderLink
+from experiments.knowledge import Knowledge, flies_helicopters, known_model, plant_type
+from experiments.rig import RigVehicle
+from simulator.conditions import Conditions
+from simulator.plant import Pose
+
 NO_HURRY: Final[dict[str, object]] = {"time_limit_s": 1.0}
 """A solver that stops by the clock would make a flight depend on the machine; the rig's time can wait."""
+HORIZON: Final = 50
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """A controller with settings.
+    """A controller with settings, and what its pilot is told of the vehicle.
 
     Attributes
     ----------
@@ -21,6 +28,10 @@ class Scheme:
         As in a fleet file.
     previous_frame
         Followers get their leaders' plans one control period late.
+    estimator_settings
+        Of the extended Kalman filter, which every scheme flies with.
+    knowledge
+        What the model is made of.
     """
 
     name: str
@@ -28,6 +39,36 @@ class Scheme:
     controller: str
     settings: Mapping[str, object] = field(default_factory=dict)
     previous_frame: bool = False
+    estimator_settings: Mapping[str, object] = field(default_factory=dict)
+    knowledge: Knowledge = "default"
+
+    def vehicle(
+        self,
+        name: str,
+        start: Pose,
+        conditions: Conditions,
+        seed: int,
+        horizon: int = HORIZON,
+        following: tuple[LeaderLink, ...] = (),
+    ) -> RigVehicle:
+        """A vehicle of the conditions' coaxial type that is flown by this scheme."""
+        return RigVehicle(
+            name,
+            known_model(self.knowledge, conditions, name, seed),
+            start,
+            self.controller,
+            self.settings,
+            estimator_settings=self.estimator_settings,
+            horizon=horizon,
+            following=following,
+            plant_type=plant_type(conditions),
+        )
+
+    def knowing(self, knowledge: Knowledge) -> "Scheme":
+        """The same scheme with other knowledge of the vehicle."""
+        return replace(
+            self, name=f"{self.name}_{knowledge}", title=f"{self.title}, {knowledge}", knowledge=knowledge
+        )
 
 
 KUNZ: Final = Scheme(
@@ -38,20 +79,81 @@ KUNZ: Final = Scheme(
 )
 PAPER: Final = Scheme("paper", "Paper's scheme", "paper", NO_HURRY)
 CASCADE: Final = Scheme("cascade", "Cascade", "cascade")
-
-SCHEMES: Final = MappingProxyType(
-    {
-        scheme.name: scheme
-        for scheme in (
-            PAPER,
-            CASCADE,
-            Scheme(
-                "cascade_previous_frame", "Cascade, previous frame's plan", "cascade", previous_frame=True
-            ),
-            Scheme("cascade_no_feed_forward", "Cascade, no feed-forward", "cascade", {"feed_forward": False}),
-            Scheme("lqr", "LQR", "lqr"),
-            Scheme("pid", "PID", "pid"),
-        )
-    }
+PREVIOUS_FRAME: Final = Scheme(
+    "cascade_previous_frame", "Cascade, previous frame's plan", "cascade", previous_frame=True
 )
-"""Schemes of the formation experiment."""
+NO_FEED_FORWARD: Final = Scheme(
+    "cascade_no_feed_forward", "Cascade, no feed-forward", "cascade", {"feed_forward": False}
+)
+LQR: Final = Scheme("lqr", "LQR", "lqr")
+PID: Final = Scheme("pid", "PID", "pid")
+
+
+def by_name(schemes: Sequence[Scheme]) -> Mapping[str, Scheme]:
+    """Schemes by name."""
+    return MappingProxyType({scheme.name: scheme for scheme in schemes})
+
+
+SCHEMES: Final = by_name((PAPER, CASCADE, PREVIOUS_FRAME, NO_FEED_FORWARD, LQR, PID))
+"""Schemes of the formation experiment on first-order plants."""
+
+PRINTED_PAPER: Final = replace(PAPER, title="Paper's scheme, weights as printed")
+TUNED_PAPER: Final = Scheme(
+    "paper_tuned",
+    "Paper's scheme, tuned",
+    "paper",
+    {**NO_HURRY, "input_weights": (5.0, 5.0, 15.0, 100.0)},
+)
+TUNED_LQR: Final = Scheme("lqr_tuned", "LQR, tuned", "lqr", {"input_weights": (0.5, 0.5, 5.0, 30.0)})
+TUNED_PID: Final = Scheme(
+    "pid_tuned",
+    "PID, tuned",
+    "pid",
+    {
+        "proportional": (7.225, 7.225, 17.34, 23.52),
+        "damping": (4.76, 4.76, 7.65, 9.8),
+        "integral": (2.9478, 2.9478, 9.826),
+    },
+)
+"""The simple schemes with the settings that `experiments.tuning` finds for helicopters."""
+
+HELICOPTER_SCHEMES: Final = by_name(
+    (
+        PRINTED_PAPER,
+        *(
+            variant
+            for scheme in (TUNED_PAPER, TUNED_LQR, TUNED_PID, CASCADE)
+            for variant in (scheme, scheme.knowing("exact"))
+        ),
+    )
+)
+"""Schemes that are compared on helicopters, each with a vehicle of which it knows the type, and with one that
+it knows exactly."""
+
+NO_DISTURBANCE: Final = Scheme(
+    "cascade_no_disturbance",
+    "Cascade, disturbance not compensated",
+    "cascade",
+    {"disturbance_compensation": False, "integrators": False},
+)
+POSITIONS_ONLY: Final = Scheme(
+    "cascade_positions_only",
+    "Cascade, positions only",
+    "cascade",
+    estimator_settings={"measured_tilt": False},
+)
+ABLATIONS: Final = by_name(
+    (
+        POSITIONS_ONLY,
+        NO_DISTURBANCE,
+        NO_FEED_FORWARD,
+        replace(CASCADE.knowing("lag"), title="Cascade, lags in place of the tilt"),
+        replace(CASCADE.knowing("late"), title="Cascade, delay one period longer than known"),
+    )
+)
+"""The cascade of a vehicle of which the type is known, each time without one thing that it has."""
+
+
+def compared(conditions: Conditions) -> Mapping[str, Scheme]:
+    """Schemes that are compared in these conditions, by name."""
+    return HELICOPTER_SCHEMES if flies_helicopters(conditions) else SCHEMES

@@ -15,7 +15,7 @@ import numpy as np
 from agents.separation.avoidance import SeparationEllipsoid
 from experiments.events import GoTo
 from experiments.record import FlightRecord
-from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks
+from experiments.rig import Progress, Rig, RigOptions, total_fallbacks
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE
 from simulator.conditions import Conditions
@@ -27,7 +27,6 @@ from vehicles.types import COAXIAL_LAG
 
 VEHICLES: Final = 10
 QUICK_VEHICLES: Final = 4
-HORIZON: Final = 50
 RADIUS_M: Final = 0.8
 HEIGHT_M: Final = 1.0
 START_S: Final = 2.0
@@ -124,9 +123,7 @@ def fly_swap(
     starts, goals = places(count), goals_of(case, count, seed)
     names = [f"h{number + 1}" for number in range(count)]
     vehicles = [
-        RigVehicle(
-            name, COAXIAL_LAG, Pose(three(place)), CASCADE.controller, CASCADE.settings, horizon=HORIZON
-        )
+        CASCADE.vehicle(name, Pose(three(place)), conditions, seed)
         for name, place in zip(names, starts, strict=True)
     ]
     options = RigOptions(clearance=None if case == WITHOUT else CLEARANCE)
@@ -170,7 +167,7 @@ def run(options: Options, tell: Tell) -> Result:
     }
     for (case, seed), swap in swaps.items():
         document.setdefault(case, {})[str(seed)] = figures(swap)
-    return Result(document, partial(draw_swapping, swaps))
+    return Result(document, partial(draw_swapping, swaps, options.preset))
 
 
 def figures(swap: Swap) -> dict[str, Any]:
@@ -186,13 +183,15 @@ def figures(swap: Swap) -> dict[str, Any]:
     }
 
 
-def draw_swapping(swaps: Mapping[tuple[str, int], Swap], figure: Any) -> None:
+def draw_swapping(swaps: Mapping[tuple[str, int], Swap], preset: str, figure: Any) -> None:
     """Draw the tracks of the first seed from above, and the smallest distance over time of every flight.
 
     Parameters
     ----------
     swaps
         Flights by case and seed.
+    preset
+        Name of the conditions.
     figure
         Empty `matplotlib.figure.Figure`.
     """
@@ -222,5 +221,5 @@ def draw_swapping(swaps: Mapping[tuple[str, int], Swap], figure: Any) -> None:
     right.set_ylabel("smallest distance of two vehicles [m]")
     right.grid(alpha=0.3)
     right.legend(fontsize="small")
-    figure.suptitle("Swapping places in laboratory conditions")
+    figure.suptitle(f"Swapping places in conditions `{preset}`")
     figure.tight_layout()

@@ -17,12 +17,12 @@ from experiments.events import Event, GoTo
 from experiments.record import rms
 from experiments.rig import Progress, Rig
 from experiments.runner import Options, Result, Tell, Work, run_all
+from experiments.schemes import HORIZON
 from simulator.conditions import PRESETS, Conditions
 from vehicles.state import Array
 
 ARMS_M: Final = (0.35, 0.64, 0.9)
 SLOT_S: Final = 10.0
-HORIZON: Final = 50
 QUICK_HORIZON: Final = 20
 HEAD: Final = "h1"
 STEPS: Final = {
@@ -60,7 +60,9 @@ def fly_steps(
     # The leader of a formation of the chain experiment starts elsewhere; it has a slot to come here.
     events: list[Event] = [GoTo(0.0, HEAD, (0.0, 0.0, 1.0), 0.0)]
     events += [GoTo(SLOT_S * number, HEAD, *STEPS[name]) for number, name in enumerate(steps, 1)]
-    rig = Rig(vehicles(links_with(arm_m), QUICK_HORIZON if quick else HORIZON), conditions, seed)
+    rig = Rig(
+        vehicles(links_with(arm_m), conditions, seed, QUICK_HORIZON if quick else HORIZON), conditions, seed
+    )
     record = rig.fly(SLOT_S * (len(steps) + 1), events, progress)
     per_slot = round(SLOT_S / 0.02)
     errors = [record[name].formation_error_m() for name in ("h2", "h3")]

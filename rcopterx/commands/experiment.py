@@ -19,11 +19,20 @@ def experiment(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of an experiment, see --list.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw the figure into this file (png, svg, pdf); one for each of several conditions.",
+        ),
     ] = None,
     seed: Annotated[
-        int, typer.Option(metavar="N", min=0, help="First seed; each flight takes the next one.")
-    ] = 0,
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="First seed; each flight takes the next one. Without it 0, for drawn helicopters 100.",
+        ),
+    ] = None,
     seeds: Annotated[
         str | None, typer.Option(metavar="N,N,...", help="Seeds of the laboratory, one flight each.")
     ] = None,
@@ -32,8 +41,12 @@ def experiment(
         int, typer.Option(metavar="N", min=1, help="Processor cores to use; the flights stay the same.")
     ] = 1,
     conditions: Annotated[
-        str, typer.Option(metavar="PRESET", help="Conditions of the laboratory: " + ", ".join(PRESETS) + ".")
-    ] = "laboratory",
+        str | None,
+        typer.Option(
+            metavar="PRESET",
+            help=f"Conditions of the laboratory: {', '.join(PRESETS)}. Without it the experiment's own.",
+        ),
+    ] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
 ) -> None:
     """Fly an experiment of the paper in simulation, faster than real time, and tell its figures."""
@@ -48,20 +61,25 @@ def experiment(
         raise typer.BadParameter(
             f"unknown experiment {name!r}, known are {', '.join(EXPERIMENTS)}", param_hint="NAME"
         )
-    if conditions not in PRESETS:
+    if conditions is not None and conditions not in PRESETS:
         raise typer.BadParameter(
             f"unknown preset {conditions!r}, known are {', '.join(PRESETS)}", param_hint="--conditions"
         )
     chosen = EXPERIMENTS[name]
-    numbers = (
-        tuple(range(seed, seed + chosen.flights)) if seeds is None else different_numbers(seeds, "--seeds")
-    )
+    presets = list(chosen.flights) if conditions is None else [conditions]
+    numbers = None if seeds is None else different_numbers(seeds, "--seeds")
     check_plot(plot)
-    result = chosen.run(Options(numbers, quick, processes, conditions), ProgressLine(name))
-    if plot is not None:
-        save_figure(result, plot)
-        typer.echo(f"figure: {plot}", err=True)
-    typer.echo(json.dumps(result.document, indent=2) if as_json else readable(result.document))
+    documents = {}
+    for preset in presets:
+        options = Options(numbers or chosen.seeds(preset, seed), quick, processes, preset)
+        result = chosen.run(options, ProgressLine(name))
+        documents[preset] = result.document
+        if plot is not None:
+            path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")
+            save_figure(result, path)
+            typer.echo(f"figure: {path}", err=True)
+    document = documents if len(presets) > 1 else documents[presets[0]]
+    typer.echo(json.dumps(document, indent=2) if as_json else readable(document))
 
 
 class ProgressLine:

@@ -26,6 +26,9 @@ def test_experiments_are_listed() -> None:
         "chain",
         "turning",
         "swapping",
+        "family",
+        "fleets",
+        "tuning",
     ]
 
 
@@ -35,7 +38,8 @@ def test_experiments_fly_in_the_conditions_that_are_asked_for() -> None:
     told = " ".join(result.output.replace("│", " ").split())
     assert "known are ideal, laboratory, helicopter, helicopters" in told
     assert Options((3, 4), preset="helicopters").conditions is HELICOPTERS
-    assert Options((3, 4), preset="helicopters").beside_ideal == {"ideal": (3,), "helicopters": (3, 4)}
+    assert Options((3, 4), preset="laboratory").beside_ideal == {"ideal": (3,), "laboratory": (3, 4)}
+    assert Options((3, 4), preset="helicopters").beside_ideal == {"helicopters": (3, 4)}
     assert Options((3, 4), preset="ideal").beside_ideal == {"ideal": (3,)}
 
 
@@ -46,7 +50,20 @@ def test_hover_prints_its_document_and_draws_its_figure(
     figure = tmp_path / "hover.svg"
     result = runner.invoke(
         app,
-        ["experiment", "hover", "--quick", "--seed", "1", "--seeds", "2", "--json", "--plot", str(figure)],
+        [
+            "experiment",
+            "hover",
+            "--quick",
+            "--seed",
+            "1",
+            "--seeds",
+            "2",
+            "--json",
+            "--plot",
+            str(figure),
+            "--conditions",
+            "laboratory",
+        ],
     )
     assert result.exit_code == 0, result.output
     table: dict[str, Any] = json.loads(result.stdout)
@@ -75,10 +92,44 @@ def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyP
         "experiments.catalogue.EXPERIMENTS",
         {name: replace(row, run=record) for name, row in EXPERIMENTS.items()},
     )
-    for arguments in (["formation"], ["formation", "--seed", "3"], ["hover", "--seeds", "9,4", "--quick"]):
+    for arguments in (
+        ["chain"],
+        ["chain", "--seed", "3"],
+        ["turning", "--seeds", "9,4", "--quick"],
+        ["tuning"],
+    ):
         assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0
-    assert [options.seeds for options in seen] == [(0, 1, 2, 3, 4), (3, 4, 5, 6, 7), (9, 4)]
-    assert [options.quick for options in seen] == [False, False, True]
+    assert [options.seeds for options in seen] == [(0, 1, 2), (3, 4, 5), (9, 4), (0, 1, 2, 3)]
+    assert [options.quick for options in seen] == [False, False, True, False]
+
+
+def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dataclasses import replace
+
+    from experiments.catalogue import EXPERIMENTS
+    from experiments.runner import Result
+
+    def told(options: Options, _: object) -> Result:
+        return Result({"seeds": list(options.seeds)}, lambda figure: figure.subplots())
+
+    row = replace(EXPERIMENTS["hover"], run=told)
+    monkeypatch.setattr("experiments.catalogue.EXPERIMENTS", {"hover": row})
+    arguments = ["experiment", "hover", "--json", "--plot", str(tmp_path / "hover.svg")]
+    result = runner.invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout) == {
+        "laboratory": {"seeds": [0, 1, 2]},
+        "helicopters": {"seeds": list(range(100, 110))},
+    }
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "hover_helicopters.svg",
+        "hover_laboratory.svg",
+    ]
+    alone = runner.invoke(app, [*arguments, "--conditions", "helicopter", "--seed", "0"])
+    assert json.loads(alone.stdout) == {"seeds": [0, 1, 2]}
+    assert (tmp_path / "hover.svg").exists()
 
 
 @pytest.mark.parametrize(

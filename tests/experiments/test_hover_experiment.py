@@ -5,9 +5,9 @@ import pytest
 
 from experiments.horizon import SET_POINTS, draw_horizon, fly_horizon
 from experiments.horizon import figures as horizon_figures
-from experiments.hover import SETTINGS, figures, fly_hover
-from experiments.schemes import CASCADE, PAPER
-from simulator.conditions import LABORATORY
+from experiments.hover import SETTINGS, figures, fly_hover, settings_in
+from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, PAPER
+from simulator.conditions import HELICOPTERS, LABORATORY
 
 
 def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_predecessor() -> None:
@@ -18,6 +18,17 @@ def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_p
     assert (squares["cascade"] < squares["paper"] / 2).all()
     assert (squares["paper"][:2] < squares["kunz_2013"][:2]).all()
     assert (np.sqrt(squares["cascade_50"][:3]) < 0.005).all()
+
+
+def test_helicopters_hover_by_every_scheme_and_by_the_cascade_without_each_of_its_parts() -> None:
+    assert settings_in(LABORATORY) == SETTINGS
+    flown = {setting.scheme.name: setting for setting in settings_in(HELICOPTERS)}
+    assert list(flown) == [*HELICOPTER_SCHEMES, *ABLATIONS]
+    known, unknown = (
+        np.sqrt(np.mean(np.square(fly_hover(flown[name], HELICOPTERS, 1, 12.0)), axis=0))
+        for name in ("cascade_exact", "cascade")
+    )
+    assert (known[:2] < unknown[:2]).all()
 
 
 def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:

@@ -44,6 +44,6 @@ def test_figure_shows_tracks_and_distances() -> None:
 
     swap = fly_swap(ANTIPODES, LABORATORY, 0, quick=True)
     figure = Figure()
-    draw_swapping({(ANTIPODES, 0): swap, (RANDOM, 0): swap, (WITHOUT, 0): swap}, figure)
+    draw_swapping({(ANTIPODES, 0): swap, (RANDOM, 0): swap, (WITHOUT, 0): swap}, "laboratory", figure)
     assert len(figure.axes) == 3
     assert np.isfinite(swap.nearest_normalised()).all()

@@ -1,0 +1,274 @@
+"""Helicopters drawn from the family, each flown through hover, steps, yaw steps and a figure-eight.
+
+What a laboratory may expect of a vehicle that nobody tuned for: a distribution over many vehicles, at several
+levels of knowledge of the vehicle, with the tilt measured and without.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+
+from agents.references.path_shapes import figure_eight
+from experiments.events import Event, Fly, GoTo
+from experiments.family_figure import draw_family
+from experiments.knowledge import Knowledge
+from experiments.record import VehicleRecord, rms
+from experiments.rig import Progress, Rig
+from experiments.runner import Options, Result, Tell, Work, run_all
+from experiments.schemes import CASCADE, Scheme
+from simulator.conditions import Conditions
+from simulator.plant import Pose
+from vehicles.state import INPUT_SIZE, YAW, Array
+from vehicles.tuples import Three
+
+HOME_M: Final[Three] = (0.0, 0.0, 1.0)
+LOST_M: Final = 0.5
+"""Further from home at the end of the flight, a vehicle is lost."""
+LIMIT_CYCLE_STICK: Final = 0.4
+"""Standard deviation of a stick from which its motion is a limit cycle: a sine from stop to stop has 0.7, the
+gentlest one that was ever reported 0.72."""
+LIMIT_CYCLE_MRAD: Final = 100.0
+"""Root mean square error of the heading in hover from which it is one; turbulence alone leaves 25 to 50."""
+QUICK_VEHICLES: Final = 2
+
+
+@dataclass(frozen=True)
+class Programme:
+    """What is flown, one thing after the other.
+
+    Attributes
+    ----------
+    settled_s
+        Hover counts from here on: estimators start at rest without knowing trim and turbulence.
+    hover_s
+        When hover ends.
+    slot_s
+        Time for each set point.
+    rest_s
+        The end of each slot, in which the vehicle is to rest at its set point.
+    eight_s
+        Time of the figure-eight's turn.
+    """
+
+    settled_s: float = 5.0
+    hover_s: float = 20.0
+    slot_s: float = 5.0
+    rest_s: float = 1.5
+    eight_s: float = 6.0
+
+
+PROGRAMME: Final = Programme()
+QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=6.0, slot_s=3.0, rest_s=0.5, eight_s=6.0)
+STEPS: Final[tuple[tuple[Three, float], ...]] = (((0.4, 0.3, 1.3), 0.0), (HOME_M, 0.0))
+YAW_STEPS: Final[tuple[tuple[Three, float], ...]] = ((HOME_M, np.pi / 2), (HOME_M, 0.0))
+EIGHT: Final = partial(figure_eight, HOME_M, (0.5, 0.25))
+
+
+@dataclass(frozen=True)
+class Level:
+    """How a vehicle is flown: what its pilot knows of it, and whether the Tracker measures its tilt."""
+
+    knowledge: Knowledge
+    tilt: bool
+
+    @property
+    def title(self) -> str:
+        """For figures and progress."""
+        return f"{self.knowledge}, {self.measured}"
+
+    @property
+    def measured(self) -> str:
+        """What the Tracker measures."""
+        return "tilt measured" if self.tilt else "positions only"
+
+    @property
+    def scheme(self) -> Scheme:
+        """The default configuration at this level."""
+        return Scheme(
+            CASCADE.name,
+            CASCADE.title,
+            CASCADE.controller,
+            estimator_settings={"measured_tilt": self.tilt},
+            knowledge=self.knowledge,
+        )
+
+
+KNOWLEDGE: Final[tuple[Knowledge, ...]] = ("default", "exact")
+LEVELS: Final = tuple(Level(knowledge, tilt) for knowledge, tilt in product(KNOWLEDGE, (True, False)))
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Figures of one vehicle.
+
+    Attributes
+    ----------
+    hover_mm
+        Root mean square error of the worse horizontal axis in hover.
+    height_mm, yaw_mrad
+        Root mean square errors in hover.
+    stick
+        Root mean square of the worse of pitch and roll stick in hover, trim included.
+    stick_deviation
+        Largest standard deviation of pitch or roll stick in hover or in the rest after a step.
+    rest_mm
+        Largest distance from the set point in the rest after a step.
+    yaw_step_mm
+        Largest horizontal distance from the set point during yaw steps.
+    eight_mm, eight_max_mm
+        Root mean square and largest distance from the path's point of the moment.
+    lost, touched_floor
+        Whether it left the volume or did not come home; whether it met the floor.
+    fallbacks
+        Control steps that were answered by a fallback.
+    """
+
+    hover_mm: float
+    height_mm: float
+    yaw_mrad: float
+    stick: float
+    stick_deviation: float
+    rest_mm: float
+    yaw_step_mm: float
+    eight_mm: float
+    eight_max_mm: float
+    lost: bool
+    touched_floor: bool
+    fallbacks: int
+
+    @property
+    def limit_cycle(self) -> bool:
+        """Whether a stick swings between its limits, or the heading to and fro, in hover or at rest."""
+        return self.stick_deviation > LIMIT_CYCLE_STICK or self.yaw_mrad > LIMIT_CYCLE_MRAD
+
+
+DISTRIBUTED: Final = tuple(field.name for field in fields(Flown) if field.type in (float, "float"))
+"""Figures that are told as a distribution."""
+
+
+def fly_member(
+    scheme: Scheme, conditions: Conditions, seed: int, programme: Programme, progress: Progress | None = None
+) -> Flown:
+    """Fly one vehicle through the whole programme.
+
+    Parameters
+    ----------
+    scheme
+        How it is controlled, and what is known of it.
+    conditions, seed
+        Which vehicle, and the weather.
+    programme
+        How long everything takes.
+    progress
+        Told the fraction flown.
+
+    Returns
+    -------
+    Flown
+        Its figures.
+    """
+    slots = STEPS + YAW_STEPS
+    starts = [programme.hover_s + index * programme.slot_s for index in range(len(slots) + 1)]
+    path = EIGHT(programme.eight_s)
+    events: list[Event] = [
+        GoTo(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
+    ]
+    events.append(Fly(starts[-1], "h1", path))
+    rig = Rig([scheme.vehicle("h1", Pose(HOME_M), conditions, seed)], conditions, seed)
+    record = rig.fly(starts[-1] + path.duration_s, events, progress)["h1"]
+    eight = record.time_s >= starts[-1]
+    wanted = path.sample(record.time_s[eight] - starts[-1])[:, :3]
+    return _figures(record, programme, starts, record.motion[eight, :3] - wanted)
+
+
+def _figures(
+    record: VehicleRecord, programme: Programme, starts: Sequence[float], eight_error_m: Array
+) -> Flown:
+    def between(first_s: float, last_s: float) -> Array:
+        return np.asarray((record.time_s >= first_s) & (record.time_s < last_s))
+
+    hover = between(programme.settled_s, programme.hover_s)
+    rests = [between(end_s - programme.rest_s, end_s) for end_s in starts[1:]]
+    yaw_steps = between(starts[len(STEPS)], starts[-1])
+    errors = record.motion[:, : YAW + 1] - record.reference
+    hover_rms = np.sqrt(np.mean(np.square(errors[hover]), axis=0))
+    sticks = record.inputs[:, : INPUT_SIZE - 2]
+    distance_m = np.linalg.norm(errors[:, :3], axis=1)
+    eight_m = np.linalg.norm(eight_error_m, axis=1)
+    end_m = float(np.linalg.norm(record.motion[-1, :3] - np.array(HOME_M)))
+    return Flown(
+        hover_mm=1e3 * float(hover_rms[:2].max()),
+        height_mm=1e3 * float(hover_rms[2]),
+        yaw_mrad=1e3 * float(hover_rms[YAW]),
+        stick=float(np.sqrt(np.mean(np.square(sticks[hover]), axis=0)).max()),
+        stick_deviation=max(float(sticks[rows].std(axis=0).max()) for rows in (hover, *rests)),
+        rest_mm=1e3 * max(float(distance_m[rows].max()) for rows in rests),
+        yaw_step_mm=1e3 * float(np.linalg.norm(errors[yaw_steps, :2], axis=1).max()),
+        eight_mm=1e3 * rms(eight_m),
+        eight_max_mm=1e3 * float(eight_m.max()),
+        lost=record.left_volume or not end_m < LOST_M,
+        touched_floor=record.touchdowns > 0,
+        fallbacks=sum(record.fallbacks.values()),
+    )
+
+
+def run(options: Options, tell: Tell) -> Result:
+    """Fly every vehicle at every level.
+
+    Returns
+    -------
+    Result
+        Document: knowledge -> what is measured -> figure -> median, 95 %, worst, and counts.
+    """
+    seeds = options.seeds[:QUICK_VEHICLES] if options.quick else options.seeds
+    programme = QUICK_PROGRAMME if options.quick else PROGRAMME
+    cases = list(product(LEVELS, seeds))
+    works = [
+        Work(
+            f"{level.title}, seed {seed}",
+            partial(fly_member, level.scheme, options.conditions, seed, programme),
+        )
+        for level, seed in cases
+    ]
+    flown: dict[Level, dict[int, Flown]] = {level: {} for level in LEVELS}
+    for (level, seed), figures in zip(cases, run_all(works, options.processes, tell), strict=True):
+        flown[level][seed] = figures
+    document: dict[str, dict[str, Any]] = {}
+    for level, vehicles in flown.items():
+        document.setdefault(level.knowledge, {})[level.measured] = distribution(vehicles)
+    hovers: dict[tuple[str, str], dict[str, list[float]]] = {
+        (level.knowledge, level.measured): {
+            figure: [getattr(one, figure) for one in vehicles.values()] for figure in ("hover_mm", "eight_mm")
+        }
+        for level, vehicles in flown.items()
+    }
+    return Result(document, partial(draw_family, hovers, options.preset))
+
+
+def distribution(vehicles: Mapping[int, Flown]) -> dict[str, Any]:
+    """Median, 95 % and worst of every figure over vehicles by seed; how many went wrong, and which."""
+    rows = {seed: asdict(flown) for seed, flown in vehicles.items()}
+    table: dict[str, Any] = {}
+    for name in DISTRIBUTED:
+        values = {seed: float(row[name]) for seed, row in rows.items()}
+        table[name] = {
+            "median": _rounded(np.median(list(values.values()))),
+            "95%": _rounded(np.percentile(list(values.values()), 95)),
+            "worst": _rounded(max(values.values())),
+            "worst_seed": max(values, key=lambda seed: values[seed]),
+        }
+    return table | {
+        "vehicles": len(vehicles),
+        "lost": [seed for seed, one in vehicles.items() if one.lost],
+        "touched_floor": [seed for seed, one in vehicles.items() if one.touched_floor],
+        "limit_cycles": [seed for seed, one in vehicles.items() if one.limit_cycle],
+        "fallbacks": sum(one.fallbacks for one in vehicles.values()),
+    }
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), 3)

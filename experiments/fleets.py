@@ -1,0 +1,123 @@
+"""Formations of three helicopters drawn from the family: five minutes of set points, distances and yaw steps.
+
+What `formation` flies, by the default configuration, fleet by fleet: every seed draws three other vehicles.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from experiments.formation import FOLLOWERS, SETTLED_S, SLOT_S, events, formation, sequence
+from experiments.knowledge import Knowledge
+from experiments.record import rms
+from experiments.rig import Progress, Rig, total_fallbacks
+from experiments.runner import Options, Result, Tell, Work, run_all
+from experiments.schemes import CASCADE
+from simulator.conditions import Conditions
+
+LEVELS: Final[tuple[Knowledge, ...]] = ("default", "exact")
+TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
+    {"default": (45.0, 220.0), "exact": (16.0, 70.0)}
+)
+"""What the worst fleet's root mean square and largest error are to be."""
+LOST_M: Final = 0.5
+"""Further from its place at the end of the flight, a follower is lost."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Figures of one fleet: errors of both followers, lost vehicles, touched floors, fallbacks."""
+
+    rms_mm: float
+    max_mm: float
+    lost: bool
+    touched_floor: bool
+    fallbacks: int
+
+
+def fly_fleet(
+    knowledge: Knowledge, conditions: Conditions, seed: int, quick: bool, progress: Progress | None = None
+) -> Flown:
+    """Fly the whole sequence with one fleet."""
+    slots = sequence(quick)
+    vehicles = formation(CASCADE.knowing(knowledge), conditions, seed)
+    record = Rig(vehicles, conditions, seed).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
+    errors_m = record.formation_error_m(SETTLED_S)
+    ends_m = [float(record[name].formation_error_m()[-1]) for name in FOLLOWERS]
+    return Flown(
+        rms_mm=1e3 * rms(errors_m),
+        max_mm=1e3 * float(errors_m.max()),
+        lost=any(vehicle.left_volume for vehicle in record.vehicles.values()) or not max(ends_m) < LOST_M,
+        touched_floor=any(vehicle.touchdowns > 0 for vehicle in record.vehicles.values()),
+        fallbacks=sum(total_fallbacks(record).values()),
+    )
+
+
+def run(options: Options, tell: Tell) -> Result:
+    """Fly every fleet at every level of knowledge.
+
+    Returns
+    -------
+    Result
+        Document: knowledge -> figures over the fleets, and `per_fleet`.
+    """
+    cases = list(product(LEVELS, options.seeds))
+    works = [
+        Work(f"{level}, seed {seed}", partial(fly_fleet, level, options.conditions, seed, options.quick))
+        for level, seed in cases
+    ]
+    fleets: dict[str, dict[int, Flown]] = {level: {} for level in LEVELS}
+    for (level, seed), flown in zip(cases, run_all(works, options.processes, tell), strict=True):
+        fleets[level][seed] = flown
+    document = {level: figures(flown) for level, flown in fleets.items()}
+    return Result(document, partial(draw_fleets, document, options.preset))
+
+
+def figures(fleets: Mapping[int, Flown]) -> dict[str, Any]:
+    """Median and worst of the fleets by seed; what went wrong."""
+    errors = {name: [getattr(flown, name) for flown in fleets.values()] for name in ("rms_mm", "max_mm")}
+    return {
+        **{
+            name: {"median": round(float(np.median(values)), 1), "worst": round(max(values), 1)}
+            for name, values in errors.items()
+        },
+        "lost": [seed for seed, flown in fleets.items() if flown.lost],
+        "touched_floor": [seed for seed, flown in fleets.items() if flown.touched_floor],
+        "fallbacks": sum(flown.fallbacks for flown in fleets.values()),
+        "per_fleet": {
+            str(seed): {"rms_mm": round(flown.rms_mm, 1), "max_mm": round(flown.max_mm, 1)}
+            for seed, flown in fleets.items()
+        },
+    }
+
+
+def draw_fleets(document: Mapping[str, Any], preset: str, figure: Any) -> None:
+    """Draw every fleet's errors, and the targets.
+
+    Parameters
+    ----------
+    document
+        As `run` returns it.
+    preset
+        Name of the conditions.
+    figure
+        Empty `matplotlib.figure.Figure`.
+    """
+    figure.set_size_inches(9, 4)
+    panels = (("rms_mm", "root mean square [mm]"), ("max_mm", "largest error [mm]"))
+    for panel, (axes, (name, label)) in enumerate(zip(figure.subplots(1, 2), panels, strict=True)):
+        for index, (level, table) in enumerate(document.items()):
+            values = [fleet[name] for fleet in table["per_fleet"].values()]
+            axes.plot([level] * len(values), values, "o", color=f"C{index}", alpha=0.6)
+            axes.plot([level], [TARGETS_MM[level][panel]], "_", color=f"C{index}", markersize=40)
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0.0)
+        axes.margins(x=0.4)
+        axes.grid(axis="y", alpha=0.3)
+    figure.suptitle(f"Formations of three, conditions `{preset}`; bars: targets of the worst fleet")
+    figure.tight_layout()

@@ -1,0 +1,119 @@
+"""What a pilot is told of its vehicle: the type only, the true parameters, or something that is wrong.
+
+In conditions with first-order plants there is one answer, the nominal parameters of the plants. Helicopters
+are flown at several levels of knowledge, so that experiments can tell what each of them is worth.
+"""
+
+from dataclasses import replace
+from typing import Final, Literal
+
+from simulator.conditions import Conditions
+from simulator.helicopter import helicopter_of
+from simulator.helicopter_parameters import GRAVITY_M_S2, HelicopterParameters
+from vehicles.model import IDENTIFIED, Model
+from vehicles.tilt import TiltModel
+from vehicles.types import COAXIAL, COAXIAL_LAG
+
+Knowledge = Literal["default", "exact", "lag", "late"]
+"""`default`: nothing but the type. `exact`: the true parameters. `lag`: the type, but first-order lags in
+place of the tilt. `late`: the type, and a transport delay one period shorter than it is."""
+
+LATE_S: Final = 0.02
+
+
+def flies_helicopters(conditions: Conditions) -> bool:
+    """Whether coaxial vehicles are helicopters in these conditions."""
+    return conditions.coaxial_plant != "first_order"
+
+
+def plant_type(conditions: Conditions) -> Model:
+    """Vehicle type that flies in these conditions."""
+    return COAXIAL if flies_helicopters(conditions) else COAXIAL_LAG
+
+
+def known_model(knowledge: Knowledge, conditions: Conditions, name: str, seed: int) -> Model:
+    """Model that a pilot is given.
+
+    Parameters
+    ----------
+    knowledge
+        How much it is told.
+    conditions, name, seed
+        Which vehicle it flies.
+
+    Returns
+    -------
+    Model
+        Of a coaxial vehicle.
+
+    Raises
+    ------
+    ValueError
+        Knowledge of a helicopter where none flies.
+    """
+    if not flies_helicopters(conditions):
+        if knowledge != "default":
+            raise ValueError(
+                f"knowledge {knowledge!r} is about helicopters, and these are first-order plants"
+            )
+        return COAXIAL_LAG
+    if knowledge == "exact":
+        return exact_model(helicopter_of(name, conditions, seed))
+    if knowledge == "lag":
+        return replace(COAXIAL, tilt=None)
+    if knowledge == "late":
+        return replace(COAXIAL, delay_s=COAXIAL.delay_s - LATE_S)
+    return COAXIAL
+
+
+def exact_model(parameters: HelicopterParameters) -> Model:
+    """The model that a perfect identification of a simulated helicopter would find.
+
+    Where the structure of the model is simpler than the vehicle it gets the mean: the servos and inertias of
+    pitch and roll, the lags of the two rotors in proportion to their thrust. Trim, markers and battery are
+    not in it; they are estimated in flight.
+
+    Parameters
+    ----------
+    parameters
+        The vehicle.
+
+    Returns
+    -------
+    Model
+        With the uncertainty of an identified one.
+    """
+    speed_upper, speed_lower = parameters.hover_speeds_rad_s
+    phase_upper, phase_lower = parameters.hover_phases_rad
+    thrust_upper_n = parameters.thrust_upper * speed_upper**2
+    thrust_lower_n = parameters.thrust_lower * speed_lower**2
+    inertia = (parameters.inertia_kg_m2[0] + parameters.inertia_kg_m2[1]) / 2
+    lever_n_m = thrust_lower_n * parameters.arm_lower_m + 2 * parameters.spring_lower_n_m
+    tilt = TiltModel(
+        frequency_rad_s=parameters.fast_mode_rad_s,
+        damping_ratio=parameters.added_damping,
+        servo_lag_s=sum(parameters.servo_lag_s) / 2,
+        bar_time_constant_s=parameters.bar_time_constant_s,
+        upper_phase_rad=phase_upper,
+        lower_phase_rad=phase_lower,
+        upper_share=thrust_upper_n * parameters.link_upper / (parameters.mass_kg * GRAVITY_M_S2),
+        direct_m=thrust_lower_n * inertia / (parameters.mass_kg * lever_n_m),
+    )
+    plateau_m_s2 = abs(parameters.plateau_per_swash)
+    rotor_lag_s = (
+        thrust_upper_n * parameters.rotor_lag_upper_s + thrust_lower_n * parameters.rotor_lag_lower_s
+    ) / (thrust_upper_n + thrust_lower_n)
+    pitch_lag_s, roll_lag_s, _, yaw_lag_s = COAXIAL.lag_s
+    return replace(
+        COAXIAL,
+        input_gain=(
+            plateau_m_s2 * parameters.swash_gain_rad[0],
+            plateau_m_s2 * parameters.swash_gain_rad[1],
+            parameters.thrust_gain_m_s2,
+            parameters.yaw_rate_gain_rad_s * parameters.yaw_gyro_gain_per_s,
+        ),
+        damping=(-parameters.drag_per_s[0], -parameters.drag_per_s[1], 0.0, -parameters.yaw_gyro_gain_per_s),
+        lag_s=(pitch_lag_s, roll_lag_s, rotor_lag_s, yaw_lag_s),
+        tilt=tilt,
+        uncertainty=IDENTIFIED,
+    )

@@ -1,0 +1,45 @@
+"""Formations of drawn helicopters."""
+
+from pathlib import Path
+
+import pytest
+
+from experiments import fleets
+from experiments.catalogue import save_figure
+from experiments.fleets import LEVELS, Flown, figures, fly_fleet
+from experiments.formation import SLOTS
+from experiments.runner import Options
+from simulator.conditions import HELICOPTERS
+
+
+def test_fleet_of_drawn_helicopters_keeps_its_formation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleets, "sequence", lambda _quick: SLOTS[:1])
+    flown = fly_fleet("default", HELICOPTERS, 1, quick=True)
+    assert 0.0 < flown.rms_mm < 45.0
+    assert flown.rms_mm < flown.max_mm < 220.0
+    assert (flown.lost, flown.touched_floor) == (False, False)
+    assert flown.fallbacks == 0
+
+
+def test_figures_are_those_of_the_worst_fleet() -> None:
+    table = figures(
+        {
+            100: Flown(20.0, 80.0, False, False, 0),
+            101: Flown(30.0, 70.0, True, False, 2),
+            102: Flown(25.0, 60.0, False, True, 0),
+        }
+    )
+    assert table["rms_mm"] == {"median": 25.0, "worst": 30.0}
+    assert table["max_mm"] == {"median": 70.0, "worst": 80.0}
+    assert (table["lost"], table["touched_floor"], table["fallbacks"]) == ([101], [102], 2)
+    assert table["per_fleet"]["101"] == {"rms_mm": 30.0, "max_mm": 70.0}
+
+
+def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(fleets, "fly_fleet", lambda *_: Flown(20.0, 80.0, False, False, 0))
+    told: list[str] = []
+    result = fleets.run(Options((100, 101), preset="helicopters"), lambda label, _: told.append(label))
+    assert set(result.document) == set(LEVELS)
+    assert set(told) == {f"{level}, seed {seed}" for level in LEVELS for seed in (100, 101)}
+    save_figure(result, tmp_path / "fleets.png")
+    assert (tmp_path / "fleets.png").stat().st_size > 10_000

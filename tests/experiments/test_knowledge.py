@@ -1,0 +1,86 @@
+"""What pilots are told of their vehicles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.knowledge import LATE_S, exact_model, known_model
+from experiments.rig import Rig
+from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES
+from simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
+from simulator.helicopter import Helicopter, helicopter_of
+from simulator.plant import Pose
+from vehicles.model import IDENTIFIED, UNIDENTIFIED
+from vehicles.state import heading_matrix
+from vehicles.types import COAXIAL, COAXIAL_LAG
+
+STEP_S = 0.001
+
+
+@pytest.mark.parametrize("seed", [0, 3, 7])
+def test_exact_model_foretells_the_flight_of_a_drawn_helicopter(seed: int) -> None:
+    drawn = helicopter_of("h1", HELICOPTERS, seed)
+    lag_s = sum(drawn.servo_lag_s) / 2
+    straight = replace(drawn, servo_step=0.0, servo_lag_s=(lag_s, lag_s), trim=(0.0, 0.0, 0.0, 0.0))
+    model = exact_model(straight)
+    assert model.tilt is not None
+    calm = replace(IDEAL, transport_delay_s=0.0)
+    plant = Helicopter("h1", COAXIAL, calm, 0, Pose((0.0, 0.0, 5.0)), straight)
+    stick = np.array([0.1, -0.05])
+    plant.set_input((*stick.tolist(), model.hover_input[2], 0.0))
+
+    tilt = model.tilt.dynamics()
+    core, servo, velocity = np.zeros(tilt.size), np.zeros(2), np.zeros(2)
+    flown, foretold = [], []
+    for step in range(600):
+        servo = servo + STEP_S / lag_s * (stick - servo)
+        demand = heading_matrix(plant.motion[3]) @ (model.b[:2] * servo)  # the gyro lets it turn a little
+        velocity = velocity + STEP_S * (tilt.c @ core + tilt.d @ demand + model.k[:2] * velocity)
+        core = core + STEP_S * (tilt.a @ core + tilt.b @ demand)
+        plant.advance(STEP_S)
+        if step % 100 == 99:
+            foretold.append(velocity)
+            flown.append(plant.state[3:5])
+    assert np.abs(np.array(flown) - foretold).max() < 0.08 * np.abs(flown).max()
+
+
+def test_pilots_know_the_type_the_truth_or_something_wrong() -> None:
+    def known(knowledge: str) -> object:
+        return known_model(knowledge, HELICOPTERS, "h1", 100)  # type: ignore[arg-type]  # of the table
+
+    assert known("default") is COAXIAL
+    assert COAXIAL.uncertainty == UNIDENTIFIED
+    assert known("exact") == exact_model(helicopter_of("h1", HELICOPTERS, 100))
+    assert exact_model(helicopter_of("h1", HELICOPTERS, 100)).uncertainty == IDENTIFIED
+    assert known("lag") == replace(COAXIAL, tilt=None)
+    assert known("late") == replace(COAXIAL, delay_s=COAXIAL.delay_s - LATE_S)
+
+
+def test_first_order_plants_are_known_by_their_nominal_parameters_only() -> None:
+    assert known_model("default", LABORATORY, "h1", 0) is COAXIAL_LAG
+    with pytest.raises(ValueError, match="about helicopters"):
+        known_model("exact", LABORATORY, "h1", 0)
+
+
+def test_what_a_pilot_is_told_does_not_change_what_flies() -> None:
+    schemes = (CASCADE, CASCADE.knowing("exact"), CASCADE.knowing("lag"), CASCADE.knowing("late"))
+    states = []
+    for scheme in schemes:
+        rig = Rig([scheme.vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, 3, 10)], HELICOPTERS, 3)
+        plant = rig.laboratory.plant("h1")
+        plant.set_input((0.3, 0.0, 0.5, 0.0))
+        plant.advance(0.1)
+        states.append(plant.motion)
+    assert len(set(states)) == 1
+
+
+def test_every_scheme_is_flown_with_both_levels_of_knowledge() -> None:
+    told = {(scheme.controller, scheme.knowledge) for scheme in HELICOPTER_SCHEMES.values()}
+    assert told == {
+        (controller, knowledge)
+        for controller in ("paper", "lqr", "pid", "cascade")
+        for knowledge in ("default", "exact")
+    }
+    assert {scheme.controller for scheme in ABLATIONS.values()} == {"cascade"}
+    assert not set(ABLATIONS) & set(HELICOPTER_SCHEMES)
