@@ -23,6 +23,7 @@ from agents.separation.traffic import Traffic
 from agents.settings import AgentSettings
 from agents.telemetry import DiagnosticsCollector, command_message, plan_message, status_message
 from agents.tuning.changes import Tuning
+from agents.tuning.guard import OscillationGuard
 from bus import channels
 from bus.messages import AgentStatus
 from bus.realtime import request_realtime, settle
@@ -82,13 +83,15 @@ class Agent:
             vehicle, settings.vehicles, room, pilot, self._plans, self._peers, clock
         )
         self._lost = LostLeaders(vehicle, settings.succession, pilot, self._plans, self._peers, clock)
+        self._guard = OscillationGuard(pilot, self._tuning)
         self._limit_scaling = LimitScaling(vehicle, settings.models)
         self._requests = RequestHandler(
             settings, pilot, room, self._changes, self._peers, self._tuning, self._external
         )
         self._diagnostics = DiagnosticsCollector(
             pilot, self._tuning, self._pacing, self._solve,
-            (pilot, self._observation, self._plans, self._traffic, self._external, self._lost, self._changes),
+            (pilot, self._observation, self._plans, self._traffic, self._external, self._lost, self._changes,
+             self._guard),
             realtime,
         )  # fmt: skip
         # Sequences continue over restarts because they start from the wall clock.
@@ -173,6 +176,7 @@ class Agent:
         publish_first(output)
         publish_then(output)
         self._external.after_control()
+        self._guard.watch(output, flown_by_own=not self._external.client)
         if self._said is not None and self._traffic.due():
             self._traffic.tend(self._said, self._peers.statuses())
 

@@ -18,6 +18,7 @@ from agents.pilot import Pilot
 from agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from agents.settings import AgentSettings
 from agents.tuning.changes import Tuning
+from agents.tuning.guard import without_guard
 from bus.requests import (
     CommitLeaders,
     Fly,
@@ -135,7 +136,8 @@ class RequestHandler:
         if self._external.client:
             return f"{self._external.client} flies it from outside"
         present = self._tuning.configuration
-        wanted = present.changed(
+        # Who tunes a vehicle ends what the guard against oscillation did to it.
+        wanted = without_guard(present).changed(
             request.controller, request.controller_settings, request.estimator, request.estimator_settings
         )
         if wanted == present:

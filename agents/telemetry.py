@@ -13,6 +13,7 @@ from agents.pacing import Pacing, SolveTimer
 from agents.pilot import ControlOutput, Pilot
 from agents.settings import AgentSettings
 from agents.tuning.changes import Tuning
+from agents.tuning.guard import effort_factor
 from bus.messages import AgentStatus, Command, Diagnostics, FloatArray, LeaderLink, Plan, SetPoint, Setting
 from vehicles.state import YAW, Array, heading_matrix
 from vehicles.tuples import three
@@ -130,6 +131,7 @@ class DiagnosticsCollector:
             controller_settings=in_message(configuration.controller_settings),
             estimator_settings=in_message(configuration.estimator_settings),
             horizon=pilot.controller.horizon,
+            effort_factor=effort_factor(configuration),
             client=client,
             pose_age_s=pose_age_s,
             plan_age_s=plan_age_s,

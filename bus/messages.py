@@ -275,6 +275,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Settings that the fleet file or a request has given; all others have their defaults."""
     estimator_settings: Settings = {}
     horizon: Count
+    effort_factor: Annotated[float, Meta(ge=1)] = 1.0
+    """Factor of the sticks' weights by which the guard against oscillation has lowered the bandwidth."""
     client: Text = ""
     """External program that flies the vehicle; empty while its own controller does."""
     pose_age_s: Seconds | None = None

@@ -23,6 +23,8 @@ from agents.process import build_pilot
 from agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from agents.separation.ellipsoid_scales import ellipsoid_scale
 from agents.settings import AgentSettings
+from agents.tuning.changes import Tuning
+from agents.tuning.guard import OscillationGuard
 from bus.messages import LeaderLink
 from bus.session import BusAddress
 from experiments.events import Event, Scene
@@ -76,11 +78,14 @@ class RigOptions:
     clearance
         What vehicles keep clear of each other; None for experiments about the formation law alone, in which
         references may cross.
+    guard
+        Vehicles that oscillate lower their bandwidth, as agents do. A change takes over in the next period.
     """
 
     frame_period_s: float = 0.02
     previous_frame: bool = False
     clearance: SeparationEllipsoid | None = None
+    guard: bool = False
 
 
 SAME_FRAME: Final = RigOptions()
@@ -134,9 +139,17 @@ class Rig:
         links = {name: vehicle.following for name, vehicle in self._vehicles.items()}
         flying_order({name: leaders_of(links, name) for name in links})
         models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
-        self.pilots = {
-            name: build_pilot(self._settings(vehicle, limit_scale_of(links, models, name)))
+        settings = {
+            name: self._settings(vehicle, limit_scale_of(links, models, name))
             for name, vehicle in self._vehicles.items()
+        }
+        self.pilots = {name: build_pilot(told) for name, told in settings.items()}
+        self.tunings = {
+            name: Tuning(told.configuration, self.pilots[name], told.period_s, told.limit_scale)
+            for name, told in settings.items()
+        }
+        self.guards = {
+            name: OscillationGuard(pilot, self.tunings[name]) for name, pilot in self.pilots.items()
         }
         for name, pilot in self.pilots.items():
             pilot.observe(self._measured(name))
@@ -250,6 +263,10 @@ class Rig:
             started_s = time.thread_time()
             flight = pilot.control(plans, neighbours)
             step_s = time.thread_time() - started_s
+            if self._options.guard:
+                self.guards[name].watch(flight)
+                self.tunings[name].wait()
+                self.tunings[name].finish()
             self._laboratory.set_input(name, flight.input)
             # The transmitter gateway's report of what it applied comes back before the next pose.
             pilot.note_applied("armed", pilot.sequence, flight.input)

@@ -57,7 +57,8 @@ def _row(state: VehicleState) -> Iterable[Text | str]:
     if agent is None:
         yield from ("-",) * (len(COLUMNS) - 4)
         return
-    yield agent.diagnostics.controller
+    factor = agent.diagnostics.effort_factor
+    yield Text(agent.diagnostics.controller + ("" if factor == 1.0 else f" (effort x {factor:g})"))
     yield ", ".join(state.leaders) or "-"
     yield "-" if agent.position_m is None else " ".join(f"{value:6.2f}" for value in agent.position_m)
     yield "-" if state.error_m is None else f"{1000 * state.error_m:.0f}"

@@ -108,8 +108,13 @@ class Observer:
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
 
     def notes(self) -> list[str]:
-        """Remarks that do not block take-off: subjects of no vehicle, a recording."""
-        return tracker_notes(_newest(self.tracker, self.session.clock())[0])
+        """Remarks that do not block take-off: subjects of no vehicle, a recording, a lowered bandwidth."""
+        lowered = [
+            f"{name} oscillated: effort factor {status.diagnostics.effort_factor:g} until it is tuned"
+            for name, status in self.statuses().items()
+            if status.diagnostics.effort_factor > 1.0
+        ]
+        return tracker_notes(_newest(self.tracker, self.session.clock())[0]) + lowered
 
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""

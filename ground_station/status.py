@@ -92,6 +92,7 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
         "controller": figures.controller,
         "estimator": figures.estimator,
         "horizon": figures.horizon,
+        "effort_factor": figures.effort_factor,
         "following": [_link(link) for link in agent.following],
         "assigned": [_link(link) for link in agent.assigned],
         "following_mode": agent.following_mode,

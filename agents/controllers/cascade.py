@@ -7,6 +7,7 @@ frozen ones, with actuator lags as states, estimated disturbances in the predict
 the reference as input reference.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final
 
@@ -34,10 +35,12 @@ from agents.controllers.weights import default_input_weights, default_state_weig
 from agents.interfaces import Estimate, LimitScale, Obstacle
 from agents.references.trajectory import COLUMNS, Trajectory
 from vehicles.model import Model
-from vehicles.state import U_THRUST, Array
+from vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
 
 _FREE: Final = 1e9
 """Bound of a heading, which has none."""
+SLOWING_S: Final = 0.1
+"""Time constant with which a cascade of lowered bandwidth takes disturbances in, per root of the factor."""
 _HORIZONTAL: Final = slice(0, 2)
 _STEADY: Final = slice(2, 4)
 """The vertical and yaw among the four axes x, y, z, yaw: constant matrices, independent of all else."""
@@ -50,6 +53,9 @@ class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
     """Diagonal of Q: x y z psi xd_B yd_B zd_B psid; by default from the vehicle's model."""
     input_weights: FourWeights | None = None
     """Diagonal of R: pitch, roll, thrust, yaw; by default from the model and its uncertainty."""
+    effort_factor: Annotated[float, msgspec.Meta(ge=1.0, le=1e4)] = 1.0
+    """Factor of the input weights of pitch, roll and yaw, and of how slowly estimated disturbances are taken
+    in; the guard against oscillation raises it."""
     actuator_lag: bool = True
     """Model the actuators' lag."""
     feed_forward: bool = True
@@ -102,6 +108,8 @@ class CascadeController(GuardedController):
         self._steady = self.workspace(steady, settings.max_iterations)
         self._horizontal = self._horizontal_problem()
         self._obstacles: tuple[Obstacle, ...] = ()
+        # What was estimated while it oscillated is worth nothing, so this begins with none.
+        self._taken_in: Array = np.zeros(INPUT_SIZE)
         decay = self._decay[_STEADY]
         stages = self._horizon + self._levels - 2
         turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
@@ -158,6 +166,7 @@ class CascadeController(GuardedController):
         state, inputs = self._settings.state_weights, self._settings.input_weights
         weights = np.array(default_state_weights(self._model) if state is None else state)
         effort = np.array(default_input_weights(self._model, self._period_s) if inputs is None else inputs)
+        effort[[U_PITCH, U_ROLL, U_YAW]] *= self._settings.effort_factor
         poles = lag_poles(self._model, self._period_s)
         return ChainParameters(
             stages=self._horizon,
@@ -224,7 +233,7 @@ class CascadeController(GuardedController):
 
     def _disturbance(self, estimate: Estimate) -> Array:
         """Accelerations to predict with, in the order of `Estimate.disturbance`."""
-        told = estimate.disturbance if self._settings.disturbance_compensation else np.zeros(4)
+        told = self._believed(estimate) if self._settings.disturbance_compensation else np.zeros(4)
         integrate = self._settings.integrators
         if integrate is None:
             integrate = not told.any()
@@ -233,6 +242,17 @@ class CascadeController(GuardedController):
         if self._last_plan is not None:
             self._observer.observe(estimate.motion, self._last_plan)
         return np.asarray(told + self._observer.disturbance(estimate.motion))
+
+    def _believed(self, estimate: Estimate) -> Array:
+        """The estimated disturbance; while the bandwidth is lowered taken in slowly, but for the height's."""
+        told = estimate.disturbance
+        factor = self._settings.effort_factor
+        if factor == 1.0:
+            return told
+        time_constant_s = SLOWING_S * math.sqrt(factor)
+        self._taken_in += self._period_s / (self._period_s + time_constant_s) * (told - self._taken_in)
+        self._taken_in[U_THRUST] = told[U_THRUST]
+        return self._taken_in.copy()
 
     def _share_of(self, axes: slice) -> Bounds:
         return self._share[0][axes], self._share[1][axes]

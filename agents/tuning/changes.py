@@ -137,6 +137,11 @@ class Tuning:
             self._result = ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {reason}")
         self._wake()
 
+    def wait(self) -> None:
+        """Wait until what is under way is prepared, where no control loop must go on meanwhile."""
+        if self._thread is not None:
+            self._thread.join()
+
     def finish(self) -> str | ValueError | None:
         """Swap in what is ready; to be called between two control periods.
 

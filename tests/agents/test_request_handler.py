@@ -9,7 +9,8 @@ from support.statuses import hovering
 from agents.following.links import followed_leader, present_link
 from agents.phases import Phase
 from agents.references.path_shapes import through
-from bus.messages import FloatArray, LeaderLink, SetPoint
+from agents.tuning.guard import effort_factor
+from bus.messages import FloatArray, LeaderLink, SetPoint, Setting
 from bus.requests import (
     Disarm,
     Fly,
@@ -18,6 +19,7 @@ from bus.requests import (
     Lead,
     Request,
     TakeOff,
+    Tune,
 )
 
 
@@ -197,3 +199,21 @@ def test_a_leader_turns_slowly_enough_for_those_it_carries_round(bench: HandlerB
         now = bench.pilot.guidance.source.sample(bench.pilot.clock.time_s, 0.02, 50)
         assert now.yaw_rad[0] == pytest.approx(step_rad)
         assert bench.pilot.guidance.set_point()[1] == 1.5
+
+
+@pytest.mark.parametrize("asked", [{"horizon": 30}, {"effort_factor": 1.0}])
+def test_who_tunes_a_vehicle_ends_what_the_guard_did_to_it(
+    bench: HandlerBench, asked: dict[str, Setting]
+) -> None:
+    bench.fly()
+    bench.tuning.begin(
+        bench.tuning.configuration.changed("cascade", {"effort_factor": 27.0, "horizon": 20}, None, {})
+    )
+    bench.tuning.wait()
+    bench.handler.settle_tuning()
+    assert effort_factor(bench.tuning.configuration) == 27.0
+    request = bench.ask(Tune(controller_settings=asked))
+    bench.tuning.wait()
+    bench.handler.settle_tuning()
+    assert request.refusal is None
+    assert effort_factor(bench.tuning.configuration) == 1.0

@@ -20,6 +20,7 @@ from deploy.fleet_file.reading import parse_fleet
 from ground_station.fleet import Fleet
 from ground_station.live_table import COLUMNS, fleet_table
 from ground_station.recorder import Recorder
+from ground_station.status import fleet_status
 from ground_station.vehicle import RefusedError, lines_of
 from ground_station.waiting import NotReachedError
 
@@ -323,6 +324,14 @@ def test_the_table_shows_every_vehicle_its_task_and_what_went_wrong(fleet: Fleet
         assert part in line
     assert "h2" in text
     assert "x:801" in text
+
+
+def test_a_lowered_bandwidth_is_shown_and_noted(fleet: Fleet, vehicles: Vehicles) -> None:
+    assert fleet.notes() == []
+    vehicles["h2"].diagnostics = {"effort_factor": 27.0}
+    wait_for(lambda: "(effort x 27)" in rendered(fleet), "the factor is not shown")
+    assert fleet.notes() == ["h2 oscillated: effort factor 27 until it is tuned"]
+    assert fleet_status(fleet)["vehicles"]["h2"]["agent"]["effort_factor"] == 27.0
 
 
 def test_the_table_shows_silent_vehicles_as_silent(fleet: Fleet, vehicles: Vehicles) -> None:

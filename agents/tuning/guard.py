@@ -1,0 +1,92 @@
+"""The guard against oscillation: lowers the bandwidth of a controller whose vehicle oscillates.
+
+A true vehicle may be further from its model than the weights bear. Nothing lands because of it: the weights
+of the sticks rise step by step, each step built beside the control loop like any other change, until the
+oscillation ends. They stay there until somebody tunes the vehicle.
+"""
+
+from collections import Counter
+from dataclasses import replace
+from typing import Final
+
+from agents.controllers.registry import CONTROLLERS
+from agents.flight.oscillation import OscillationDetector
+from agents.pilot import ControlOutput, Pilot
+from agents.tuning.changes import Tuning
+from agents.tuning.configuration import Configuration
+
+EFFORT_FACTOR: Final = "effort_factor"
+"""Setting of a controller that lowers its bandwidth."""
+STEP: Final = 3.0
+LARGEST: Final = STEP**4
+SHORTEST_STEP_S: Final = 0.25
+"""Between two steps."""
+
+OSCILLATION: Final = "oscillation"
+"""Counted for every half-wave of an oscillation."""
+BANDWIDTH_LOWERED: Final = "bandwidth_lowered"
+"""Counted for every step."""
+
+
+def effort_factor(configuration: Configuration) -> float:
+    """By how much the guard has raised the weights of the sticks; 1 for not at all."""
+    factor = configuration.controller_settings.get(EFFORT_FACTOR, 1.0)
+    return float(factor) if isinstance(factor, int | float) else 1.0
+
+
+def without_guard(configuration: Configuration) -> Configuration:
+    """A configuration with the bandwidth that it had before the guard lowered it."""
+    kept = {name: value for name, value in configuration.controller_settings.items() if name != EFFORT_FACTOR}
+    return replace(configuration, controller_settings=kept)
+
+
+class OscillationGuard:
+    """Watches one vehicle.
+
+    Parameters
+    ----------
+    pilot, tuning
+        The agent's own.
+    """
+
+    def __init__(self, pilot: Pilot, tuning: Tuning) -> None:
+        self._pilot = pilot
+        self._tuning = tuning
+        self._detector = OscillationDetector(pilot.model)
+        self._since_step_s = SHORTEST_STEP_S
+        self.events: Counter[str] = Counter()
+        self.rejected: Counter[str] = Counter()
+
+    def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
+        """Take in the control period that was just flown, and lower the bandwidth if need be.
+
+        Parameters
+        ----------
+        output
+            What was flown.
+        flown_by_own
+            False while a program outside flies, whose bandwidth is not ours.
+        """
+        pilot = self._pilot
+        if output.reference is None:
+            self._detector.forget()
+            return
+        period_s, estimate = pilot.controller.period_s, pilot.estimate
+        self._since_step_s += period_s
+        tilt = None if estimate.tilt is None else estimate.tilt.core[:2]
+        error = estimate.motion[: len(output.reference)] - output.reference
+        if not self._detector.observe(output.input, tilt, error, period_s):
+            return
+        self.events[OSCILLATION] += 1
+        if flown_by_own and not self._tuning.busy and self._since_step_s >= SHORTEST_STEP_S:
+            self._lower()
+
+    def _lower(self) -> None:
+        present = self._tuning.configuration
+        factor = STEP * effort_factor(present)
+        settings = CONTROLLERS.load(present.controller).Settings
+        if factor > LARGEST or EFFORT_FACTOR not in settings.__struct_fields__:
+            return
+        self._since_step_s = 0.0
+        self.events[BANDWIDTH_LOWERED] += 1
+        self._tuning.begin(present.changed(None, {EFFORT_FACTOR: factor}, None, {}))

@@ -1,0 +1,99 @@
+"""An oscillation goes on; a manoeuvre, a gust and noise do not."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.flight.oscillation import HALF_WAVES, HALF_WAVES_AWAY, THRESHOLD, OscillationDetector
+from vehicles.state import Array
+from vehicles.types import COAXIAL
+
+PERIOD_S = 0.02
+AT_REFERENCE = np.zeros(4)
+FAR_AWAY = np.array([1.0, 0.0, 0.0, 0.0])
+PITCH, ROLL, THRUST, YAW = range(4)
+
+
+def first_s(
+    signal: Callable[[float], float], channel: int = PITCH, seconds: float = 6.0, error: Array = AT_REFERENCE
+) -> float | None:
+    """When an oscillation of a stick is first seen; None for never."""
+    detector = OscillationDetector(COAXIAL)
+    for k in range(round(seconds / PERIOD_S)):
+        stick = COAXIAL.hover_input.copy()
+        stick[channel] += signal(k * PERIOD_S)
+        if detector.observe(stick, None, error, PERIOD_S):
+            return k * PERIOD_S
+    return None
+
+
+def wave(frequency_hz: float, amplitude: float) -> Callable[[float], float]:
+    return lambda time_s: amplitude * math.sin(math.tau * frequency_hz * time_s)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.8, 4.5), st.floats(0.6, 1.0))
+def test_an_oscillation_from_1_to_5_hz_is_seen_after_six_half_waves(
+    frequency_hz: float, amplitude: float
+) -> None:
+    seen_s = first_s(wave(frequency_hz, amplitude))
+    assert seen_s is not None
+    assert seen_s == pytest.approx(0.5 * (HALF_WAVES - 1) / frequency_hz, abs=0.3 / frequency_hz + PERIOD_S)
+
+
+def test_the_yaw_stick_counts_by_its_own_range() -> None:
+    assert first_s(wave(2.0, 0.3), YAW) is not None
+    assert first_s(wave(2.0, 0.15), YAW) is None
+
+
+def test_the_thrust_stick_does_not_count() -> None:
+    assert first_s(wave(2.0, 0.45), THRUST) is None
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.1, 10.0), st.floats(0.0, THRESHOLD))
+def test_what_stays_below_half_of_the_range_is_no_oscillation(frequency_hz: float, amplitude: float) -> None:
+    assert first_s(wave(frequency_hz, amplitude)) is None
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.05, 0.55), st.floats(0.6, 1.0))
+def test_slow_flight_to_and_fro_is_no_oscillation(frequency_hz: float, amplitude: float) -> None:
+    assert first_s(wave(frequency_hz, amplitude), seconds=30.0) is None
+
+
+def test_noise_that_changes_its_sign_every_period_is_no_oscillation() -> None:
+    assert first_s(lambda time_s: 1.0 if round(time_s / PERIOD_S) % 2 else -1.0) is None
+
+
+def test_far_from_the_reference_more_half_waves_are_needed() -> None:
+    near_s, far_s = (first_s(wave(2.0, 1.0), error=error) for error in (AT_REFERENCE, FAR_AWAY))
+    assert near_s is not None
+    assert far_s is not None
+    assert far_s - near_s == pytest.approx((HALF_WAVES_AWAY - HALF_WAVES) / 4.0, abs=0.05)
+
+
+def test_a_pause_begins_the_count_anew() -> None:
+    def interrupted(time_s: float) -> float:
+        return 0.0 if time_s % 2.0 > 1.0 else wave(2.0, 1.0)(time_s)
+
+    assert first_s(interrupted, seconds=20.0) is None
+
+
+def test_the_tilt_counts_as_the_sticks_do() -> None:
+    detector = OscillationDetector(COAXIAL)
+    largest = float(COAXIAL.b[:2].mean()) / COAXIAL.gravity_m_s2
+    seen = [
+        detector.observe(
+            COAXIAL.hover_input,
+            np.array([0.0, 0.8 * largest * math.sin(math.tau * 2.0 * k * PERIOD_S)]),
+            AT_REFERENCE,
+            PERIOD_S,
+        )
+        for k in range(150)
+    ]
+    assert any(seen)

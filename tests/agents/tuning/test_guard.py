@@ -1,0 +1,115 @@
+"""The guard lowers the bandwidth of a vehicle that oscillates, step by step, and nobody else's."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from support.hovering import PERIOD_S, HoveringFlight
+
+from agents.pilot import ControlOutput
+from agents.tuning.configuration import Configuration
+from agents.tuning.guard import (
+    BANDWIDTH_LOWERED,
+    LARGEST,
+    OSCILLATION,
+    SHORTEST_STEP_S,
+    STEP,
+    OscillationGuard,
+    effort_factor,
+    without_guard,
+)
+from vehicles.state import YAW
+
+
+class Watched:
+    """A guard that is shown what a test wants it to see."""
+
+    def __init__(self, controller: str = "cascade") -> None:
+        self.flight = HoveringFlight(controller)
+        self.flight.fly(5)
+        self.guard = OscillationGuard(self.flight.pilot, self.flight.tuning)
+        self.time_s = 0.0
+
+    def swing(self, seconds: float, amplitude: float = 1.0, own: bool = True) -> None:
+        flown, motion = self.flight.flown[-1], self.flight.pilot.estimate.motion
+        for _ in range(round(seconds / PERIOD_S)):
+            stick = flown.input.copy()
+            stick[0] = amplitude * math.sin(math.tau * 2.0 * self.time_s)
+            self.guard.watch(
+                ControlOutput(stick, flown.next_inputs, flown.plan, 0.02, motion[: YAW + 1].copy()), own
+            )
+            self.flight.tuning.wait()
+            self.flight.tuning.finish()
+            self.time_s += PERIOD_S
+
+    @property
+    def factor(self) -> float:
+        return effort_factor(self.flight.tuning.configuration)
+
+
+def test_as_long_as_it_oscillates_the_weights_rise_step_by_step() -> None:
+    watched, factors = Watched(), []
+    for _ in range(8):
+        watched.swing(0.5)
+        factors.append(watched.factor)
+    assert factors[1] == 1.0
+    assert factors == sorted(factors)
+    assert max(b / a for a, b in pairwise(factors)) <= STEP**2
+    assert watched.guard.events[BANDWIDTH_LOWERED] == round(math.log(factors[-1], STEP))
+    assert SHORTEST_STEP_S >= 0.2
+
+
+def test_when_the_oscillation_ends_the_bandwidth_stays_lowered() -> None:
+    watched = Watched()
+    watched.swing(1.6)
+    lowered = watched.factor
+    assert lowered > 1.0
+    watched.swing(3.0, amplitude=0.2)
+    assert watched.factor == lowered
+    # the flight goes on with it
+    watched.flight.fly(50)
+    assert watched.flight.error_m() < 0.1
+
+
+def test_there_is_a_largest_factor_and_the_flight_goes_on() -> None:
+    watched = Watched()
+    watched.swing(8.0)
+    assert watched.factor == LARGEST
+    assert watched.guard.events[OSCILLATION] > watched.guard.events[BANDWIDTH_LOWERED]
+    watched.flight.fly(50)
+    assert watched.flight.error_m() < 0.2
+
+
+@pytest.mark.parametrize("controller", ["pid", "lqr", "paper"])
+def test_of_a_controller_that_cannot_lower_it_the_oscillation_is_only_told(controller: str) -> None:
+    watched = Watched(controller)
+    flown = watched.flight.pilot.controller
+    watched.swing(4.0)
+    assert watched.guard.events[OSCILLATION] > 0
+    assert watched.guard.events[BANDWIDTH_LOWERED] == 0
+    assert watched.flight.pilot.controller is flown
+
+
+def test_a_program_outside_keeps_its_bandwidth() -> None:
+    watched = Watched()
+    watched.swing(4.0, own=False)
+    assert watched.guard.events[OSCILLATION] > 0
+    assert watched.factor == 1.0
+
+
+def test_on_the_floor_nothing_counts() -> None:
+    watched = Watched()
+    flown = watched.flight.flown[-1]
+    for k in range(200):
+        stick = np.array([math.sin(0.25 * k), 0.0, 0.0, 0.0])
+        watched.guard.watch(ControlOutput(stick, flown.next_inputs, flown.plan, 0.02, None))
+    assert not watched.guard.events
+
+
+def test_without_the_guard_a_configuration_keeps_everything_else() -> None:
+    before = Configuration("cascade", "kalman", {"horizon": 20}, {"position_gate_m": 0.1})
+    lowered = before.changed(None, {"effort_factor": 27.0}, None, {})
+    assert effort_factor(lowered) == 27.0
+    assert effort_factor(before) == 1.0
+    assert without_guard(lowered) == before

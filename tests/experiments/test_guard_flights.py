@@ -1,0 +1,56 @@
+"""Limit cycles of vehicles far from their model end by themselves; normal flights are left alone."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.references.path_shapes import figure_eight
+from agents.tuning.guard import BANDWIDTH_LOWERED, OSCILLATION, effort_factor
+from experiments.events import Event, Fly, GoTo
+from experiments.record import VehicleRecord
+from experiments.rig import Rig, RigOptions, RigVehicle
+from simulator.conditions import HELICOPTERS
+from simulator.plant import Pose
+from vehicles.model import IDENTIFIED, Model
+from vehicles.types import COAXIAL, COAXIAL_LAG
+
+LAG_ONLY = replace(COAXIAL_LAG, kind=COAXIAL.kind)
+"""Flies the helicopter by the paper's model, as if there were neither bar nor oscillator."""
+GAIN_A_THIRD = replace(COAXIAL, input_gain=(2.0 / 3, 2.1 / 3, 18.0, 111.0), uncertainty=IDENTIFIED)
+"""Claims to be identified, and the sticks do three times as much as it says."""
+
+
+def flown(model: Model, seed: int, seconds: float, events: Sequence[Event] = ()) -> tuple[Rig, VehicleRecord]:
+    vehicle = RigVehicle("h1", model, Pose((0.0, 0.0, 1.0)), "cascade", horizon=30)
+    rig = Rig([vehicle], HELICOPTERS, seed, RigOptions(guard=True))
+    return rig, rig.fly(seconds, events)["h1"]
+
+
+@pytest.mark.parametrize(("model", "seed"), [(LAG_ONLY, 1), (GAIN_A_THIRD, 0)], ids=["lag only", "gain"])
+def test_a_limit_cycle_stops_within_two_seconds(model: Model, seed: int) -> None:
+    rig, record = flown(model, seed, 5.5)
+    lowered = rig.guards["h1"].events[BANDWIDTH_LOWERED]
+    assert lowered > 1
+    assert effort_factor(rig.tunings["h1"].configuration) == 3.0**lowered
+    swinging = np.abs(record.inputs[:, :2]).max(axis=1) > 0.5
+    first_s = record.time_s[swinging][0]
+    assert first_s < 2.0
+    assert not swinging[record.time_s > 4.0].any()
+    assert record.touchdowns == 0
+    assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("seed", "events"),
+    [
+        (1, (GoTo(1.0, "h1", (0.8, 0.3, 1.2), np.pi), GoTo(4.0, "h1", (-0.8, -0.3, 0.8), 0.0))),
+        (3, (Fly(0.5, "h1", figure_eight((0.0, 0.0, 1.0), (0.7, 0.35), 5.0, 1.0, "along")),)),
+    ],
+    ids=["steps", "figure-eight"],
+)
+def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequence[Event]) -> None:
+    rig, record = flown(COAXIAL, seed, 7.0, events)
+    assert rig.guards["h1"].events[OSCILLATION] == 0
+    assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.3
