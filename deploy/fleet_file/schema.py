@@ -62,7 +62,7 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     rate_hz: Annotated[float, Meta(ge=20, le=400)] = 50.0
     profile: Literal["tracker1", "tracker2", "tracker3"] = "tracker3"
     seed: Annotated[int, Meta(ge=0)] = 0
-    conditions: str = "laboratory"
+    conditions: str = "helicopter"
     """Name of a preset: `ideal`, `laboratory`, `helicopter` or `helicopters`."""
     condition_overrides: dict[str, Any] = {}
     """Single values that differ from the preset."""

@@ -72,7 +72,7 @@ def fleet_text(
     simulator: str = "",
     vehicles: str | None = None,
     safety: str = "",
-    control: str = 'controller = "paper"\nhorizon = 30',
+    control: str = 'controller = "cascade"\nhorizon = 30',
     gateway_host: str = "main",
     agent_host: str = "main",
 ) -> str:
