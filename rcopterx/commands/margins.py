@@ -44,7 +44,8 @@ def margins(
     else:
         table = Table(box=None, pad_edge=False)
         for heading in COLUMNS:
-            table.add_column(Text(heading), no_wrap=True)
+            # Headings of two lines leave room for every column on a terminal of 80 columns.
+            table.add_column(Text(heading.replace(" ", "\n", 1)), no_wrap=True)
         for name, found in document["vehicles"].items():
             for row in _rows(name, found):
                 table.add_row(*map(Text, row))

@@ -32,7 +32,8 @@ def test_default_weights_of_a_shipped_fleet_are_within_the_rule() -> None:
     result = run("margins", "trio")
     assert result.exit_code == 0, result.output
     assert result.output.count("rule") == 4
-    assert "phase [deg]" in result.output
+    assert "[deg]" in result.output
+    assert max(map(len, result.output.splitlines())) <= 80
 
 
 def test_margins_below_the_rule_are_named_and_fail_scripts(tmp_path: Path) -> None:
