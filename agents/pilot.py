@@ -18,6 +18,7 @@ from agents.flight.followed import LeaderPlan
 from agents.flight.guidance import Guidance, resting
 from agents.flight.lift_off import LiftOff
 from agents.flight.prediction import predict
+from agents.identification.exciter import Exciter
 from agents.interfaces import AvoidsObstacles, Controller, Estimate, Estimator, Measurement
 from agents.phases import Event, Phase
 from agents.references.trajectory import Trajectory
@@ -116,6 +117,7 @@ class Pilot:
         """Smallest distance to another plan in any of them."""
         self.plan: Trajectory | None = None
         """Newest plan of the controller; None on the floor."""
+        self.exciter = Exciter()
         self.clock = FleetClock()
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
         self.fallbacks: Counter[str] = Counter()
@@ -252,6 +254,8 @@ class Pilot:
         time_s, delay_s = self.clock.time_s, self.model.delay_s
         self.guidance.check_floor(self.estimate, time_s)
         self._tend_lift_off(time_s)
+        flying = self.guidance.phase is Phase.FLYING
+        self.exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
         if self._standing:
             return self._stand(time_s + delay_s)
         estimate = self._compensated(time_s)
@@ -266,7 +270,7 @@ class Pilot:
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan = step.plan
-        inputs = self._transferred(step.inputs[: 1 + BRIDGE_STAGES])
+        inputs = self._excited(self._transferred(step.inputs[: 1 + BRIDGE_STAGES]), time_s)
         self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
         return ControlOutput(
             inputs[0],
@@ -303,6 +307,13 @@ class Pilot:
         fading = self._transfer * TRANSFER_DECAY ** np.arange(1, len(inputs) + 1)[:, None]
         self._transfer = fading[0] if np.abs(fading[0]).max() > TRANSFER_END else np.zeros(INPUT_SIZE)
         return np.clip(inputs + fading, self.model.u_min, self.model.u_max)
+
+    def _excited(self, inputs: Array, time_s: float) -> Array:
+        """Inputs with the excitation of an identification, within the limits."""
+        if self.exciter.left_s(time_s) == 0.0:
+            return inputs
+        excited = self.exciter.added(inputs, time_s, self.controller.period_s)
+        return np.clip(excited, self.model.u_min, self.model.u_max)
 
     @property
     def _standing(self) -> bool:

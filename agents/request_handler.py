@@ -13,6 +13,7 @@ from agents.formation.limit_scaling import turn_limits_of
 from agents.formation.placement import Room, move_problem, take_off_problem
 from agents.formation.present import formation_of
 from agents.formation.topology import FormationGraph, followers, places
+from agents.identification.excitation import Excitation
 from agents.interfaces import AvoidsObstacles
 from agents.pilot import Pilot
 from agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
@@ -21,6 +22,7 @@ from agents.tuning.changes import Tuning
 from agents.tuning.guard import without_guard
 from bus.requests import (
     CommitLeaders,
+    Excite,
     Fly,
     Follow,
     GoTo,
@@ -44,7 +46,7 @@ Decision = tuple[str | None, str]
 CHECKED_EVERY_S = 0.1
 """Time between the moments of a trajectory at which the places of followers are checked."""
 
-_NEEDS_POSE = (TakeOff, Land, GoTo, Fly)
+_NEEDS_POSE = (TakeOff, Land, GoTo, Fly, Excite)
 
 
 class RequestHandler:
@@ -85,6 +87,7 @@ class RequestHandler:
             GoTo: self._go_to,
             Fly: self._fly,
             Lead: self._lead,
+            Excite: self._excite,
             TakeControl: self._take_control,
             ReleaseControl: lambda request: (self._external.release(request.source), ""),
             CommitLeaders: lambda request: (self._changes.commit(request), ""),
@@ -220,6 +223,28 @@ class RequestHandler:
     def _withdraw(self, request: WithdrawLeaders) -> Decision:
         self._changes.withdraw(request)
         return None, ""
+
+    def _excite(self, request: Excite) -> Decision:
+        exciter, guidance, clock = self._pilot.exciter, self._pilot.guidance, self._pilot.clock
+        if request.duration_s == 0.0:
+            exciter.end("ended by request")
+            return None, ""
+        problem = guidance.flight_problem() or self._changes.promised()
+        if self._external.client:
+            problem = f"{self._external.client} flies it from outside"
+        if guidance.path_left_s(clock.time_s) > 0.0:
+            problem = "it flies a trajectory"
+        place_m, _ = guidance.set_point()
+        for corner_m in (place_m - request.reach_m, place_m + request.reach_m):
+            problem = problem or self._room.outside(corner_m)
+        try:
+            excitation = Excitation(request.amplitude, request.duration_s)
+        except ValueError as error:
+            problem = problem or str(error)
+        if problem is not None:
+            return problem, ""
+        exciter.begin(excitation, place_m, request.reach_m, clock.time_s)
+        return None, f"for {request.duration_s:g} s within {request.reach_m:g} m of its set point"
 
     def _take_control(self, request: TakeControl) -> Decision:
         if self._tuning.busy:

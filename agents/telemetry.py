@@ -88,6 +88,8 @@ def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) 
         velocity_m_s=None if motion is None else _inertial_velocity(motion),
         yaw_rad=None if motion is None else float(motion[YAW]),
         path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
+        excitation_left_s=pilot.exciter.left_s(pilot.clock.time_s),
+        excitation=pilot.exciter.outcome,
         diagnostics=diagnostics,
     )
 

@@ -322,6 +322,10 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     yaw_rad: float | None = None
     path_left_s: Seconds = 0.0
     """Time until the trajectory ends that the vehicle flies; 0 without one."""
+    excitation_left_s: Seconds = 0.0
+    """Time until the excitation for an identification ends; 0 without one."""
+    excitation: Text = ""
+    """`under way`, `done`, or why the last excitation ended early; empty before the first."""
     diagnostics: Diagnostics
 
 

@@ -31,6 +31,7 @@ REST_TOLERANCE: Final = 1e-6
 MAX_FAULTS: Final = 200
 """In one request."""
 MAX_FAULT_FIELDS: Final = 8
+Amplitude = Annotated[float, Meta(ge=0, le=0.5)]
 FieldName = Annotated[str, Meta(max_length=40)]
 FaultField = bool | int | float | Text | tuple[float, ...] | None
 
@@ -127,6 +128,17 @@ class Tune(Request, frozen=True, kw_only=True):
     """Weights, limits, horizon and other settings; they are added to the present ones."""
     estimator: Name | None = None
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+
+
+class Excite(Request, frozen=True, kw_only=True):
+    """Add a multisine to the sticks of a flying vehicle that follows nobody, to identify it."""
+
+    duration_s: Annotated[float, Meta(ge=0, le=300)]
+    """0 ends an excitation that is under way."""
+    amplitude: tuple[Amplitude, Amplitude, Amplitude, Amplitude] = (0.0, 0.0, 0.0, 0.0)
+    """Root mean square on pitch, roll, thrust and yaw."""
+    reach_m: Annotated[float, Meta(gt=0, le=5)] = 0.3
+    """It ends early when the vehicle is further than this from its set point on any axis."""
 
 
 class TakeControl(Request, frozen=True, kw_only=True):
@@ -257,6 +269,7 @@ VERBS: Final = {
         Verb("follow", "agent", Follow, "follow another vehicle's plan"),
         Verb("lead", "agent", Lead, "follow nobody"),
         Verb("tune", "agent", Tune, "change controller, estimator or their settings"),
+        Verb("excite", "agent", Excite, "move the sticks a little, to identify the vehicle"),
         Verb("take_control", "agent", TakeControl, "fly the vehicle from outside the agent"),
         Verb("release_control", "agent", ReleaseControl, "give the vehicle back to its own controller"),
         Verb(

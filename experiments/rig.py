@@ -17,6 +17,7 @@ from agents.flight.followed import LeaderPlan
 from agents.following.links import target_link
 from agents.formation.limit_scaling import limit_scale_of, turn_limits_of
 from agents.formation.topology import leaders_of, places
+from agents.identification.recording import FlightLog
 from agents.interfaces import LimitScale, Measurement
 from agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from agents.process import build_pilot
@@ -133,6 +134,8 @@ class Rig:
         self._frame = 0
         self._plans: dict[str, tuple[int, ControlOutput]] = {}
         self._shares: dict[str, dict[str, float]] = {}
+        self._logs: dict[str, FlightLog] = {}
+        self._seen: dict[str, StampedMeasurement] = {}
         self._frames_per_tick = {
             name: self._frames_per_period(vehicle) for name, vehicle in self._vehicles.items()
         }
@@ -160,6 +163,11 @@ class Rig:
     def laboratory(self) -> Laboratory:
         """The plants."""
         return self._laboratory
+
+    def log(self, name: str) -> FlightLog:
+        """Log the poses and sticks of a vehicle from now on, as an identification needs them."""
+        self._logs[name] = FlightLog(self._vehicles[name].model.kind, self._vehicles[name].period_s)
+        return self._logs[name]
 
     def fly(
         self, duration_s: float, events: Sequence[Event] = (), progress: Progress | None = None
@@ -240,7 +248,8 @@ class Rig:
     def _measured(self, name: str) -> StampedMeasurement:
         pose = self._laboratory.measured_pose(name)
         measurement = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
-        return StampedMeasurement(1, self._frame, self._options.frame_period_s, measurement)
+        self._seen[name] = StampedMeasurement(1, self._frame, self._options.frame_period_s, measurement)
+        return self._seen[name]
 
     def _apply(self, event: Event) -> None:
         if event.vehicle not in self.pilots:
@@ -268,12 +277,20 @@ class Rig:
                 self.tunings[name].wait()
                 self.tunings[name].finish()
             self._laboratory.set_input(name, flight.input)
+            self._add_to_log(name, flight)
             # The transmitter gateway's report of what it applied comes back before the next pose.
             pilot.note_applied("armed", pilot.sequence, flight.input)
             self._plans[name] = (self._frame, flight)
             recorders[name].add(
                 now_s, self._laboratory.plant(name).motion, pilot, flight, step_s, self._station(pilot)
             )
+
+    def _add_to_log(self, name: str, flight: ControlOutput) -> None:
+        log, measurement = self._logs.get(name), self._seen[name].measurement
+        if log is not None and measurement is not None:
+            tick = self._frame // self._frames_per_tick[name]
+            log.add_pose(tick, measurement)
+            log.add_input(tick, flight.input)
 
     @staticmethod
     def _leaders(pilot: Pilot) -> list[str]:

@@ -7,6 +7,7 @@ from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
 from agents.flight.followed import FollowedLeader
 from agents.flight.lift_off import SPOOL_UP_S
 from agents.formation.law import FormationOffset
+from agents.identification.excitation import Excitation
 from agents.phases import Event, Phase
 from agents.pilot import BRIDGE_STAGES, Pilot
 from vehicles.state import U_THRUST
@@ -204,3 +205,25 @@ def test_events_before_the_first_pose_change_nothing() -> None:
     assert pilot.guidance.phase is Phase.GROUND
     pilot.guidance.on_event(Event.TAKE_OFF, None)
     assert pilot.guidance.phase is Phase.GROUND
+
+
+def test_an_excitation_moves_the_sticks_and_the_estimator_knows() -> None:
+    pilot = airborne(noted())
+    pilot.exciter.begin(Excitation((0.1, 0.1, 0.02, 0.05), 30.0), np.array(UP), 50.0, 0.0)
+    largest = 0.0
+    for frame in range(1, 200):
+        pilot.observe(seen(frame))
+        output = pilot.control({})
+        assert (output.input <= pilot.model.u_max).all()
+        assert (pilot.input_history.newest == output.input).all()
+        largest = max(largest, float(np.abs(output.input - HOVER).max()))
+    assert largest > 0.1
+
+
+def test_an_excitation_ends_when_poses_are_missing() -> None:
+    pilot = airborne(noted())
+    pilot.exciter.begin(Excitation((0.1, 0.1, 0.02, 0.05), 30.0), np.array(UP), 0.3, 0.0)
+    for _ in range(5):
+        pilot.coast()
+        pilot.control({})
+    assert pilot.exciter.outcome.startswith("no pose for")

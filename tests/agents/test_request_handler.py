@@ -13,6 +13,7 @@ from agents.tuning.guard import effort_factor
 from bus.messages import FloatArray, LeaderLink, SetPoint, Setting
 from bus.requests import (
     Disarm,
+    Excite,
     Fly,
     GoTo,
     Land,
@@ -217,3 +218,28 @@ def test_who_tunes_a_vehicle_ends_what_the_guard_did_to_it(
     bench.handler.settle_tuning()
     assert request.refusal is None
     assert effort_factor(bench.tuning.configuration) == 1.0
+
+
+GENTLE = (0.1, 0.1, 0.02, 0.03)
+
+
+def test_a_hovering_vehicle_is_excited_until_its_time_or_a_request_ends_it(bench: HandlerBench) -> None:
+    bench.fly()
+    assert bench.ask(Excite(duration_s=60.0, amplitude=GENTLE)).refusal is None
+    assert bench.pilot.exciter.outcome == "under way"
+    assert bench.pilot.exciter.left_s(bench.pilot.clock.time_s) == pytest.approx(60.0)
+    assert bench.ask(Excite(duration_s=0.0)).refusal is None
+    assert bench.pilot.exciter.outcome == "ended by request"
+
+
+def test_excitations_without_room_or_sense_are_refused(bench: HandlerBench) -> None:
+    excite = Excite(duration_s=60.0, amplitude=GENTLE)
+    bench.see()
+    assert "are for flying vehicles" in str(bench.ask(excite).refusal)
+    bench.fly()
+    wide = Excite(duration_s=60.0, amplitude=GENTLE, reach_m=1.15)
+    assert bench.ask(wide).refusal == "z: -0.15 m is outside the flight volume 0 .. 2 m"
+    short = Excite(duration_s=5.0, amplitude=GENTLE)
+    assert "duration_s: must be from 20 to 600 s" in str(bench.ask(short).refusal)
+    follow_at(bench, (0.5, 0.0, 0.0))
+    assert "let this vehicle lead first" in str(bench.ask(excite).refusal)
