@@ -1,12 +1,13 @@
-"""Writes a calibration back into a fleet file: comments survive, and the file is never half written."""
+"""Writes calibrations and models back into a fleet file: comments survive, and it is never half written."""
 
 import os
 import tempfile
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
@@ -14,8 +15,12 @@ from deploy.fleet_file.reading import load_fleet, parse_fleet
 from deploy.fleet_file.schema import FleetError
 from deploy.fleet_file.shipped import shipped_fleets
 from deploy.roles.transmitters import calibration_of
+from deploy.roles.vehicle_models import model_of
 from transmitter_gateway.calibration import Calibration
+from vehicles.model import Model
 
+DIGITS = 4
+FITTED = ("input_gain", "damping", "lag_s", "delay_s", "hover_thrust", "tilt", "uncertainty")
 CHANNELS = ("pitch", "roll", "throttle", "yaw")
 
 
@@ -41,20 +46,10 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
     FleetError
         The file cannot be used, or comes with the package and belongs to everybody; nothing was written.
     """
-    path = path.resolve()
-    if path in (shipped.resolve() for shipped in shipped_fleets().values()):
-        raise FleetError(f"{path}: comes with the package and is not changed; copy it and use the copy")
+    path = _own(path)
     present = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
-    text = path.read_text(encoding="utf-8")
-    try:
-        document = tomlkit.parse(text)
-    except TOMLKitError as error:
-        raise FleetError(f"{path}: not TOML: {error}") from None
-    table: Any = document
-    for key in ("vehicles", vehicle, "transmitter", "calibration"):
-        if key not in table:
-            table[key] = tomlkit.inline_table()
-        table = table[key]
+    document = _document(path)
+    table = _table(document, ("vehicles", vehicle, "transmitter", "calibration"))
     lines = []
     for channel in CHANNELS:
         if getattr(present, channel) != getattr(calibration, channel):
@@ -66,6 +61,124 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
         raise FleetError(f"{path}: vehicles.{vehicle}.transmitter.calibration cannot be changed by a program")
     _replace(path, changed)
     return lines
+
+
+def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
+    """Replace what differs in the model of a vehicle; numbers are rounded to `DIGITS` significant digits.
+
+    Parameters
+    ----------
+    path
+        Fleet file; it keeps its comments, its order and its permissions.
+    vehicle
+        Name of the vehicle.
+    model
+        What the file shall say; bounds of the position stay those of the volume.
+
+    Returns
+    -------
+    list of str
+        What was changed, a line each: field, old and new value.
+
+    Raises
+    ------
+    FleetError
+        The file cannot be used, or comes with the package and belongs to everybody; nothing was written.
+    """
+    path = _own(path)
+    present = model_of(load_fleet(path), vehicle)
+    before, after = _plain(present), _plain(model)
+    document = _document(path)
+    table = _table(document, ("vehicles", vehicle, "model"), inline=False)
+    new = not table
+    lines = _set_numbers(table, before, after, "")
+    if not lines:
+        return []
+    if new:
+        table.add(tomlkit.nl())
+    changed = tomlkit.dumps(document)
+    if _plain(model_of(parse_fleet(changed), vehicle)) != after:
+        raise FleetError(f"{path}: vehicles.{vehicle}.model cannot be changed by a program")
+    _replace(path, changed)
+    return lines
+
+
+def _plain(model: Model) -> dict[str, Any]:
+    """Rounded numbers of a model, those that a fit may change."""
+    plain = msgspec.to_builtins(model)
+    return {name: _rounded(plain[name]) for name in FITTED}
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(inner) for inner in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def _set_numbers(
+    table: MutableMapping[str, Any], before: Mapping[str, Any] | None, after: Mapping[str, Any], where: str
+) -> list[str]:
+    lines = []
+    for name, new in after.items():
+        old = None if before is None else before[name]
+        if old == new:
+            continue
+        if isinstance(new, dict):
+            if name not in table:
+                table[name] = tomlkit.inline_table()
+            lines += _set_numbers(table[name], old, new, f"{where}{name}.")
+        else:
+            table[name] = new
+            lines.append(f"{where}{name}: {_text(old)} -> {_text(new)}")
+    return lines
+
+
+def _text(value: Any) -> str:
+    return f"[{', '.join(f'{number:g}' for number in value)}]" if isinstance(value, list) else f"{value:g}"
+
+
+def _own(path: Path) -> Path:
+    """Resolved path of a file that is the user's.
+
+    Raises
+    ------
+    FleetError
+        It comes with the package.
+    """
+    path = path.resolve()
+    if path in (shipped.resolve() for shipped in shipped_fleets().values()):
+        raise FleetError(f"{path}: comes with the package and is not changed; copy it and use the copy")
+    return path
+
+
+def check_own(path: Path) -> None:
+    """Make sure that a fleet file may be written to.
+
+    Raises
+    ------
+    FleetError
+        It comes with the package, or cannot be used.
+    """
+    load_fleet(_own(path))
+
+
+def _document(path: Path) -> tomlkit.TOMLDocument:
+    try:
+        return tomlkit.parse(path.read_text(encoding="utf-8"))
+    except TOMLKitError as error:
+        raise FleetError(f"{path}: not TOML: {error}") from None
+
+
+def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool = True) -> Any:
+    """A table of a document, made where there is none."""
+    table: Any = document
+    for key in keys:
+        if key not in table:
+            table[key] = tomlkit.inline_table() if inline else tomlkit.table()
+        table = table[key]
+    return table
 
 
 def _set_channel(

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
+from agents.identification.linear_filter import Complex
 from agents.identification.motions import Motion, Offsets, heading, horizontal, vertical
 from agents.identification.parameters import (
     FREQUENCY,
@@ -167,6 +168,28 @@ def prediction_errors(candidate: Candidate, recording: FlightRecording) -> Predi
     )
 
 
+def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
+    """Poses predicted one second ahead.
+
+    Returns
+    -------
+    Array
+        x, y, z [m], yaw [rad] for the time of every row, shape (K, 4); not a number in the first second.
+    """
+    periods = round(AHEAD_S / recording.period_s)
+    measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
+    plane = horizontal(candidate.model, recording, candidate.offsets).errors_ahead(periods)
+    errors = np.column_stack(
+        (
+            plane.real,
+            plane.imag,
+            vertical(candidate.model, recording).errors_ahead(periods).real,
+            heading(candidate.model, recording).errors_ahead(periods).real,
+        )
+    )
+    return np.vstack((np.full((periods, 4), np.nan), measured - errors))
+
+
 @dataclass(frozen=True)
 class _Found:
     """Outcome of one fit."""
@@ -257,10 +280,18 @@ class _Fit:
         return np.concatenate((*weighted, position))
 
 
-def _innovations(motion: Motion) -> list[Array]:
-    """Innovations of each measurement; of complex ones both components."""
-    settled = motion.innovations()[round(_SETTLE_S / motion.predictor.period_s) :]
-    return [np.concatenate((column.real, column.imag)) for column in settled.T]
+def _settled_innovations(motion: Motion) -> Complex:
+    return motion.innovations()[round(_SETTLE_S / motion.predictor.period_s) :]
+
+
+def _plane_innovations(motion: Motion) -> list[Array]:
+    """Both components of the innovations of each measurement."""
+    return [np.concatenate((column.real, column.imag)) for column in _settled_innovations(motion).T]
+
+
+def _axis_innovations(motion: Motion) -> list[Array]:
+    """Innovations of each measurement of a real motion."""
+    return list(_settled_innovations(motion).real.T)
 
 
 def _far_errors(motion: Motion) -> list[Array]:
@@ -281,13 +312,13 @@ def _horizontal_fit(start: Candidate, with_tilt: bool) -> _Fit:
     return _Fit(
         parameters,
         lambda candidate, flight: horizontal(candidate.model, flight, candidate.offsets),
-        _innovations,
+        _plane_innovations,
         begin_at,
     )
 
 
 _VERTICAL_FIT: Final = _Fit(
-    VERTICAL, lambda candidate, flight: vertical(candidate.model, flight), _innovations
+    VERTICAL, lambda candidate, flight: vertical(candidate.model, flight), _axis_innovations
 )
 _HEADING_FIT: Final = _Fit(HEADING, lambda candidate, flight: heading(candidate.model, flight), _far_errors)
 

@@ -36,10 +36,11 @@ def read_snapshot(path: Path) -> FleetFile:
 def digest_of(fleet: FleetFile) -> str:
     """Short digest of a fleet file; two files with the same one mean the same fleet.
 
-    Comments and order do not count. Neither do calibrations, which `rcopterx calibrate` may write while the
-    fleet is up, and which only its transmitter gateways need.
+    Comments and order do not count. Neither do calibrations and models, which `rcopterx calibrate` and
+    `rcopterx identify` may write while the fleet is up: it goes on with those it was started with.
     """
     plain = msgspec.to_builtins(fleet)
     for vehicle in plain["vehicles"].values():
         del vehicle["transmitter"]["calibration"]
+        del vehicle["model"]
     return hashlib.sha256(msgspec.json.encode(plain, order="deterministic")).hexdigest()[:12]

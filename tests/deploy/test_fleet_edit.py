@@ -4,12 +4,15 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from deploy.fleet_edit import write_calibration
+from deploy.fleet_edit import write_calibration, write_model
 from deploy.fleet_file.reading import load_fleet
 from deploy.fleet_file.schema import FleetError
 from deploy.fleet_file.shipped import shipped_fleets
 from deploy.roles.transmitters import calibration_of
+from deploy.roles.vehicle_models import model_of
 from transmitter_gateway.calibration import Calibration
+from vehicles.model import IDENTIFIED
+from vehicles.types import COAXIAL
 
 
 def present(path: Path, name: str = "h1") -> Calibration:
@@ -58,3 +61,41 @@ def test_a_link_to_the_file_stays_a_link(path: Path, tmp_path: Path) -> None:
     write_calibration(link, "h1", present(path).trimmed((0.1, 0.0, 0.0, 0.0)))
     assert link.is_symlink()
     assert present(path).pitch.trim_us == 40
+
+
+FOUND = replace(
+    COAXIAL,
+    input_gain=(2.34567, 1.9, 17.2, 105.0),
+    delay_s=0.031,
+    tilt=replace(COAXIAL.tilt, frequency_rad_s=11.234567),
+    uncertainty=IDENTIFIED,
+)
+
+
+def test_a_model_is_written_beside_what_the_file_says(path: Path) -> None:
+    lines = write_model(path, "h1", FOUND)
+    written = model_of(load_fleet(path), "h1")
+    assert written.input_gain == (2.346, 1.9, 17.2, 105.0)
+    assert written.tilt is not None
+    assert written.tilt.frequency_rad_s == 11.23
+    assert written.tilt.upper_share == COAXIAL.tilt.upper_share
+    assert written.uncertainty == IDENTIFIED
+    assert "delay_s: 0.02 -> 0.031" in lines
+    assert "tilt.frequency_rad_s: 12.7 -> 11.23" in lines
+    assert not any(line.startswith("damping") for line in lines), "what did not change is not written"
+    assert path.read_text().startswith("# mine\n")
+    assert model_of(load_fleet(path), "h2").uncertainty == COAXIAL.uncertainty
+    assert write_model(path, "h1", FOUND) == []
+
+
+def test_a_second_identification_overwrites_the_first_and_keeps_comments(path: Path) -> None:
+    path.write_text(path.read_text() + "\n[vehicles.h1.model]\ndelay_s = 0.05  # measured by hand\n")
+    write_model(path, "h1", FOUND)
+    write_model(path, "h1", replace(FOUND, input_gain=(2.0, 2.0, 17.2, 105.0)))
+    assert model_of(load_fleet(path), "h1").input_gain == (2.0, 2.0, 17.2, 105.0)
+    assert "delay_s = 0.031  # measured by hand" in path.read_text()
+
+
+def test_models_of_shipped_fleets_are_not_changed() -> None:
+    with pytest.raises(FleetError, match="comes with the package"):
+        write_model(shipped_fleets()["trio"], "h1", FOUND)

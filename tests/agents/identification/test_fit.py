@@ -130,3 +130,9 @@ def test_short_recordings_and_those_of_other_types_are_refused(flight: FlightRec
 
 def test_hover_thrust_is_the_mean_of_the_flight(flight: FlightRecording, found: Identification) -> None:
     assert found.model.hover_thrust == pytest.approx(float(np.mean(flight.inputs[:, 2])))
+
+
+def test_height_is_as_certain_as_its_noise_permits(found: Identification) -> None:
+    (thrust,) = [number for number in found.parameters if number.name == "thrust gain"]
+    assert 0.002 * thrust.value < thrust.deviation < 0.1 * thrust.value
+    assert abs(thrust.value - 16.5) < 4.0 * thrust.deviation

@@ -41,5 +41,7 @@ def test_the_digest_is_that_of_the_meaning() -> None:
     digest = digest_of(parse_fleet(PAIR))
     assert digest == digest_of(parse_fleet("# a comment\n" + PAIR + "\n[avoidance]\nenabled = true\n"))
     assert digest == digest_of(parse_fleet(CALIBRATED)), "calibrations may be written while the fleet is up"
+    modelled = PAIR + "\n[vehicles.h1.model]\ndelay_s = 0.03\n"
+    assert digest == digest_of(parse_fleet(modelled)), "so may models"
     for other in (HARDWARE_PAIR, PAIR.replace("heli2", "heli3"), PAIR + "[avoidance]\nenabled = false\n"):
         assert digest_of(parse_fleet(other)) != digest

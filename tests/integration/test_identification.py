@@ -1,0 +1,43 @@
+"""A vehicle of a running fleet is identified, and its model goes into the fleet file."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+from integration_support import Flying, Truth, fleet_text, free_port
+
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.vehicle_models import model_of
+from vehicles.model import IDENTIFIED
+from vehicles.types import COAXIAL
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+Launch = Callable[..., Flying]
+
+
+def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> None:
+    hosts = {"main": ("127.0.0.1", free_port())}
+    text = fleet_text(
+        free_port(), hosts, simulator='conditions = "helicopter"', control='controller = "cascade"'
+    )
+    flying = launch(text)
+    fleet, truth = flying.fleet, Truth(flying)
+    fleet.take_off(height_m=1.0)
+    truth.start_watch()
+    command = (sys.executable, "-m", "rcopterx", "identify", "h1", "-f", str(flying.path))
+    done = subprocess.run(
+        [*command, "--seconds", "40", "--json"], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["problems"] == []
+    frequency = next(row for row in document["parameters"] if row["name"] == "tilt frequency")
+    assert frequency["value"] == pytest.approx(13.28, rel=0.1), "the middle of the family"
+    written = model_of(load_fleet(flying.path), "h1")
+    assert written.uncertainty == IDENTIFIED
+    assert written.input_gain != COAXIAL.input_gain
+    truth.assert_nobody_touched_down()
+    fleet.land()
