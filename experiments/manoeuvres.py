@@ -297,6 +297,13 @@ ROWS: Final = (
             ends_at("h2", (*LEFT[:2], 1.1)),
         ),
     ),
+    Manoeuvre(
+        "identify",
+        "The leader's sticks move a little for 40 s, and its model is fitted to the flight",
+        50.0,
+        in_order(steps.identify("h1", 40.0), steps.formed(), pause(1.0)),
+        (*in_the_air(), transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.0))),
+    ),
     *FAULT_ROWS,
     *CROSSING_ROWS,
     Manoeuvre(

@@ -7,9 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
+from agents.identification import fit
 from agents.references.paths import FlightPath
 from bus.messages import LeaderLink
+from deploy.roles.vehicle_models import model_of
 from ground_station.fleet import Fleet
+from ground_station.identification import IdentificationError, excited_flight
 from ground_station.scenario import inject_faults
 from ground_station.vehicle import RefusedError, Vehicle
 from ground_station.waiting import NotReachedError
@@ -136,6 +139,23 @@ def lead(name: str) -> Step:
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: leads")
         fleet[name].lead()
+
+    return fly
+
+
+def identify(name: str, seconds: float) -> Step:
+    """Excite a vehicle that follows nobody, fit its model, and tell what changed; nothing is written."""
+
+    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
+        say(f"{name}: its sticks move for {seconds:g} s")
+        recording = excited_flight(
+            fleet, name, seconds, say=lambda left_s: say(f"{name}: {left_s:.0f} s left")
+        )
+        found = fit.identify(recording, model_of(fleet.file, name))
+        if found.problems:
+            raise IdentificationError(f"{name}: {'; '.join(found.problems)}")
+        for number in found.parameters:
+            say(f"{name}: {number.name} {number.before:.4g} -> {number.value:.4g} {number.unit}")
 
     return fly
 

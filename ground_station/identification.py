@@ -15,6 +15,7 @@ from bus.requests import Excite
 from deploy.roles.vehicle_models import model_of
 from ground_station.observer import Observer
 from ground_station.recorder import Recorder, Recording
+from ground_station.vehicle import RefusedError
 from vehicles.tuples import four
 
 BEGIN_LIMIT_S: Final = 2.0
@@ -25,7 +26,7 @@ Tell = Callable[[float], None]
 """Told the time that is left [s], now and then."""
 
 
-class IdentificationError(RuntimeError):
+class IdentificationError(RefusedError):
     """The flight cannot be used; says why."""
 
 
@@ -33,9 +34,9 @@ def excited_flight(
     fleet: Observer,
     name: str,
     duration_s: float,
-    strength: float,
-    reach_m: float,
-    tell: Tell,
+    strength: float = 1.0,
+    reach_m: float = 0.4,
+    say: Tell = lambda _: None,
 ) -> FlightRecording:
     """Excite a hovering vehicle, which follows nobody, and record it.
 
@@ -51,7 +52,7 @@ def excited_flight(
         Fraction of the usual excitation.
     reach_m
         How far the vehicle may be from its set point.
-    tell
+    say
         Progress.
 
     Returns
@@ -75,7 +76,7 @@ def excited_flight(
         raise IdentificationError(reply.reason)
     recorder.start()
     try:
-        outcome = _wait(fleet, name, duration_s, tell)
+        outcome = _wait(fleet, name, duration_s, say)
     except BaseException:
         fleet.session.request(name, Excite(duration_s=0.0))
         raise

@@ -1,0 +1,104 @@
+"""`identify` from a recorded flight: what it prints, writes and refuses."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.fleets import PAIR
+from typer.testing import CliRunner
+
+from agents.flight.lateral import LateralSystem, demand_matrix
+from agents.identification.excitation import excitation_for
+from agents.identification.recording import FlightRecording
+from deploy.fleet_file.reading import load_fleet
+from deploy.roles.vehicle_models import model_of
+from rcopterx.command_line import app
+from vehicles.model import IDENTIFIED
+from vehicles.types import COAXIAL
+
+PERIOD_S = 0.02
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A vehicle stronger than its type, in still air; height and heading do as their sticks ask."""
+    model = replace(COAXIAL, input_gain=(2.5, *COAXIAL.input_gain[1:]))
+    system, excitation = LateralSystem(model, PERIOD_S), excitation_for(model, 24.0)
+    random, rows = np.random.default_rng(0), 1200
+    inputs = model.hover_input + np.array([excitation.at(PERIOD_S * row) for row in range(rows)])
+    state, plane, tilt = np.zeros(system.size), np.zeros((rows, 2)), np.zeros((rows, 2))
+    axes, upright = np.zeros((2, 3)), np.zeros((rows, 2))
+    lag_s, fade = np.array(model.lag_s[2:]), np.array(model.damping[2:])
+    for row in range(rows):
+        plane[row], tilt[row], upright[row] = state[:2], state[system.tilt], axes[:, 0]
+        acting = inputs[max(row - 1, 0)]
+        state = system.transition @ state + system.demand @ demand_matrix(model, axes[1, 0]) @ acting[:2]
+        for _ in range(10):
+            rate = model.b[2:] * axes[:, 2] + fade * axes[:, 1]
+            pull = (acting - model.hover_input)[2:]
+            axes += 0.1 * PERIOD_S * np.stack((axes[:, 1], rate, (pull - axes[:, 2]) / lag_s), axis=1)
+    position = np.column_stack((plane, upright[:, 0])) + 3e-4 * random.standard_normal((rows, 3))
+    path = tmp_path_factory.mktemp("flight") / "flight.npz"
+    noisy = upright[:, 1] + 2e-3 * random.standard_normal(rows)
+    FlightRecording(model.kind, PERIOD_S, position, noisy, tilt, inputs).save(path)
+    return path
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "lab.toml"
+    path.write_text("# mine\n" + PAIR)
+    return path
+
+
+def identify(*arguments: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, ["identify", *map(str, arguments)])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_a_recorded_flight_is_fitted_drawn_and_written(flight: Path, file: Path) -> None:
+    figure = file.with_suffix(".png")
+    code, out, err = identify("h1", "--from", flight, "-f", file, "--plot", figure)
+    assert code == 0, err
+    assert "pitch gain" in out
+    assert "predicted 1 s ahead" in out
+    assert figure.stat().st_size > 10_000
+    written = model_of(load_fleet(file), "h1")
+    assert written.input_gain[0] == pytest.approx(2.5, rel=0.05)
+    assert written.uncertainty == IDENTIFIED
+    assert file.read_text().startswith("# mine\n")
+
+
+def test_a_dry_run_prints_and_writes_nothing(flight: Path, file: Path) -> None:
+    before = file.read_text()
+    code, out, err = identify("h1", "--from", flight, "-f", file, "--dry-run", "--json", "--positions-only")
+    assert code == 0, err
+    document = json.loads(out)
+    assert document["vehicle"] == "h1"
+    assert document["model"]["input_gain"][0] == pytest.approx(2.5, rel=0.1)
+    assert file.read_text() == before
+
+
+def test_a_flight_that_shows_nothing_is_refused_and_nothing_is_written(
+    flight: Path, file: Path, tmp_path: Path
+) -> None:
+    with np.load(flight) as stored:
+        rows = dict(stored)
+    rows["inputs"] = np.tile(COAXIAL.hover_input, (len(rows["yaw_rad"]), 1))
+    np.savez(tmp_path / "still.npz", **rows)
+    before = file.read_text()
+    code, _, err = identify("h1", "--from", tmp_path / "still.npz", "-f", file)
+    assert code == 1
+    assert "error: h1: " in err
+    assert file.read_text() == before
+
+
+def test_wrong_files_and_vehicles_are_refused(flight: Path, file: Path, tmp_path: Path) -> None:
+    code, _, err = identify("h1", "--from", tmp_path / "none.npz", "-f", file)
+    assert (code, "no recording of a flight" in err) == (1, True)
+    code, _, err = identify("h9", "--from", flight, "-f", file)
+    assert (code, "h9" in err) == (2, True)
+    code, _, err = identify("h1", "--from", flight)
+    assert (code, "comes with the package" in err) == (2, True)
