@@ -25,6 +25,7 @@ def test_experiments_are_listed() -> None:
         "preview",
         "chain",
         "turning",
+        "identification",
         "swapping",
         "family",
         "fleets",
