@@ -97,7 +97,7 @@ class Level:
         )
 
 
-KNOWLEDGE: Final[tuple[Knowledge, ...]] = ("default", "exact")
+KNOWLEDGE: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 LEVELS: Final = tuple(Level(knowledge, tilt) for knowledge, tilt in product(KNOWLEDGE, (True, False)))
 
 

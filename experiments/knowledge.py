@@ -7,6 +7,7 @@ are flown at several levels of knowledge, so that experiments can tell what each
 from dataclasses import replace
 from typing import Final, Literal
 
+from experiments.identified import identified_model
 from simulator.conditions import Conditions
 from simulator.helicopter import helicopter_of
 from simulator.helicopter_parameters import GRAVITY_M_S2, HelicopterParameters
@@ -14,9 +15,10 @@ from vehicles.model import IDENTIFIED, Model
 from vehicles.tilt import TiltModel
 from vehicles.types import COAXIAL, COAXIAL_LAG
 
-Knowledge = Literal["default", "exact", "lag", "late"]
-"""`default`: nothing but the type. `exact`: the true parameters. `lag`: the type, but first-order lags in
-place of the tilt. `late`: the type, and a transport delay one period shorter than it is."""
+Knowledge = Literal["default", "identified", "exact", "lag", "late"]
+"""`default`: nothing but the type. `identified`: a model fitted to a flight of the vehicle; the type where
+the fit was refused. `exact`: the true parameters. `lag`: the type, but first-order lags in place of the tilt.
+`late`: the type, and a transport delay one period shorter than it is."""
 
 LATE_S: Final = 0.02
 
@@ -31,7 +33,9 @@ def plant_type(conditions: Conditions) -> Model:
     return COAXIAL if flies_helicopters(conditions) else COAXIAL_LAG
 
 
-def known_model(knowledge: Knowledge, conditions: Conditions, name: str, seed: int) -> Model:
+def known_model(
+    knowledge: Knowledge, conditions: Conditions, name: str, seed: int, measured_tilt: bool = True
+) -> Model:
     """Model that a pilot is given.
 
     Parameters
@@ -40,6 +44,8 @@ def known_model(knowledge: Knowledge, conditions: Conditions, name: str, seed: i
         How much it is told.
     conditions, name, seed
         Which vehicle it flies.
+    measured_tilt
+        Whether an identification had roll and pitch.
 
     Returns
     -------
@@ -57,6 +63,8 @@ def known_model(knowledge: Knowledge, conditions: Conditions, name: str, seed: i
                 f"knowledge {knowledge!r} is about helicopters, and these are first-order plants"
             )
         return COAXIAL_LAG
+    if knowledge == "identified":
+        return identified_model(conditions, name, seed, measured_tilt)
     if knowledge == "exact":
         return exact_model(helicopter_of(name, conditions, seed))
     if knowledge == "lag":

@@ -42,6 +42,11 @@ class Scheme:
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     knowledge: Knowledge = "default"
 
+    @property
+    def measured_tilt(self) -> bool:
+        """Whether the estimator takes roll and pitch."""
+        return bool(self.estimator_settings.get("measured_tilt", True))
+
     def vehicle(
         self,
         name: str,
@@ -54,7 +59,7 @@ class Scheme:
         """A vehicle of the conditions' coaxial type that is flown by this scheme."""
         return RigVehicle(
             name,
-            known_model(self.knowledge, conditions, name, seed),
+            known_model(self.knowledge, conditions, name, seed, self.measured_tilt),
             start,
             self.controller,
             self.settings,

@@ -25,7 +25,6 @@ def test_experiments_are_listed() -> None:
         "preview",
         "chain",
         "turning",
-        "identification",
         "swapping",
         "family",
         "fleets",

@@ -61,7 +61,7 @@ def test_every_level_is_told_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path
     )
     told: list[str] = []
     result = family.run(Options((100, 101, 102), preset="helicopters"), lambda label, _: told.append(label))
-    assert set(result.document) == {"default", "exact"}
+    assert set(result.document) == {"default", "identified", "exact"}
     for levels in result.document.values():
         assert set(levels) == {"tilt measured", "positions only"}
         for table in levels.values():
@@ -76,6 +76,8 @@ def test_levels_differ_in_what_the_estimator_takes_in_and_in_the_model() -> None
     assert {(scheme.knowledge, scheme.estimator_settings["measured_tilt"]) for scheme in schemes} == {
         ("default", True),
         ("default", False),
+        ("identified", True),
+        ("identified", False),
         ("exact", True),
         ("exact", False),
     }

@@ -1,0 +1,40 @@
+"""A helicopter that is identified in flight hovers better than one of which only the type is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.identified import NotIdentifiedError, excited_flight, identification, identified_model
+from experiments.rig import Rig, RigVehicle
+from simulator.conditions import HELICOPTERS
+from simulator.plant import Pose
+from vehicles.model import Model
+from vehicles.state import Array
+from vehicles.types import COAXIAL
+
+SEED = 2
+
+
+def hover_m(model: Model) -> Array:
+    """Root mean squares of x, y, z in the last 12 s of 20."""
+    vehicle = RigVehicle("h1", model, Pose((0.0, 0.0, 1.0)), "cascade", plant_type=COAXIAL)
+    flown = Rig([vehicle], HELICOPTERS, SEED).fly(20.0)["h1"]
+    errors = (flown.motion[:, :3] - flown.reference[:, :3])[flown.time_s >= 8.0]
+    return np.sqrt(np.mean(errors**2, axis=0))
+
+
+def test_an_identified_helicopter_hovers_better_than_its_type() -> None:
+    found = identification(HELICOPTERS, "h1", SEED, measured_tilt=True)
+    assert found.problems == ()
+    before, after = hover_m(COAXIAL), hover_m(found.model)
+    assert after[:2].max() < 0.012
+    assert after[:2].max() < 0.7 * before[:2].max()
+    assert after[2] < 0.005
+
+
+def test_a_vehicle_that_gusts_blow_out_of_its_box_is_not_identified() -> None:
+    storm = replace(HELICOPTERS, turbulence_rms=(3.0, 3.0, 0.5, 0.5))
+    with pytest.raises(NotIdentifiedError, match=r"h1, seed 2: .* m from its place"):
+        excited_flight(storm, "h1", SEED, measured_tilt=True)
+    assert identified_model(storm, "h1", SEED, measured_tilt=True) is COAXIAL
