@@ -60,7 +60,7 @@ def refusal(text: str, directory: Path) -> str:
         ("[vehicles.h3]", "[vehicles.H3]", "vehicles.H3", "matching regex"),
         ("rate_hz = 50", "rate_hz = 50\nstart = { H1 = [0, 0, 0, 0] }", "simulator.start", "matching regex"),
         ("model_match = 2 }", "model_match = 64 }", "model_match", "<= 63"),
-        ('conditions = "laboratory"', 'conditions = "storm"', "simulator", "laboratory"),
+        ('conditions = "helicopter"', 'conditions = "storm"', "simulator", "laboratory"),
         ("max_m = [1.2, 1.2, 2.0]", "max_m = [1.2, -1.3, 2.0]", "volume.max_m[1]", "greater"),
         ('address = "127.0.0.1:18801"', 'address = "127.0.0.1"', "tracker.address", "HOST:PORT"),
         ("[vehicles.h3]", "[vehicles.h2]", "not TOML", "h2"),
