@@ -46,6 +46,11 @@ class Exciter:
         if self._excitation is not None:
             self._excitation, self.outcome = None, outcome
 
+    @property
+    def under_way(self) -> bool:
+        """Whether the sticks are being excited."""
+        return self._excitation is not None
+
     def left_s(self, time_s: float) -> float:
         """Time until the excitation is done; 0 without one."""
         if self._excitation is None:

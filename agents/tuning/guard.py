@@ -68,7 +68,9 @@ class OscillationGuard:
             False while a program outside flies, whose bandwidth is not ours.
         """
         pilot = self._pilot
-        if output.reference is None:
+        if output.reference is None or pilot.exciter.under_way:
+            # Sines that an identification adds are no oscillation; should they bring one about, the vehicle
+            # leaves its box, which ends them.
             self._detector.forget()
             return
         period_s, estimate = pilot.controller.period_s, pilot.estimate

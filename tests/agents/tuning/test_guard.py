@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
+from agents.identification.excitation import Excitation
 from agents.pilot import ControlOutput
 from agents.tuning.configuration import Configuration
 from agents.tuning.guard import (
@@ -113,3 +114,14 @@ def test_without_the_guard_a_configuration_keeps_everything_else() -> None:
     assert effort_factor(lowered) == 27.0
     assert effort_factor(before) == 1.0
     assert without_guard(lowered) == before
+
+
+def test_sines_of_an_identification_are_no_oscillation() -> None:
+    watched = Watched()
+    exciter, place_m = watched.flight.pilot.exciter, watched.flight.pilot.estimate.motion[:YAW]
+    exciter.begin(Excitation((0.1, 0.1, 0.02, 0.05), 30.0), place_m, 0.3, 0.0)
+    watched.swing(3.0)
+    assert watched.factor == 1.0
+    exciter.end("over")
+    watched.swing(3.0)
+    assert watched.factor > 1.0
