@@ -178,7 +178,7 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         return self._wrapped.problems(names)
 
     def notes(self) -> list[str]:
-        """Remarks that do not block take-off: subjects of no vehicle, a recording."""
+        """Remarks that do not block take-off: subjects of no vehicle, a recording, a lowered bandwidth."""
         return self._wrapped.notes()
 
     arm = awaited(Fleet.arm)
