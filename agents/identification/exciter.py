@@ -7,7 +7,7 @@ import numpy as np
 from agents.identification.excitation import Excitation
 from vehicles.state import Array
 
-LONGEST_BLIND_S: Final = 0.06
+LONGEST_BLIND_S: Final = 0.1
 """Without poses for longer the vehicle is left in peace."""
 UNDER_WAY: Final = "under way"
 DONE: Final = "done"

@@ -84,8 +84,9 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
 def vertical(model: Model, recording: FlightRecording) -> Motion:
     """Height."""
     system = _single_axis(model, U_THRUST, POSITION_NOISE_M, VERTICAL_WIND_M_S2, _VERTICAL_DRIFT)
-    thrust = recording.inputs[:, U_THRUST] - model.hover_input[U_THRUST]
-    return _of_single_axis(model, recording, system, thrust, recording.position_m[:, Z])
+    return _of_single_axis(
+        model, recording, system, recording.inputs[:, U_THRUST], recording.position_m[:, Z]
+    )
 
 
 def heading(model: Model, recording: FlightRecording) -> Motion:
@@ -98,6 +99,9 @@ def _of_single_axis(
     model: Model, recording: FlightRecording, system: LinearSystem, stick: Array, measured: Array
 ) -> Motion:
     predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
+    # The mean stick keeps the vehicle at rest. Gravity and trim would be offsets that the slow drift of the
+    # disturbance takes long to find.
+    stick = stick - stick.mean()
     return Motion(predictor, stick.astype(complex), measured[:, None].astype(complex))
 
 

@@ -223,7 +223,7 @@ def test_an_excitation_moves_the_sticks_and_the_estimator_knows() -> None:
 def test_an_excitation_ends_when_poses_are_missing() -> None:
     pilot = airborne(noted())
     pilot.exciter.begin(Excitation((0.1, 0.1, 0.02, 0.05), 30.0), np.array(UP), 0.3, 0.0)
-    for _ in range(5):
+    for _ in range(7):
         pilot.coast()
         pilot.control({})
     assert pilot.exciter.outcome.startswith("no pose for")

@@ -42,7 +42,7 @@ def test_it_ends_after_its_time(exciter: Exciter) -> None:
     ("what", "words"),
     [
         ({"away_m": 0.31}, "0.31 m from its place, at most 0.3 m are allowed"),
-        ({"blind_s": 0.08}, "no pose for 0.08 s"),
+        ({"blind_s": 0.12}, "no pose for 0.12 s"),
         ({"flying": False}, "the vehicle does not fly freely any more"),
     ],
 )
