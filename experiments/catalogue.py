@@ -66,7 +66,7 @@ EXPERIMENTS: Final = MappingProxyType(
             Experiment(
                 "hover",
                 "Fig. 1: hovering errors of [11], the paper and the cascade",
-                {"laboratory": 3, "helicopters": 10},
+                {"laboratory": 3, "helicopters": 5},
                 hover.run,
             ),
             Experiment(

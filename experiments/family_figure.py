@@ -45,7 +45,9 @@ def draw_family(figures: Mapping[LevelName, Mapping[str, Sequence[float]]], pres
         for index, (level, values) in enumerate(figures.items()):
             ordered = np.sort(values[name])
             share = np.arange(1, len(ordered) + 1) / len(ordered)
-            axes.step(ordered, share, where="post", color=f"C{index}", label=", ".join(level))
+            axes.step(
+                ordered, share, where="post", color=f"C{index}", label=f"{', '.join(level)} ({len(ordered)})"
+            )
             if name == "hover_mm":
                 axes.plot(
                     TARGETS_MM[level], (0.5, 1.0), "o", color=f"C{index}", fillstyle="none", clip_on=False

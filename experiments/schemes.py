@@ -107,17 +107,17 @@ TUNED_PAPER: Final = Scheme(
     "paper_tuned",
     "Paper's scheme, tuned",
     "paper",
-    {**NO_HURRY, "input_weights": (5.0, 5.0, 15.0, 100.0)},
+    {**NO_HURRY, "input_weights": (2.5, 2.5, 5.0, 100.0)},
 )
-TUNED_LQR: Final = Scheme("lqr_tuned", "LQR, tuned", "lqr", {"input_weights": (0.5, 0.5, 5.0, 30.0)})
+TUNED_LQR: Final = Scheme("lqr_tuned", "LQR, tuned", "lqr", {"input_weights": (1.0, 1.0, 5.0, 100.0)})
 TUNED_PID: Final = Scheme(
     "pid_tuned",
     "PID, tuned",
     "pid",
     {
-        "proportional": (7.225, 7.225, 17.34, 23.52),
-        "damping": (4.76, 4.76, 7.65, 9.8),
-        "integral": (2.9478, 2.9478, 9.826),
+        "proportional": (4.9, 4.9, 11.76, 17.28),
+        "damping": (3.92, 3.92, 6.3, 8.4),
+        "integral": (1.6464, 1.6464, 5.488),
     },
 )
 """The simple schemes with the settings that `experiments.tuning` finds for helicopters."""

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.horizon import SET_POINTS, draw_horizon, fly_horizon
 from experiments.horizon import figures as horizon_figures
-from experiments.hover import SETTINGS, figures, fly_hover, settings_in
+from experiments.hover import SETTINGS, figures, fly_hover, over_vehicles, settings_in
 from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, PAPER
 from simulator.conditions import HELICOPTERS, LABORATORY
 
@@ -37,6 +37,16 @@ def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
     assert table["y"]["mean_square_mm2"] == pytest.approx(2.0)
     assert table["z"]["rms_mm"] == pytest.approx(np.sqrt(4.5), abs=1e-3)
     assert table["yaw"] == {"rms_rad": 0.01, "mean_square_rad2": 0.0001}
+
+
+def test_drawn_vehicles_are_told_apart_by_their_worse_axis() -> None:
+    some, other = np.array([[0.001, 0.003, 0.0, 0.01]]), np.array([[0.007, 0.0, 0.0, -0.03]])
+    assert over_vehicles([some, other]) == {
+        "median_mm": 5.0,
+        "worst_mm": 7.0,
+        "median_yaw_mrad": 20.0,
+        "worst_yaw_mrad": 30.0,
+    }
 
 
 def test_horizon_measures_steps_and_weighs_errors() -> None:
