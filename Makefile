@@ -8,7 +8,7 @@ ARGS ?=
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
-	@echo "make test      unit tests, then fleets of real processes (less than ten minutes)"
+	@echo "make test      unit tests, then fleets of real processes (about twenty minutes)"
 	@echo "make campaign  long flights that vary what make test flies once"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make clean     remove the virtual environment and caches"
