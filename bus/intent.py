@@ -40,7 +40,7 @@ class Intent(Message, frozen=True, kw_only=True):
     phase: Name
     epoch: Count
     frame: Count
-    """Epoch and frame of the moment; elapsed times count up to it."""
+    """Epoch and frame of that moment; elapsed times count up to it."""
     yaw_rad: Heading | None = None
     """Heading at that moment with all its turns: a motion capture does not count them."""
     set_point: SetPoint

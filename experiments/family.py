@@ -120,7 +120,7 @@ class Flown:
     yaw_step_mm
         Largest horizontal distance from the set point during yaw steps.
     eight_mm, eight_max_mm
-        Root mean square and largest distance from the path's point of the moment.
+        Root mean square and largest distance from the path's present point.
     lost, touched_floor
         Whether it left the volume or did not come home; whether it met the floor.
     fallbacks

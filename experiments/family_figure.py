@@ -23,7 +23,7 @@ TARGETS_MM: Final[Mapping[LevelName, tuple[float, float]]] = MappingProxyType(
 PANELS: Final = MappingProxyType(
     {
         "hover_mm": "hover: rms error of the worse horizontal axis [mm]",
-        "eight_mm": "figure-eight: rms distance from the path's point of the moment [mm]",
+        "eight_mm": "figure-eight: rms distance from the path's present point [mm]",
     }
 )
 

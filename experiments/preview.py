@@ -133,7 +133,7 @@ def run(options: Options, tell: Tell) -> Result:
 
 
 def figures(flights: Sequence[Flown]) -> dict[str, float]:
-    """Distances from the path's point of the moment, flights together."""
+    """Distances from the path's present point, flights together."""
     errors_m = np.concatenate(
         [np.linalg.norm(flight.flown_m - flight.wanted_m, axis=1) for flight in flights]
     )
@@ -172,7 +172,7 @@ def draw_preview(flights: Mapping[str, Flown], preset: str, figure: Any) -> None
     above.set_xlim(-0.8, 0.8)
     above.set_ylim(-0.6, 0.6)
     over_time.set_xlabel("time [s]")
-    over_time.set_ylabel("distance from the path's point of the moment [mm]")
+    over_time.set_ylabel("distance from the path's present point [mm]")
     for axes in (above, over_time):
         axes.grid(alpha=0.3)
     figure.suptitle(f"A figure-eight with the heading along the path, conditions `{preset}`")

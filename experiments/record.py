@@ -32,7 +32,7 @@ class VehicleRecord:
         First stage of the reference: x, y, z [m], yaw [rad], shape (K, 4). It belongs to the time at which
         the command begins to act.
     station
-        True position [m] and yaw [rad] of the leaders plus the offset of the moment, shape (K, 4); not a
+        True position [m] and yaw [rad] of the leaders plus the present offset, shape (K, 4); not a
         number where nobody is followed.
     inputs
         Commands, shape (K, 4).

@@ -20,7 +20,7 @@ from agents.interfaces import Obstacle
 from vehicles.state import Array
 
 SLOTS: Final = 6
-"""Vehicles that are kept clear of at the same time; the nearest ones."""
+"""Vehicles that are avoided at the same time; the nearest ones."""
 REACH: Final = 2.0
 """Stages that are farther apart than this, in ellipsoids, get no constraint."""
 TURN_RAD: Final = 0.5

@@ -1,4 +1,4 @@
-"""Promises of the desk: every request is answered, refusals say why, and a task survives its process."""
+"""Promises of the request handler: answers to every request, reasons of refusals, tasks that go on."""
 
 import numpy as np
 import pytest

@@ -19,12 +19,12 @@ GOOD = CommandInput(
 )
 
 
-class Desk:
+class Gate:
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
         self.admission = Admission(ArbiterLimits(), self.counters)
 
-    def say(
+    def consider(
         self,
         command: CommandInput = GOOD,
         now_s: float = 1.0,
@@ -43,14 +43,14 @@ class Desk:
 
 
 def test_a_good_command_is_accepted_and_kept() -> None:
-    desk = Desk()
-    assert desk.say() is None
-    stream = desk.admission.streams["agent"]
+    gate = Gate()
+    assert gate.consider() is None
+    stream = gate.admission.streams["agent"]
     assert stream.command.u == (0.1, -0.2, 0.5, 0.0)
     assert stream.command.next_u == ((0.0, 0.0, 0.5, 0.0),)
     assert stream.arrival_s == 1.0
     assert stream.low_since_s is None
-    assert not desk.counters
+    assert not gate.counters
 
 
 @pytest.mark.parametrize(
@@ -82,10 +82,10 @@ def test_a_good_command_is_accepted_and_kept() -> None:
     ids=str,
 )
 def test_malformed_commands_are_rejected_and_counted(changes: dict[str, Any]) -> None:
-    desk = Desk()
-    assert desk.say(**changes) is Rejection.MALFORMED
-    assert desk.counters == {Rejection.MALFORMED: 1}
-    assert not desk.admission.streams
+    gate = Gate()
+    assert gate.consider(**changes) is Rejection.MALFORMED
+    assert gate.counters == {Rejection.MALFORMED: 1}
+    assert not gate.admission.streams
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -94,8 +94,8 @@ def test_values_that_are_not_finite_are_rejected(bad: float, place: int) -> None
     u = [0.0, 0.0, 0.5, 0.0]
     u[place] = bad
     for changes in ({"u": u}, {"next_u": [u]}):
-        assert Desk().say(**changes) is Rejection.NOT_FINITE
-    assert Desk().say(period_s=bad) is Rejection.NOT_FINITE
+        assert Gate().consider(**changes) is Rejection.NOT_FINITE
+    assert Gate().consider(period_s=bad) is Rejection.NOT_FINITE
 
 
 @pytest.mark.parametrize(
@@ -107,31 +107,31 @@ def test_values_a_little_outside_are_clamped_and_further_outside_rejected(
 ) -> None:
     u = [0.0, 0.0, 0.5, 0.0]
     u[place] = limit + outward * 0.0199
-    desk = Desk()
-    assert desk.say(u=u, next_u=[u]) is None
-    command = desk.admission.streams["agent"].command
+    gate = Gate()
+    assert gate.consider(u=u, next_u=[u]) is None
+    command = gate.admission.streams["agent"].command
     assert command.u[place] == limit
     assert command.next_u[0][place] == limit
     u[place] = limit + outward * 0.0201
-    assert Desk().say(u=u) is Rejection.OUT_OF_LIMITS
-    assert Desk().say(next_u=[u]) is Rejection.OUT_OF_LIMITS
+    assert Gate().consider(u=u) is Rejection.OUT_OF_LIMITS
+    assert Gate().consider(next_u=[u]) is Rejection.OUT_OF_LIMITS
 
 
 @pytest.mark.parametrize("period_s", [0.0, -0.02, 0.1001])
 def test_command_periods_out_of_range_are_rejected(period_s: float) -> None:
-    assert Desk().say(period_s=period_s) is Rejection.OUT_OF_LIMITS
-    assert Desk().say(period_s=0.1) is None
+    assert Gate().consider(period_s=period_s) is Rejection.OUT_OF_LIMITS
+    assert Gate().consider(period_s=0.1) is None
 
 
 def test_numbers_of_any_real_type_are_taken() -> None:
-    desk = Desk()
-    assert desk.say(u=np.array([0.1, 0.2, 0.5, 0.0], dtype=np.float32), next_u=np.zeros((6, 4))) is None
-    assert desk.say(u=(0, Fraction(1, 4), 1, 0), sequence=11) is None
-    assert all(type(value) is float for value in desk.admission.streams["agent"].command.u)
+    gate = Gate()
+    assert gate.consider(u=np.array([0.1, 0.2, 0.5, 0.0], dtype=np.float32), next_u=np.zeros((6, 4))) is None
+    assert gate.consider(u=(0, Fraction(1, 4), 1, 0), sequence=11) is None
+    assert all(type(value) is float for value in gate.admission.streams["agent"].command.u)
 
 
 def test_counting_may_start_at_zero() -> None:
-    assert Desk().say(epoch=0, sequence=0, frame=0, pose_epoch=0, pose_frame=0) is None
+    assert Gate().consider(epoch=0, sequence=0, frame=0, pose_epoch=0, pose_frame=0) is None
 
 
 def test_values_exactly_at_the_tolerance_are_accepted() -> None:
@@ -144,22 +144,22 @@ def test_values_exactly_at_the_tolerance_are_accepted() -> None:
 
 
 def test_gap_exactly_at_the_limit_is_a_gap() -> None:
-    desk = Desk()
-    desk.admission = Admission(ArbiterLimits(hold_after_s=0.0625), desk.counters)
-    desk.say(u=(0, 0, 0, 0))
-    desk.say(sequence=11, now_s=1.0625, u=(0, 0, 0, 0))
-    assert desk.admission.streams["agent"].low_since_s == 1.0625
+    gate = Gate()
+    gate.admission = Admission(ArbiterLimits(hold_after_s=0.0625), gate.counters)
+    gate.consider(u=(0, 0, 0, 0))
+    gate.consider(sequence=11, now_s=1.0625, u=(0, 0, 0, 0))
+    assert gate.admission.streams["agent"].low_since_s == 1.0625
 
 
 def test_longest_plan_is_accepted() -> None:
-    assert Desk().say(next_u=((0.0, 0.0, 0.5, 0.0),) * 63) is None
+    assert Gate().consider(next_u=((0.0, 0.0, 0.5, 0.0),) * 63) is None
 
 
 @pytest.mark.parametrize(("sequence", "rejection"), [(9, True), (10, True), (11, False), (10**15, False)])
 def test_sequence_must_grow_within_an_epoch(sequence: int, rejection: bool) -> None:
-    desk = Desk()
-    desk.say()
-    assert desk.say(sequence=sequence) is (Rejection.OLD_SEQUENCE if rejection else None)
+    gate = Gate()
+    gate.consider()
+    assert gate.consider(sequence=sequence) is (Rejection.OLD_SEQUENCE if rejection else None)
 
 
 @pytest.mark.parametrize(
@@ -170,22 +170,22 @@ def test_sequence_must_grow_within_an_epoch(sequence: int, rejection: bool) -> N
 def test_source_that_restarts_with_its_clock_set_back_counts_with_a_newer_frame(
     gap_s: float, frame: int, accepted: bool
 ) -> None:
-    desk = Desk()
-    desk.say(sequence=10**12)
-    rejection = desk.say(sequence=7, frame=frame, now_s=1.0 + gap_s, holder="agent")
+    gate = Gate()
+    gate.consider(sequence=10**12)
+    rejection = gate.consider(sequence=7, frame=frame, now_s=1.0 + gap_s, holder="agent")
     assert rejection is (None if accepted else Rejection.OLD_SEQUENCE)
     if accepted:
-        assert desk.say(sequence=8, frame=frame + 1, now_s=1.02 + gap_s, holder="agent") is None
+        assert gate.consider(sequence=8, frame=frame + 1, now_s=1.02 + gap_s, holder="agent") is None
 
 
 def test_rejected_commands_do_not_refresh_the_stream() -> None:
-    desk = Desk()
-    desk.say()
-    before = replace(desk.admission.streams["agent"])
+    gate = Gate()
+    gate.consider()
+    before = replace(gate.admission.streams["agent"])
     for changes in ({"sequence": 10}, {"epoch": 4}, {"epoch": 6}, {"u": (9, 0, 0, 0)}, {"u": None}):
-        assert desk.say(now_s=1.5, holder="agent", **{"sequence": 11, **changes}) is not None
-    assert desk.admission.streams["agent"] == before
-    assert sum(desk.counters.values()) == 5
+        assert gate.consider(now_s=1.5, holder="agent", **{"sequence": 11, **changes}) is not None
+    assert gate.admission.streams["agent"] == before
+    assert sum(gate.counters.values()) == 5
 
 
 # epoch of the last command is 5, its sequence 10
@@ -215,15 +215,15 @@ EPOCH_CASES = [
 def test_a_change_of_epoch_is_believed_only_with_the_raw_poses(
     flying: bool, pose_epoch: int | None, epoch: int, sequence: int, expected: Rejection | None
 ) -> None:
-    desk = Desk()
-    desk.say()
+    gate = Gate()
+    gate.consider()
     holder = "agent" if flying else None
-    assert desk.say(epoch=epoch, sequence=sequence, pose_epoch=pose_epoch, holder=holder) is expected
+    assert gate.consider(epoch=epoch, sequence=sequence, pose_epoch=pose_epoch, holder=holder) is expected
 
 
 def test_first_command_of_a_source_must_belong_to_the_raw_poses() -> None:
-    assert Desk().say(pose_epoch=4) is Rejection.UNKNOWN_EPOCH
-    assert Desk().say(pose_epoch=None) is None
+    assert Gate().consider(pose_epoch=4) is Rejection.UNKNOWN_EPOCH
+    assert Gate().consider(pose_epoch=None) is None
 
 
 @pytest.mark.parametrize(
@@ -240,56 +240,56 @@ def test_first_command_of_a_source_must_belong_to_the_raw_poses() -> None:
 def test_command_computed_from_an_old_pose_is_rejected(
     pose_frame: int, latency_s: float, expected: Rejection | None
 ) -> None:
-    desk = Desk()
-    assert desk.say(pose_frame=pose_frame, latency_s=latency_s) is expected
-    assert ("agent" in desk.admission.streams) == (expected is None)
+    gate = Gate()
+    assert gate.consider(pose_frame=pose_frame, latency_s=latency_s) is expected
+    assert ("agent" in gate.admission.streams) == (expected is None)
 
 
 def test_age_of_a_command_of_another_epoch_is_not_judged() -> None:
-    desk = Desk()
-    desk.say()
-    assert desk.say(sequence=11, pose_epoch=6, pose_frame=5000) is None
+    gate = Gate()
+    gate.consider()
+    assert gate.consider(sequence=11, pose_epoch=6, pose_frame=5000) is None
 
 
 def test_sources_without_the_lease_are_rejected_but_known() -> None:
-    desk = Desk()
-    assert desk.say(holder="other") is Rejection.NO_LEASE
-    assert "agent" in desk.admission.streams
-    assert desk.say(holder="other", sequence=10) is Rejection.OLD_SEQUENCE
+    gate = Gate()
+    assert gate.consider(holder="other") is Rejection.NO_LEASE
+    assert "agent" in gate.admission.streams
+    assert gate.consider(holder="other", sequence=10) is Rejection.OLD_SEQUENCE
 
 
 def test_a_silent_source_starts_over_unless_it_has_the_lease() -> None:
-    desk = Desk()
-    desk.say(sequence=10**12)
-    assert desk.say(now_s=3.0) is Rejection.OLD_SEQUENCE
-    assert desk.say(now_s=3.01, holder="agent") is Rejection.OLD_SEQUENCE
-    assert desk.say(now_s=3.01) is None
+    gate = Gate()
+    gate.consider(sequence=10**12)
+    assert gate.consider(now_s=3.0) is Rejection.OLD_SEQUENCE
+    assert gate.consider(now_s=3.01, holder="agent") is Rejection.OLD_SEQUENCE
+    assert gate.consider(now_s=3.01) is None
 
 
 def test_number_of_sources_is_limited() -> None:
-    desk = Desk()
+    gate = Gate()
     for n in range(8):
-        assert desk.say(source=f"agent{n}") is None
-    assert desk.say(source="one more") is Rejection.TOO_MANY_SOURCES
-    assert desk.say(source="one more", now_s=3.01) is None
+        assert gate.consider(source=f"agent{n}") is None
+    assert gate.consider(source="one more") is Rejection.TOO_MANY_SOURCES
+    assert gate.consider(source="one more", now_s=3.01) is None
 
 
 def test_low_thrust_is_timed_from_its_first_command() -> None:
-    desk = Desk()
+    gate = Gate()
     for n, (thrust, expected) in enumerate(
         [(0.05, 1.0), (0.0, 1.0), (0.051, None), (0.05, 1.06), (0.0, 1.06)], start=11
     ):
-        desk.say(sequence=n, now_s=1.0 + (n - 11) * 0.02, u=(0, 0, thrust, 0))
-        low_since_s = desk.admission.streams["agent"].low_since_s
+        gate.consider(sequence=n, now_s=1.0 + (n - 11) * 0.02, u=(0, 0, thrust, 0))
+        low_since_s = gate.admission.streams["agent"].low_since_s
         assert low_since_s == (None if expected is None else pytest.approx(expected))
 
 
 def test_low_thrust_is_timed_anew_after_a_gap() -> None:
     for gap_s, expected in ((0.059, 1.0), (0.061, 1.061)):
-        desk = Desk()
-        desk.say(u=(0, 0, 0, 0))
-        desk.say(sequence=11, now_s=1.0 + gap_s, u=(0, 0, 0, 0))
-        assert desk.admission.streams["agent"].low_since_s == pytest.approx(expected)
+        gate = Gate()
+        gate.consider(u=(0, 0, 0, 0))
+        gate.consider(sequence=11, now_s=1.0 + gap_s, u=(0, 0, 0, 0))
+        assert gate.admission.streams["agent"].low_since_s == pytest.approx(expected)
 
 
 anything = st.one_of(
@@ -299,11 +299,11 @@ anything = st.one_of(
 
 @given(st.lists(st.tuples(*[st.one_of(anything, st.lists(anything, max_size=5))] * 7), max_size=20))
 def test_no_content_whatever_raises_or_stores_bad_inputs(contents: list[tuple[Any, ...]]) -> None:
-    desk = Desk()
+    gate = Gate()
     for source, epoch, sequence, frame, u, next_u, period_s in contents:
         command = CommandInput(source, epoch, sequence, frame, u, next_u, period_s)
-        desk.admission.consider(command, 1.0, pose=None, holder=None)
-    for stream in desk.admission.streams.values():
+        gate.admission.consider(command, 1.0, pose=None, holder=None)
+    for stream in gate.admission.streams.values():
         for u in (stream.command.u, *stream.command.next_u):
             limits = zip(u, ArbiterLimits().lower, ArbiterLimits().upper, strict=True)
             assert all(lower <= value <= upper for value, lower, upper in limits)
