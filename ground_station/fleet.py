@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,13 +18,15 @@ from deploy.fleet_file.reading import load_fleet
 from deploy.fleet_file.schema import FleetFile
 from deploy.fleet_file.shipped import fleet_path
 from deploy.formation_check import links_of
-from deploy.launcher import Launcher
-from deploy.roles.transmitters import limits_of
+from deploy.roles.arbiter_limits import limits_of
 from ground_station.joining import fleet_that_is_up
 from ground_station.observer import Observer
 from ground_station.regroup import RegroupError, change_lines, formation_leader, regroup, role, swapped
 from ground_station.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from ground_station.waiting import NotReachedError
+
+if TYPE_CHECKING:
+    from deploy.launcher import Launcher
 
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1

@@ -5,7 +5,6 @@ from typing import Any
 
 from bus.messages import LeaderLink
 from ground_station.fleet import Fleet
-from ground_station.margins import flying_warnings
 from ground_station.state import VehicleState
 
 
@@ -36,6 +35,9 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
 
 def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
     """What blocks take-off: `fleet`, `ready`, `problems` and `notes`, which do not block it."""
+    # Margins need numerical libraries that a status does without.
+    from ground_station.margins import flying_warnings
+
     problems, notes = fleet.problems(names), [*fleet.notes(), *flying_warnings(fleet)]
     return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": notes}
 

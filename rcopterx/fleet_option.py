@@ -1,19 +1,20 @@
-"""Finds the fleet file a user means, and turns what can go wrong into messages and exit codes."""
+"""Finds the fleet file a user means, and turns what can go wrong into messages and exit codes.
+
+Every command imports this, `--help` and completion included, so neither numerical libraries nor the bus are
+imported before a fleet is wanted.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bus.session import BusUnreachableError
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.fleet_file.shipped import fleet_path
 from deploy.running import running_fleets
-from ground_station.fleet import Fleet
-from ground_station.joining import fleet_that_is_up
-from ground_station.vehicle import FLIGHT_ERRORS, lines_of
+
+if TYPE_CHECKING:
+    from deploy.fleet_file.schema import FleetFile
+    from ground_station.fleet import Fleet
 
 DEFAULT_FLEET = "trio"
 EXIT_FAILED = 1
@@ -38,7 +39,7 @@ RunningFleetOption = Annotated[
 HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
 
 
-def chosen_host(fleet: FleetFile, host: str | None) -> str:
+def chosen_host(fleet: "FleetFile", host: str | None) -> str:
     """Host a command runs on: the only one, or the one that was named.
 
     Raises
@@ -46,6 +47,8 @@ def chosen_host(fleet: FleetFile, host: str | None) -> str:
     FleetError
         Several hosts and none was named, or an unknown one.
     """
+    from deploy.fleet_file.schema import FleetError
+
     if host is None and len(fleet.hosts) == 1:
         return next(iter(fleet.hosts))
     if host is None:
@@ -55,9 +58,27 @@ def chosen_host(fleet: FleetFile, host: str | None) -> str:
     return host
 
 
+def fleet_file(name: str) -> "FleetFile":
+    """Read a fleet file, or a shipped one, by what the user typed.
+
+    Raises
+    ------
+    FleetError
+        There is none, or it cannot be used.
+    """
+    from deploy.fleet_file.reading import load_fleet
+    from deploy.fleet_file.shipped import fleet_path
+
+    return load_fleet(fleet_path(name))
+
+
 @contextmanager
 def user_errors() -> Iterator[None]:
     """Errors that are somebody's to mend become a line on standard error, never a traceback."""
+    from bus.session import BusUnreachableError
+    from deploy.fleet_file.schema import FleetError
+    from ground_station.vehicle import FLIGHT_ERRORS
+
     try:
         yield
     except FleetError as error:
@@ -69,15 +90,21 @@ def user_errors() -> Iterator[None]:
 
 
 def _say(error: Exception) -> None:
+    from ground_station.vehicle import lines_of
+
     for line in lines_of(error):
         typer.echo(f"error: {line}", err=True)
 
 
 @contextmanager
-def running_fleet(name: str | None, router_within_s: float = ROUTER_S) -> Iterator[Fleet]:
+def running_fleet(name: str | None, router_within_s: float = ROUTER_S) -> Iterator["Fleet"]:
     """Join the fleet that is up, or the running one of a file, whose router answers within a time."""
+    from bus.session import BusUnreachableError
+    from ground_station.fleet import Fleet
+    from ground_station.joining import fleet_that_is_up
+
     with user_errors():
-        file, host = fleet_that_is_up() if name is None else (load_fleet(fleet_path(name)), None)
+        file, host = fleet_that_is_up() if name is None else (fleet_file(name), None)
         try:
             fleet = Fleet(file, host, router_within_s)
         except BusUnreachableError as error:

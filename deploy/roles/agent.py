@@ -9,8 +9,8 @@ from agents.settings import AgentSettings
 from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.formation_check import links_of
 from deploy.roles.addresses import bus_address
+from deploy.roles.arbiter_limits import limits_of
 from deploy.roles.priorities import Priority
-from deploy.roles.transmitters import limits_of
 from deploy.roles.vehicle_models import model_of
 
 

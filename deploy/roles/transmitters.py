@@ -1,27 +1,23 @@
-"""The role of a transmitter gateway: radios, calibrations and limits of the arbiter from the fleet file."""
+"""The role of a transmitter gateway: radios and calibrations from the fleet file."""
 
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from deploy.fleet_file.reading import dataclass_from, replaced
+from deploy.fleet_file.reading import dataclass_from
 from deploy.fleet_file.schema import FleetError, FleetFile, VehicleConfig
 from deploy.roles.addresses import bus_address
+from deploy.roles.arbiter_limits import limits_of
 from deploy.roles.priorities import Priority
-from deploy.roles.vehicle_models import model_of
 from deploy.run_directory import run_directory, serial_path
 from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 from transmitter_gateway.process import run_gateway
 from transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
 from transmitter_gateway.protocols.registry import create_protocol, default_line
 from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
-from vehicles.model import Model
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
 """What a radio protocol calls the number of the model match; the others have none on the wire."""
-SLOWEST_YAW_PER_S: Final = 1.0
-"""A vehicle without yaw damping turns as far in a second as this one."""
 
 
 def run(fleet: FleetFile, gateway: str) -> None:
@@ -76,37 +72,3 @@ def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     if transmitter.low_power and "low_power" not in radio.offers:
         raise FleetError(f"{where}.low_power: cannot be asked for with protocol {protocol!r}")
     return radio
-
-
-def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
-    """Limits the transmitter gateway enforces for a vehicle."""
-    table = dict(fleet.safety.settings)
-    surveillance, landing = table.pop("surveillance", {}), table.pop("landing", {})
-    for field, part in (("surveillance", surveillance), ("landing", landing)):
-        if not isinstance(part, dict):
-            raise FleetError(f"safety.settings.{field}: {part!r}, must be a table")
-    model = model_of(fleet, name)
-    # A volume may begin above the floor, but every flight begins and ends on it.
-    x, y, lowest_m = fleet.volume.min_m
-    floor_m = min(lowest_m, 0.0)
-    fence = Fence((x, y, floor_m), fleet.volume.max_m) if fleet.safety.geofence else None
-    base = ArbiterLimits(
-        lower=model.input_min,
-        upper=model.input_max,
-        floor_m=floor_m,
-        landing=replaced(landing_of(model), landing, "safety.settings.landing"),
-        surveillance=replaced(
-            SurveillanceLimits(fence=fence, trust_repeated_poses=False),
-            surveillance,
-            "safety.settings.surveillance",
-        ),
-    )
-    return replaced(base, table, "safety.settings")
-
-
-def landing_of(model: Model) -> LandingLimits:
-    """What a vehicle's nominal model tells the law that lands it."""
-    pitch, roll, thrust, yaw = model.input_gain
-    return LandingLimits(
-        input_gain=(pitch, roll, thrust), yaw_rate_gain_rad_s=yaw / max(-model.damping[3], SLOWEST_YAW_PER_S)
-    )

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from deploy.fleet_file.shipped import fleet_path
 from rcopterx.commands.experiment import check_plot
 from rcopterx.commands.numbers import different_numbers
 from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
@@ -67,6 +66,7 @@ def restart(
 ) -> None:
     """Kill agents, router and Vicon gateway in flight; how long until the vehicles are flown again?"""
     from benchmarks.restart import run
+    from deploy.fleet_file.shipped import fleet_path
 
     with user_errors():
         document = run(fleet_path(fleet), rounds, lambda text: typer.echo(f"bench restart: {text}", err=True))
@@ -116,6 +116,7 @@ def requests(
 ) -> None:
     """Round trips of requests to agents in flight, on the trio."""
     from benchmarks.request_times import run
+    from deploy.fleet_file.shipped import fleet_path
 
     with user_errors():
         path = fleet_path("trio")

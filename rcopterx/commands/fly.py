@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ground_station.fleet import Fleet
-from ground_station.vehicle import FLIGHT_ERRORS
-from ground_station.waiting import NotReachedError, StoppedError, stopped_by
 from rcopterx.commands.launch import interruptible
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 
 if TYPE_CHECKING:
     from experiments.manoeuvre import Manoeuvre
+    from ground_station.fleet import Fleet
 
 SLICE_S = 0.25
 """Between two looks at the clock and at Ctrl-C."""
@@ -97,10 +95,12 @@ def _fly_rows(rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, resul
 
 
 def _fly_row(
-    row: "Manoeuvre", fleet: Fleet, stop: threading.Event, progress: "Progress", results: "Results"
+    row: "Manoeuvre", fleet: "Fleet", stop: threading.Event, progress: "Progress", results: "Results"
 ) -> None:
     from experiments.flight import fly as fly_manoeuvre
     from experiments.flight import not_flown, reason_not_to_fly, report_of
+    from ground_station.vehicle import FLIGHT_ERRORS
+    from ground_station.waiting import NotReachedError, StoppedError, stopped_by
 
     reason = reason_not_to_fly(row, fleet)
     if reason is not None:
@@ -153,6 +153,8 @@ class Progress:
         StoppedError
             The user has asked to stop.
         """
+        from ground_station.waiting import StoppedError
+
         end_s = time.monotonic() + seconds
         while (left_s := end_s - time.monotonic()) > 0:
             if stop.wait(min(left_s, SLICE_S)):

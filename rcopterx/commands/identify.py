@@ -1,37 +1,18 @@
 """Fitting the model of a vehicle to its own flight: `identify`."""
 
-import json
-from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import typer
 
-from agents.identification import fit
-from agents.identification.excitation import BASE_HZ
-from agents.identification.fit import AHEAD_S, Identification, predicted_ahead
-from agents.identification.parameters import Candidate
-from agents.identification.recording import FlightRecording, RecordingError, load_recording
-from deploy.fleet_edit import check_own, write_model
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.shipped import fleet_path
-from deploy.roles.vehicle_models import model_of
-from ground_station.identification import IdentificationError, excited_flight
 from rcopterx.commands.experiment import check_plot
-from rcopterx.commands.steer import known_vehicles
-from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, running_fleet, user_errors
-from vehicles.model import Model
-
-PICTURED_S = 10.0
-AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
+from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption
 
 
 def identify(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE")],
     seconds: Annotated[
-        float, typer.Option(metavar="SECONDS", min=1 / BASE_HZ, max=300, help="How long the sticks move.")
+        float, typer.Option(metavar="SECONDS", min=20, max=300, help="How long the sticks move.")
     ] = 70.0,
     strength: Annotated[
         float,
@@ -65,118 +46,7 @@ def identify(
     The vehicle hovers and follows nobody (rcopterx lead VEHICLE), with room around it.
     """
     check_plot(plot)
+    from rcopterx.identifying import Excitation, Outputs, identify_vehicle
 
-    def say(text: str) -> None:
-        typer.echo(text, err=as_json)
-
-    with user_errors():
-        path = fleet_path(fleet)
-        if not dry_run:
-            check_own(path)
-        file = load_fleet(path)
-        known_vehicles(file.vehicles, [vehicle])
-        known = model_of(file, vehicle)
-    try:
-        if from_file is None:
-            recording = _fly(vehicle, seconds, strength, reach, fleet, say)
-        else:
-            recording = load_recording(from_file)
-        if save is not None:
-            recording.save(save)
-            say(f"recording: {save}")
-        if positions_only:
-            recording = recording.without_tilt()
-        say(f"fitting {recording.duration_s:.0f} s of flight")
-        found = fit.identify(recording, known)
-    except (IdentificationError, RecordingError, ValueError, OSError) as error:
-        typer.echo(f"error: {vehicle}: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
-    if plot is not None:
-        _draw(recording, known, found, plot)
-        say(f"figure: {plot}")
-    _show(vehicle, found, as_json, say)
-    if found.problems:
-        for problem in found.problems:
-            typer.echo(f"error: {vehicle}: {problem}", err=True)
-        raise typer.Exit(EXIT_FAILED)
-    if not dry_run:
-        _write(path, vehicle, found.model, say)
-
-
-def _fly(
-    vehicle: str, seconds: float, strength: float, reach_m: float, fleet: str, say: Callable[[str], None]
-) -> FlightRecording:
-    with running_fleet(fleet) as running:
-        running.wait_for_status([vehicle])
-        say(f"{vehicle}: its sticks move for {seconds:g} s")
-        return excited_flight(
-            running,
-            vehicle,
-            seconds,
-            strength,
-            reach_m,
-            lambda left_s: say(f"{vehicle}: {left_s:.0f} s left"),
-        )
-
-
-def _show(vehicle: str, found: Identification, as_json: bool, say: Callable[[str], None]) -> None:
-    if as_json:
-        typer.echo(json.dumps(document_of(vehicle, found), indent=2))
-        return
-    say(f"{'parameter':22}{'before':>10}{'now':>10}{'+-':>9}  unit")
-    for number in found.parameters:
-        say(
-            f"{number.name:22}{number.before:10.4g}{number.value:10.4g}{number.deviation:9.2g}  {number.unit}"
-        )
-    before, after = found.before, found.after
-    say(f"predicted {AHEAD_S:g} s ahead, off by (rms, in flight that was not fitted):")
-    say(f"  horizontal  {1e3 * before.horizontal_m:6.1f} -> {1e3 * after.horizontal_m:6.1f} mm")
-    say(f"  height      {1e3 * before.height_m:6.1f} -> {1e3 * after.height_m:6.1f} mm")
-    say(f"  heading     {1e3 * before.yaw_rad:6.1f} -> {1e3 * after.yaw_rad:6.1f} mrad")
-
-
-def document_of(vehicle: str, found: Identification) -> dict[str, Any]:
-    """Everything that was found, for programs."""
-    return {
-        "vehicle": vehicle,
-        "parameters": [asdict(number) for number in found.parameters],
-        "offsets": asdict(found.offsets),
-        "one_second_ahead": {"before": asdict(found.before), "after": asdict(found.after)},
-        "problems": list(found.problems),
-        "model": asdict(found.model),
-    }
-
-
-def _write(path: Path, vehicle: str, model: Model, say: Callable[[str], None]) -> None:
-    with user_errors():
-        lines = write_model(path, vehicle, model)
-    for line in lines or ["nothing to change"]:
-        say(f"{vehicle}: {line}")
-    say(f"{vehicle}: the model is in {path}; land and start the fleet again to fly with it")
-
-
-def _draw(recording: FlightRecording, known: Model, found: Identification, file: Path) -> None:
-    """Measured, and predicted one second ahead by both models, over the last seconds."""
-    from matplotlib.figure import Figure
-
-    shown = slice(-round(PICTURED_S / recording.period_s), None)
-    curves = (
-        ("measured", "k-", np.column_stack((recording.position_m, recording.yaw_rad))),
-        (
-            "predicted by the model before",
-            "C1--",
-            predicted_ahead(Candidate(known, found.offsets), recording),
-        ),
-        ("and now", "C0-", predicted_ahead(Candidate(found.model, found.offsets), recording)),
-    )
-    time_s = recording.period_s * np.arange(len(recording.yaw_rad))
-    figure = Figure(figsize=(9, 8), layout="constrained")
-    for at, (axes, name) in enumerate(zip(figure.subplots(4, 1, sharex=True), AXES, strict=True)):
-        for label, style, rows in curves:
-            axes.plot(time_s[shown], rows[shown, at], style, label=label)
-        axes.set_ylabel(name)
-        axes.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize="small", ncols=3)
-    figure.axes[0].set_title(f"Predicted {AHEAD_S:g} s ahead")
-    figure.axes[-1].set_xlabel("time [s]")
-    figure.savefig(file)
+    flight = from_file or Excitation(seconds, strength, reach)
+    identify_vehicle(vehicle, fleet, flight, positions_only, Outputs(save, plot, dry_run, as_json))

@@ -3,32 +3,18 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
-from rich.table import Table
-from rich.text import Text
 
 from bus.realtime import request_realtime
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.fleet_file.shipped import fleet_path
-from ground_station.joining import fleet_that_is_up
-from ground_station.scenario import (
-    FaultRefusedError,
-    ScenarioError,
-    fault_from,
-    fault_list,
-    field_from,
-    inject_faults,
-    read_scenario,
-)
-from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet, user_errors
-from simulator.faults import TimedFault, fault_text
-from simulator.tracker_replay import ReplayProgress, TrackerReplay
-from vicon_gateway.recording import RecordedConnection, RecordingError, connections, read_records
+from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, fleet_file, running_fleet, user_errors
+
+if TYPE_CHECKING:
+    from deploy.fleet_file.schema import FleetFile
+    from simulator.faults import TimedFault
+    from simulator.tracker_replay import ReplayProgress, TrackerReplay
+    from vicon_gateway.recording import RecordedConnection
 
 POLL_S = 0.1
 REALTIME_PRIORITY = 20
@@ -60,14 +46,19 @@ def replay_tracker(
         _play(replay, loop)
 
 
-def _replay(file: Path, address: str, port: int, speed: float) -> TrackerReplay:
+def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay":
+    from deploy.fleet_file.schema import FleetError
+    from simulator.tracker_replay import TrackerReplay
+
     try:
         return TrackerReplay(_recorded(file), address, port, speed=speed)
     except ValueError as error:
         raise FleetError(f"{file}: {error}") from None
 
 
-def _recorded(file: Path) -> list[RecordedConnection]:
+def _recorded(file: Path) -> list["RecordedConnection"]:
+    from vicon_gateway.recording import RecordingError, connections, read_records
+
     with file.open("rb") as source:
         found = connections(read_records(source))
     if not found:
@@ -75,11 +66,13 @@ def _recorded(file: Path) -> list[RecordedConnection]:
     return found
 
 
-def _contents(progress: ReplayProgress) -> str:
+def _contents(progress: "ReplayProgress") -> str:
     return f"{progress.connections} connection{'s' if progress.connections > 1 else ''}"
 
 
-def _play(replay: TrackerReplay, loop: bool) -> None:
+def _play(replay: "TrackerReplay", loop: bool) -> None:
+    from rich.progress import BarColumn, Progress, TextColumn
+
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[time]}")
     with Progress(*columns) as bar:
         task = bar.add_task("", total=1.0, time="")
@@ -124,8 +117,13 @@ def inject(
     if show_list:
         _show_faults()
         return
+    from deploy.fleet_file.schema import FleetError
+    from ground_station.joining import fleet_that_is_up
+    from ground_station.scenario import FaultRefusedError, ScenarioError, inject_faults
+    from simulator.faults import fault_text
+
     with user_errors():
-        file = fleet_that_is_up()[0] if fleet is None else load_fleet(fleet_path(fleet))
+        file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)
         if file.simulator is None:
             raise FleetError(f"{file.name} flies hardware: there is no simulator to inject faults into")
         options = {"subject": subject, "other": other, "duration_s": seconds}
@@ -144,13 +142,16 @@ def inject(
 
 
 def _wanted(
-    file: FleetFile,
+    file: "FleetFile",
     fault: str | None,
     fields: Sequence[str],
     options: dict[str, str | float | None],
     scenario: Path | None,
-) -> tuple[TimedFault, ...]:
+) -> tuple["TimedFault", ...]:
     """Faults of the command line; vehicles may stand for their subjects."""
+    from ground_station.scenario import ScenarioError, fault_from, field_from, read_scenario
+    from simulator.faults import TimedFault
+
     if scenario is not None:
         if fault is not None:
             raise ScenarioError("either a fault or --scenario")
@@ -171,6 +172,12 @@ def _wanted(
 
 
 def _show_faults() -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from ground_station.scenario import fault_list
+
     table = Table(box=None, pad_edge=False)
     for heading in ("fault", "fields", "what happens"):
         table.add_column(heading)

@@ -5,20 +5,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.live import Live
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.shipped import fleet_path
 from deploy.run_directory import run_directory
-from ground_station.fleet import Fleet
-from ground_station.launched import processes_up
-from ground_station.live_table import fleet_table
-from ground_station.margins import configured_warnings
-from ground_station.waiting import NotReachedError
 from rcopterx.fleet_option import (
     DEFAULT_FLEET,
     EXIT_FAILED,
@@ -26,8 +17,14 @@ from rcopterx.fleet_option import (
     FleetOption,
     HostOption,
     chosen_host,
+    fleet_file,
     user_errors,
 )
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ground_station.fleet import Fleet
 
 REFRESH_S = 0.2
 PLAIN_REFRESH_S = 5.0
@@ -53,9 +50,11 @@ class Interrupts:
 @contextmanager
 def interruptible(
     name: str, host: str | None, without: Sequence[str] = ()
-) -> Iterator[tuple[Fleet, Interrupts]]:
+) -> Iterator[tuple["Fleet", Interrupts]]:
     """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
-    file = load_fleet(fleet_path(name))
+    from ground_station.launched import processes_up
+
+    file = fleet_file(name)
     this_host = chosen_host(file, host)
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -67,8 +66,10 @@ def interruptible(
             _bring_down(fleet, interrupts)
 
 
-def _bring_down(fleet: Fleet, interrupts: Interrupts) -> None:
+def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
     """Land what flies; a second Ctrl-C cuts the motors."""
+    from ground_station.waiting import NotReachedError
+
     if not any(vehicle.state.airborne for vehicle in fleet):
         return
     typer.echo("landing; Ctrl-C again cuts the motors", err=True)
@@ -96,13 +97,19 @@ def _bring_down(fleet: Fleet, interrupts: Interrupts) -> None:
 class Watch:
     """Shows the fleet while something else happens: a live table, or lines where there is no terminal."""
 
-    def __init__(self, fleet: Fleet, interrupts: Interrupts) -> None:
+    def __init__(self, fleet: "Fleet", interrupts: Interrupts) -> None:
+        from rich.console import Console
+
         self._fleet = fleet
         self._interrupts = interrupts
         self._console = Console()
 
     def until(self, done: Callable[[], bool]) -> None:
         """Show until a condition holds or the user asks to stop."""
+        from rich.live import Live
+
+        from ground_station.live_table import fleet_table
+
         live = self._console.is_terminal
         if live:
             with Live(console=self._console, refresh_per_second=1 / REFRESH_S, transient=False) as view:
@@ -118,7 +125,7 @@ class Watch:
                 phases = " ".join(f"{vehicle.name}:{vehicle.state.phase}" for vehicle in self._fleet)
                 self._console.print(phases, highlight=False)
 
-    def _print_events(self, console: Console) -> None:
+    def _print_events(self, console: "Console") -> None:
         while (launcher := self._fleet.launcher) is not None and launcher.events:
             console.print(launcher.events.popleft(), highlight=False, markup=False)
 
@@ -132,6 +139,8 @@ def up(
     ] = None,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
+    from ground_station.margins import configured_warnings
+
     with user_errors(), interruptible(fleet, host, without or ()) as (running, interrupts):
         for line in configured_warnings(running.file):
             typer.echo(f"warning: {line}", err=True)
@@ -147,7 +156,8 @@ def demo(
     ] = None,
 ) -> None:
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
-    # The experiments are only imported where they are flown.
+    from rich.console import Console
+
     from experiments.demonstration import Demonstration
 
     with user_errors(), interruptible(fleet, None) as (running, interrupts):

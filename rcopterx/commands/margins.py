@@ -6,16 +6,9 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from agents.margins.search import DELAY_LIMIT_S, FREQUENCY_LIMIT, GAIN_LIMIT, PHASE_LIMIT_RAD
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.shipped import fleet_path
-from ground_station.margins import fleet_margins
 from rcopterx.commands.steer import Vehicles, known_vehicles
-from rcopterx.fleet_option import EXIT_FAILED, user_errors
+from rcopterx.fleet_option import EXIT_FAILED, fleet_file, user_errors
 
 COLUMNS = (
     "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "frequency up", "frequency down",
@@ -35,8 +28,14 @@ def margins(
 
     Exit code 0 if all are as large as the model's uncertainty asks for, 1 otherwise.
     """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from ground_station.margins import fleet_margins
+
     with user_errors():
-        file = load_fleet(fleet_path(fleet))
+        file = fleet_file(fleet)
         known_vehicles(file.vehicles, vehicles)
         document = fleet_margins(file, vehicles or file.vehicles)
     if as_json:
@@ -57,6 +56,8 @@ def margins(
 
 def _rows(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     """Rows of a vehicle: its axes, and what the rule asks for."""
+    from agents.margins.search import DELAY_LIMIT_S, FREQUENCY_LIMIT, GAIN_LIMIT, PHASE_LIMIT_RAD
+
     if found["axes"] is None:
         yield name, found["unknown"]
         return

@@ -5,10 +5,7 @@ from typing import Annotated
 
 import typer
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.shipped import fleet_path
-from deploy.roles.run import check_unit, run_role
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
+from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file, user_errors
 
 Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
 
@@ -16,8 +13,10 @@ Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the 
 
 
 def _run(role: str, unit: str, fleet: str) -> None:
+    from deploy.roles.run import run_role
+
     with user_errors():
-        run_role(role, unit, load_fleet(fleet_path(fleet)))
+        run_role(role, unit, fleet_file(fleet))
 
 
 def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -39,8 +38,10 @@ def tracker(
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Run the Vicon gateway: motion capture to poses."""
+    from deploy.roles.run import check_unit
+
     with user_errors():
-        file = load_fleet(fleet_path(fleet))
+        file = fleet_file(fleet)
         check_unit(file, "tracker", host)
         # Only what a role needs is imported.
         from deploy.roles.tracker import run

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bus.messages import Setting
-from ground_station.vehicle import RefusedError
-from rcopterx import kill as fast_kill
 from rcopterx.fleet_option import RunningFleetOption, running_fleet
+
+if TYPE_CHECKING:
+    from bus.messages import Setting
 
 Vehicles = Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.")]
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
@@ -32,6 +32,8 @@ def disarm(
     """Keep the throttle low until armed again; refused in the air, for that there are land and kill."""
     if bool(vehicles) == everybody:
         raise typer.BadParameter("name the vehicles, or give --all", param_hint="[VEHICLE]...")
+    from ground_station.vehicle import RefusedError
+
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
         names = vehicles or list(running.file.vehicles)
@@ -193,6 +195,8 @@ def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
     Without a fleet: those of every fleet that is up on this computer.
     """
+    from rcopterx import kill as fast_kill
+
     raise typer.Exit(fast_kill.run(vehicles or (), fleet))
 
 
@@ -227,7 +231,7 @@ def three(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _setting(text: str) -> Setting:
+def _setting(text: str) -> "Setting":
     """Value of a setting as it is typed: 30, 0.5, true, none, 1,2,3 or a word."""
     words: dict[str, Setting] = {"true": True, "false": False, "none": None}
     if text.lower() in words:

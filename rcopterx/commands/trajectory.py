@@ -3,15 +3,15 @@
 import csv
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from agents.references.path_shapes import HEADINGS, circle, figure_eight, spiral, through
-from agents.references.paths import FlightPath, PathError
 from rcopterx.commands.steer import Vehicle, known_vehicles, three
 from rcopterx.fleet_option import RunningFleetOption, running_fleet
+
+if TYPE_CHECKING:
+    from agents.references.paths import FlightPath
 
 SHAPES = ("circle", "figure-eight", "spiral", "waypoints")
 
@@ -31,7 +31,7 @@ def trajectory(
     climb: Annotated[float, typer.Option(metavar="METRES", help="Spiral: height gained.")] = 0.0,
     period: Annotated[float, typer.Option(metavar="SECONDS", help="Time of a turn.")] = 8.0,
     turns: Annotated[float, typer.Option(metavar="N", help="Turns; negative for clockwise.")] = 1.0,
-    heading: Annotated[str, typer.Option(help=f"One of {', '.join(HEADINGS)}.")] = "fixed",
+    heading: Annotated[str, typer.Option(help="One of fixed, along, center.")] = "fixed",
     wait: Annotated[bool, typer.Option("--wait", help="Return when it has been flown.")] = False,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw it (svg, png, pdf) instead of flying it.")
@@ -39,6 +39,9 @@ def trajectory(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Fly a trajectory with a vehicle that follows nobody; its followers come along."""
+    from agents.references.path_shapes import circle, figure_eight, spiral, through
+    from agents.references.paths import PathError
+
     middle = three(center)
     try:
         if shape == "circle":
@@ -87,8 +90,10 @@ def _waypoints(file: Path | None) -> list[list[float]]:
     return table
 
 
-def _draw(path: FlightPath, file: Path) -> None:
+def _draw(path: "FlightPath", file: Path) -> None:
     """Path from above, and its speed over time."""
+    import numpy as np
+
     try:
         from matplotlib.figure import Figure
     except ImportError:

@@ -14,12 +14,7 @@ from importlib.util import find_spec
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.live import Live
 
-from ground_station.live_table import fleet_view
-from ground_station.status import fleet_check, fleet_status, readable
-from ground_station.waiting import NotReachedError
 from rcopterx.commands.steer import Vehicles, known_vehicles
 from rcopterx.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
 
@@ -33,6 +28,8 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.
 
 def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> None:
     """Tell once what every vehicle does. Exit code 1 if the fleet is not up."""
+    from ground_station.status import fleet_status, readable
+
     with running_fleet(fleet) as running:
         running.wait_for_status()
         table = fleet_status(running)
@@ -48,6 +45,9 @@ def check(
     fleet: RunningFleetOption = None,
 ) -> None:
     """List what blocks take-off. Exit code 0 if nothing does, 1 otherwise."""
+    from ground_station.status import fleet_check, readable
+    from ground_station.waiting import NotReachedError
+
     with running_fleet(fleet, router_within_s=max(ROUTER_S, wait)) as running:
         known_vehicles(running.file.vehicles, vehicles)
         with suppress(NotReachedError):
@@ -65,6 +65,11 @@ def top(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show the fleet until q or Ctrl-C; without a terminal, show it once."""
+    from rich.console import Console
+    from rich.live import Live
+
+    from ground_station.live_table import fleet_view
+
     console = Console()
     with running_fleet(fleet) as running:
         running.wait_for_status()

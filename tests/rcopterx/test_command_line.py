@@ -127,7 +127,7 @@ def test_wrong_arguments_are_usage_errors_that_say_what_is_allowed(
 def test_a_fleet_that_is_not_up_is_said_so(
     arguments: tuple[str, ...], down: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rcopterx.fleet_option.Fleet", quick_fleet())
+    monkeypatch.setattr("ground_station.fleet.Fleet", quick_fleet())
     result = run(*arguments, "--fleet", down)
     assert result.exit_code == 1
     assert "error: no router at" in result.stderr

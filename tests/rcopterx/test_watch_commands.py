@@ -34,9 +34,7 @@ def run(*arguments: str) -> Result:
 def test_without_a_fleet_the_error_says_how_to_start_one(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "rcopterx.fleet_option.Fleet", lambda file, host, _: Fleet(file, host, timeout_s=0.05)
-    )
+    monkeypatch.setattr("ground_station.fleet.Fleet", lambda file, host, _: Fleet(file, host, timeout_s=0.05))
     path = tmp_path / "down.toml"
     path.write_text(fleet_file_text(own_address()))
     result = run(command, "-f", str(path))
@@ -76,7 +74,7 @@ def test_check_that_waits_also_waits_for_the_router(
         patience.append(router_within_s)
         return Fleet(file, host, router_within_s)
 
-    monkeypatch.setattr("rcopterx.fleet_option.Fleet", joined)
+    monkeypatch.setattr("ground_station.fleet.Fleet", joined)
     for wait in ("1.5", "20"):
         assert run("check", "--wait", wait, "-f", up).exit_code == 0
     assert patience == [3.0, 20.0]

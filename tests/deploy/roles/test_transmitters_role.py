@@ -8,7 +8,8 @@ from support.fleets import HARDWARE_PAIR, PAIR
 
 from deploy.fleet_file.reading import parse_fleet
 from deploy.fleet_file.schema import FleetError
-from deploy.roles.transmitters import gateway_settings, landing_of, limits_of, protocol_of
+from deploy.roles.arbiter_limits import landing_of, limits_of
+from deploy.roles.transmitters import gateway_settings, protocol_of
 from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
 from vehicles.types import COAXIAL
 

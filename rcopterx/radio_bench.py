@@ -1,0 +1,209 @@
+"""The workbench of a radio: its transmitter alone, questions to whoever stands there, and calibration."""
+
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import typer
+
+from deploy.fleet_edit import write_calibration
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.fleet_file.shipped import fleet_path
+from deploy.roles.transmitters import calibration_of, gateway_settings
+from deploy.run_directory import run_directory
+from ground_station.hover_trim import STEADY, HoverError, measured_hover
+from rcopterx.commands.steer import known_vehicles
+from rcopterx.fleet_option import running_fleet, user_errors
+from transmitter_gateway.calibration import Calibration, CalibrationError
+from transmitter_gateway.workbench import Workbench, WorkbenchError
+
+SIGN_QUESTIONS = {
+    "pitch": ((0.5, 0.0, 0.0, 0.0), "u_x = +0.5: does the swash plate tilt nose-down?"),
+    "roll": ((0.0, 0.5, 0.0, 0.0), "u_y = +0.5: does the swash plate tilt to the positive side of u_y?"),
+    "yaw": ((0.0, 0.0, 0.0, 0.4), "u_psi = +0.4: would the yaw drive turn the nose to the left?"),
+}
+SHOW_S = 120.0
+SPIN_S = 10.0
+LARGEST_STEP_US = 60.0
+
+
+class Dialogue:
+    """Asks on standard error and reads lines of standard input while the radio is being served."""
+
+    def __init__(self, bench: Workbench) -> None:
+        self._bench = bench
+        self._input = sys.stdin.fileno()
+        self._waiting = b""
+
+    def line(self, question: str, seconds: float = 3600.0) -> str | None:
+        """Next line in lower case without blanks; None when there was none in time.
+
+        Raises
+        ------
+        WorkbenchError
+            Standard input has ended: there is nobody to answer.
+        """
+        typer.echo(question, err=True)
+        if not self._bench.run(seconds, self.has_line, [self._input]):
+            return None
+        first, _, self._waiting = self._waiting.partition(b"\n")
+        return first.decode(errors="replace").strip().lower()
+
+    def has_line(self) -> bool:
+        """Whether a whole line is there; reads what has arrived."""
+        if b"\n" not in self._waiting and select.select([self._input], [], [], 0)[0]:
+            data = os.read(self._input, 4096)
+            if not data:
+                raise WorkbenchError("standard input has ended without an answer; nothing was changed")
+            self._waiting += data
+        return b"\n" in self._waiting
+
+    def yes(self, question: str) -> bool:
+        """Ask until the answer is yes or no."""
+        while True:
+            answer = self.line(f"{question} [y/n]")
+            if answer in ("y", "yes", "n", "no"):
+                return answer.startswith("y")
+            typer.echo(f"{answer!r}: y or n", err=True)
+
+
+@contextmanager
+def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workbench]]:
+    """The transmitter of a vehicle, exclusively; whatever ends the block, throttle-low frames end it."""
+
+    def stop(number: int, _frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    with user_errors():
+        path = fleet_path(fleet)
+        file = load_fleet(path)
+        known_vehicles(file.vehicles, [vehicle])
+        gateway = file.vehicles[vehicle].transmitter.gateway
+        settings = gateway_settings(file, gateway, run_directory(file.name, file.bus.namespace))
+        own = next(item for item in settings.transmitters if item.vehicle == vehicle)
+        before = signal.signal(signal.SIGTERM, stop)
+        try:
+            with Workbench(own, time.monotonic, _wait) as bench:
+                yield file, path, bench
+        except (WorkbenchError, CalibrationError) as error:
+            typer.echo(f"error: {error}", err=True)
+            raise typer.Exit(1) from None
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+
+def _wait(descriptors: Sequence[int], timeout_s: float) -> Sequence[int]:
+    return select.select(descriptors, [], [], timeout_s)[0]
+
+
+def own_model_match(file: FleetFile, vehicle: str) -> int:
+    """Number of the vehicle's model match.
+
+    Raises
+    ------
+    FleetError
+        Another vehicle has it too: its transmitter could fly this one.
+    """
+    number = file.vehicles[vehicle].transmitter.model_match
+    for name, other in file.vehicles.items():
+        if name != vehicle and other.transmitter.model_match == number:
+            raise FleetError(
+                f"vehicles.{vehicle}.transmitter.model_match: {number} is also that of {name}; "
+                "give every vehicle its own"
+            )
+    return number
+
+
+def save(path: Path, vehicle: str, calibration: Calibration) -> None:
+    """Write a calibration into the fleet file and tell what has changed."""
+    lines = write_calibration(path, vehicle, calibration)
+    for line in lines or ["nothing to change"]:
+        typer.echo(f"{vehicle}: {line}")
+
+
+def asked_signs(
+    bench: Workbench, dialogue: Dialogue, calibration: Calibration, answers: dict[str, str | None]
+) -> Calibration:
+    """Motors off: every axis is deflected until the user has said whether it goes the right way."""
+    for axis, (u, question) in SIGN_QUESTIONS.items():
+        answer = answers[axis]
+        if answer is None:
+            bench.show(u, seconds=SHOW_S)
+            answer = "ok" if dialogue.yes(question) else "reversed"
+        if answer == "reversed":
+            channel = getattr(calibration, axis)
+            calibration = replace(calibration, **{axis: replace(channel, sign=-channel.sign)})
+    bench.show((0.0, 0.0, 0.0, 0.0), seconds=0.1)
+    return calibration
+
+
+def tried_throttle(
+    bench: Workbench, dialogue: Dialogue, calibration: Calibration, us0: float | None, us_hover: float | None
+) -> Calibration:
+    """Tethered: the user raises the throttle in small steps and says when the points are reached."""
+    found: dict[str, float] = {}
+    for name, given in (("us0", us0), ("hover", us_hover)):
+        if given is not None:
+            found[name] = given
+    if len(found) < 2:
+        dialogue.line("Tether the vehicle, keep clear of the rotors, then press return.")
+    low_us = us = calibration.throttle.low_us
+    while missing := [name for name in ("us0", "hover") if name not in found]:
+        points = " and ".join(f"'{name}'" for name in missing)
+        question = f"{us:g} us. A pulse width to try for {SPIN_S:g} s, 'stop', or {points} if this is it:"
+        answer = dialogue.line(question, SPIN_S)
+        if answer is None or answer == "stop":
+            us = low_us
+            bench.show((0.0, 0.0, 0.0, 0.0), seconds=0.1)
+        elif answer in missing:
+            found[answer] = us
+        else:
+            us = _tried(bench, answer, us)
+    bench.show((0.0, 0.0, 0.0, 0.0), seconds=0.1)
+    throttle = replace(calibration.throttle, us0=found["us0"], us_hover=found["hover"])
+    return replace(calibration, throttle=throttle)
+
+
+def _tried(bench: Workbench, answer: str, present_us: float) -> float:
+    """Throttle after an answer that should be a pulse width; a wrong one changes nothing."""
+    try:
+        wanted_us = float(answer)
+    except ValueError:
+        typer.echo(f"{answer!r}: a number, stop, us0 or hover", err=True)
+        return present_us
+    if not wanted_us <= present_us + LARGEST_STEP_US:
+        typer.echo(f"{wanted_us:g} us: at most {LARGEST_STEP_US:g} us more at a time", err=True)
+        return present_us
+    try:
+        bench.show((0.0, 0.0, 0.0, 0.0), throttle_us=wanted_us, seconds=SPIN_S)
+    except WorkbenchError as error:
+        typer.echo(str(error), err=True)
+        return present_us
+    return wanted_us
+
+
+def trim_hover(vehicle: str, seconds: float, fleet: str) -> None:
+    """Mean inputs of a hover in the running fleet become trims; they act from the next start on."""
+    with running_fleet(fleet) as running:
+        known_vehicles(running.file.vehicles, [vehicle])
+        path = fleet_path(fleet)
+        calibration = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
+        try:
+            mean = measured_hover(running, vehicle, seconds)
+            trimmed = calibration.trimmed(mean)
+        except (HoverError, CalibrationError) as error:
+            typer.echo(f"error: {vehicle}: {error}", err=True)
+            raise typer.Exit(1) from None
+        typer.echo(f"{vehicle}: mean inputs pitch {mean[0]:+.3f}, roll {mean[1]:+.3f}, yaw {mean[3]:+.3f}")
+        if max(abs(mean[0]), abs(mean[1]), abs(mean[3])) < STEADY:
+            typer.echo(f"{vehicle}: all below {STEADY:g}, trimmed")
+            return
+        save(path, vehicle, trimmed)
+        typer.echo(f"{vehicle}: land, start the fleet again, and repeat until all are below {STEADY:g}")

@@ -1,0 +1,42 @@
+"""Promises about the start of a command: it imports what it needs, and nothing that takes long beside it."""
+
+import subprocess
+import sys
+
+import pytest
+
+from agents.identification.excitation import BASE_HZ
+from agents.references.path_shapes import HEADINGS
+
+NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib"}
+
+
+def imported_by(statement: str) -> set[str]:
+    """Top-level packages that are loaded after a statement in a fresh interpreter."""
+    script = f"import sys; {statement}; print(*{{name.partition('.')[0] for name in sys.modules}})"
+    return set(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout.split())
+
+
+def test_declarations_of_all_commands_need_neither_the_bus_nor_numerical_libraries() -> None:
+    loaded = imported_by("import rcopterx.command_line")
+    assert "typer" in loaded
+    assert not loaded & (NUMERICAL | {"zenoh", "msgspec", "rich", "agents", "ground_station", "experiments"})
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["from rcopterx import Fleet", "import ground_station.status", "import ground_station.live_table"],
+)
+def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statement: str) -> None:
+    loaded = imported_by(statement)
+    assert "zenoh" in loaded
+    assert not loaded & {"scipy", "osqp", "serial", "simulator", "vicon_gateway", "experiments", "matplotlib"}
+
+
+def test_help_texts_that_are_not_computed_agree_with_the_code() -> None:
+    from rcopterx.commands import identify, trajectory
+
+    (heading,) = trajectory.trajectory.__annotations__["heading"].__metadata__
+    assert heading.help == f"One of {', '.join(HEADINGS)}."
+    (seconds,) = identify.identify.__annotations__["seconds"].__metadata__
+    assert seconds.min == pytest.approx(1 / BASE_HZ)
