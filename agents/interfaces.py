@@ -5,7 +5,7 @@ Write a class with the methods of `Controller` (or `Estimator`), register it und
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -213,6 +213,15 @@ class ScalesLimits(Protocol):
 
     def set_limit_scale(self, limit_scale: LimitScale) -> None:
         """Plan within a fraction of the vehicle's limits, from the next step on."""
+        ...
+
+
+@runtime_checkable
+class StopsEarly(Protocol):
+    """A controller that keeps the time of its steps and offers its best iterate when it runs out."""
+
+    def set_deadline(self, expired: Callable[[], bool]) -> None:
+        """Stop iterating in the next step as soon as `expired` is true; to be told anew before every step."""
         ...
 
 

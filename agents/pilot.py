@@ -10,14 +10,18 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 
+from agents.controllers.step_guard import StepGuard
+from agents.estimators.estimator_guard import EstimatorGuard
 from agents.flight.fleet_clock import FleetClock, InputHistory
 from agents.flight.followed import LeaderPlan
 from agents.flight.guidance import Guidance, resting
 from agents.flight.lift_off import LiftOff
 from agents.flight.prediction import predict
+from agents.flight.time_limit import TimeLimit
 from agents.identification.exciter import Exciter
 from agents.interfaces import AvoidsObstacles, Controller, Estimate, Estimator, Measurement
 from agents.phases import Event, Phase
@@ -34,6 +38,8 @@ BLIND_LIMIT_S = 0.3
 TRANSFER_DECAY = 0.8
 """What is left, after a period, of the difference that another controller or estimator makes to the input."""
 TRANSFER_END = 1e-3
+CONTROLLER_REPLACED: Final = "controller_replaced"
+"""Counted when the default controller takes the place of one that fails."""
 
 _NOBODY: Mapping[str, Neighbour] = MappingProxyType({})
 
@@ -94,6 +100,8 @@ class Pilot:
         Phase and task.
     separation
         Ellipsoid around the vehicle that no other one is to enter; None for no avoidance.
+    default_controller, default_estimator
+        Take the place of those that fail.
     """
 
     rejected: Mapping[str, int] = MappingProxyType({})
@@ -105,10 +113,15 @@ class Pilot:
         estimator: Estimator,
         guidance: Guidance,
         separation: SeparationEllipsoid | None = None,
+        default_controller: Controller | None = None,
+        default_estimator: Estimator | None = None,
     ) -> None:
         self.model = model
         self.controller = controller
-        self.estimator = estimator
+        self.controller_replaced = False
+        """Whether the default controller has taken the place of the one that was chosen."""
+        self.step_guard = StepGuard(model, default_controller)
+        self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
         self.separation = separation
         self.avoiding_ticks = 0
@@ -134,8 +147,20 @@ class Pilot:
 
     @property
     def events(self) -> Mapping[str, int]:
-        """Steps that were not the optimum and periods without a leader, by kind."""
-        return self.fallbacks + self.guidance.events
+        """Steps that were not the optimum, what failed, and periods without a leader, by kind."""
+        return self.fallbacks + self.step_guard.events + self.guidance.events
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What people should know: what failed last, and what has taken its place for good."""
+        found = []
+        if self.step_guard.failure:
+            stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
+            found.append(self.step_guard.failure + stays)
+        if self.estimator.failure:
+            stays = "; the default estimator is used until one is chosen" if self.estimator.replaced else ""
+            found.append(self.estimator.failure + stays)
+        return tuple(found)
 
     @property
     def estimate(self) -> Estimate:
@@ -220,17 +245,28 @@ class Pilot:
             self._lift_off.begin(time_s, float(self.estimate.motion[Z]))
         return refusal
 
+    def limit_time(self, limit: TimeLimit) -> None:
+        """Give up steps of controllers and calls of estimators that take too long."""
+        self.step_guard.limit = self.estimator.limit = limit
+
     def use_controller(self, controller: Controller) -> None:
         """Fly with another controller from the next period on; it starts from the input applied last."""
-        self.controller = controller
+        self.controller, self.controller_replaced = controller, False
+        self.step_guard.failure = ""
         self._transfer_pending = self._flown_by_controller
         self._flown_by_controller = False
 
+    def _replace_failing_controller(self) -> None:
+        default = self.step_guard.default
+        if self.step_guard.given_up and default is not None and default is not self.controller:
+            failure = self.step_guard.failure
+            self.use_controller(default)
+            self.controller_replaced, self.step_guard.failure = True, failure
+            self.fallbacks[CONTROLLER_REPLACED] += 1
+
     def use_estimator(self, estimator: Estimator) -> None:
         """Estimate with another estimator from now on; it starts from the present estimate."""
-        if self.clock.started:
-            estimator.take_over(self.estimate)
-        self.estimator = estimator
+        self.estimator.use(estimator, self.clock.started)
         self._transfer_pending = self._flown_by_controller
 
     def control(
@@ -258,15 +294,16 @@ class Pilot:
         self.exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
         if self._standing:
             return self._stand(time_s + delay_s)
+        self._replace_failing_controller()
         estimate = self._compensated(time_s)
         reference = self.guidance.reference(
             plans, estimate, time_s, delay_s, self.controller.period_s, self.controller.horizon
         )
         if not self._flown_by_controller:
-            self.controller.reset(estimate, self.input_history.newest)
+            self.step_guard.reset(self.controller, estimate, self.input_history.newest)
             self._flown_by_controller = True
         self._keep_clear(neighbours, delay_s)
-        step = self.controller.step(estimate, reference, self.input_history.newest)
+        step = self.step_guard.step(self.controller, estimate, reference, self.input_history.newest)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan = step.plan
@@ -284,7 +321,7 @@ class Pilot:
         """Tell the controller who comes near; only in free flight is there anywhere to go."""
         controller = self.controller if isinstance(self.controller, AvoidsObstacles) else None
         if controller is not None:
-            controller.set_obstacles(())
+            self.step_guard.tell(controller, lambda: controller.set_obstacles(()))
         if not neighbours or self.separation is None or self.plan is None or not self.guidance.followable:
             return
         period_s = self.controller.period_s
@@ -292,7 +329,7 @@ class Pilot:
         found = near(self.separation, neighbours, own_m, period_s, delay_s)
         self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
         if controller is not None:
-            controller.set_obstacles(found.obstacles)
+            self.step_guard.tell(controller, lambda: controller.set_obstacles(found.obstacles))
             self.avoiding_ticks += found.touching
         elif found.touching:
             self.fallbacks["cannot_avoid"] += 1

@@ -2,9 +2,11 @@
 
 import math
 import signal
+import sys
 import threading
 import time
 
+from agents.alarm import AlarmTimeLimit
 from agents.external_control import ExternalControl
 from agents.flight.guidance import Guidance
 from agents.following.leader_changes import LeaderChanges
@@ -44,12 +46,24 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         Unknown controller or estimator, or a setting it does not accept.
     """
     configuration = settings.configuration
+    model, period_s, scale = settings.model, settings.period_s, settings.limit_scale
+    controller = configuration.controller_for(model, period_s, scale)
+    estimator = configuration.estimator_for(model, period_s)
+    default_controller, default_estimator = controller, estimator
+    plain = configuration.with_default_controller()
+    if plain != configuration:
+        default_controller = plain.controller_for(model, period_s, scale)
+    plain = configuration.with_default_estimator()
+    if plain != configuration:
+        default_estimator = plain.estimator_for(model, period_s)
     return Pilot(
-        settings.model,
-        configuration.controller_for(settings.model, settings.period_s, settings.limit_scale),
-        configuration.estimator_for(settings.model, settings.period_s),
+        model,
+        controller,
+        estimator,
         Guidance([followed_leader(link) for link in settings.following]),
         settings.separation,
+        default_controller,
+        default_estimator,
     )
 
 
@@ -99,6 +113,7 @@ class Agent:
         self._control_by_s: float | None = None
         self._report_at_s = clock() + REPORT_PERIOD_S
         self._said: AgentStatus | None = None
+        self._remarked: set[str] = set()
         self._handover = Handover(session, vehicle, pilot, self._tuning)
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
         self._answer_from_s = clock() + ORIENTATION_S
@@ -140,7 +155,7 @@ class Agent:
     def _decide(self) -> None:
         """Settle what was waiting for a leader's plan, or for a controller to be built."""
         leaders_settled, tuned = self._changes.settle(), self._requests.settle_tuning()
-        if leaders_settled or tuned:
+        if leaders_settled or tuned or self._tuning.note_replaced():
             self._report_soon()
 
     def _report_soon(self) -> None:
@@ -194,13 +209,15 @@ class Agent:
         now_s = self._clock()
         self._report_at_s = now_s + REPORT_PERIOD_S
         links = {name: status.following for name, status in self._peers.statuses().items()}
-        self._limit_scaling.tend(
-            self._pilot.controller, self._tuning.configuration.controller_settings, links
-        )
+        controller, chosen = self._pilot.controller, self._tuning.configuration.controller_settings
+        self._pilot.step_guard.tell(controller, lambda: self._limit_scaling.tend(controller, chosen, links))
         plan_age_s = self._plans.plan_age_s(now_s, self._followed())
         diagnostics = self._diagnostics.collect(
             self._observation.pose_age_s, plan_age_s, self._external.client
         )
+        for remark in set(diagnostics.remarks) - self._remarked:
+            print(remark, file=sys.stderr, flush=True)
+        self._remarked = set(diagnostics.remarks)
         self._said = status_message(self._pilot, self._lost.following_mode, diagnostics)
         self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, self._said)
         self._handover.publish()
@@ -225,6 +242,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     realtime = request_realtime(settings.realtime_priority)
+    pilot.limit_time(AlarmTimeLimit())
     with Session(settings.bus, wake=wake.set) as session:
         agent = Agent(settings, pilot, session, realtime)
         settle()

@@ -143,12 +143,13 @@ class DiagnosticsCollector:
             solve_ms_p99=times.p99,
             solve_ms_max=times.maximum,
             fallbacks=_summed(source.events for source in self._sources),
-            estimator_events=dict(getattr(pilot.estimator, "events", {})),
+            estimator_events=dict(pilot.estimator.events),
             rejected=_summed(source.rejected for source in self._sources),
             avoiding_ticks=pilot.avoiding_ticks,
             closest_plan_m=pilot.closest_m,
             realtime=self._realtime,
             process=os.getpid(),
+            remarks=pilot.remarks,
         )
 
 

@@ -23,6 +23,7 @@ MAX_MAGNITUDE = 1e6
 MAX_KNOTS = 600
 KNOT_COLUMNS = 13
 MAX_SETTINGS = 40
+MAX_REMARKS = 8
 MAX_RATE_HZ = 2000.0
 """Of the motion capture."""
 
@@ -301,6 +302,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """The process runs in a real-time scheduling class."""
     process: Count = 0
     """Process id."""
+    remarks: Annotated[tuple[Text, ...], Meta(max_length=MAX_REMARKS)] = ()
+    """What people should know of the vehicle: what failed, and what takes its place."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):

@@ -108,13 +108,18 @@ class Observer:
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
 
     def notes(self) -> list[str]:
-        """Remarks that do not block take-off: subjects of no vehicle, a recording, a lowered bandwidth."""
+        """Remarks that do not block take-off: subjects of no vehicle, a recording, what failed in flight."""
         lowered = [
             f"{name} oscillated: effort factor {status.diagnostics.effort_factor:g} until it is tuned"
             for name, status in self.statuses().items()
             if status.diagnostics.effort_factor > 1.0
         ]
-        return tracker_notes(_newest(self.tracker, self.session.clock())[0]) + lowered
+        told = [
+            f"{name}: {remark}"
+            for name, status in self.statuses().items()
+            for remark in status.diagnostics.remarks
+        ]
+        return tracker_notes(_newest(self.tracker, self.session.clock())[0]) + lowered + told
 
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""

@@ -115,6 +115,7 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
         "rejected": dict(figures.rejected),
         "realtime": figures.realtime,
         "process": figures.process,
+        "remarks": list(figures.remarks),
     }
 
 

@@ -11,12 +11,13 @@ from typing import Final
 
 import numpy as np
 
+from agents.controllers.hovering import hovering_input
 from agents.controllers.roll_out import predict
 from agents.controllers.settings import Limits
 from agents.interfaces import ControlStep, Estimate
 from agents.references.trajectory import POSITION, YAW, Trajectory, hold
 from vehicles.model import Model
-from vehicles.state import U_THRUST, XD_BODY, Array, heading_matrix
+from vehicles.state import U_THRUST, Array
 
 EARLY_STOP: Final = "early_stop"
 SHIFTED_PLAN: Final = "shifted_plan"
@@ -28,10 +29,6 @@ SHIFTED_PLAN_LIMIT_S: Final = 0.3
 _ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
 """Motion, actuators, disturbance: numbers beyond these are no vehicle; cut, they keep arithmetic finite."""
 _REFERENCE_YAW_CAP_RAD: Final = 60.0
-
-_HOVER_STIFFNESS: Final = np.array([2.0, 2.0, 4.0, 9.0])
-_HOVER_DAMPING: Final = np.array([2.5, 2.5, 4.0, 6.0])
-_HOVER_ERROR_CAP: Final = np.array([0.4, 0.4, 0.4, 0.8])
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,13 +128,7 @@ class GuardedController(ABC):
     def _hover_inputs(self, estimate: Estimate) -> Array:
         """Inputs that bring the vehicle to rest at the set point, held over the horizon; shape (N - 1, 4)."""
         model, motion = self._model, estimate.motion
-        set_point = motion[:4] if self._set_point is None else self._set_point
-        error = np.clip(motion[:4] - set_point, -_HOVER_ERROR_CAP, _HOVER_ERROR_CAP)
-        to_body = heading_matrix(motion[YAW]).T
-        error[:2] = to_body @ error[:2]
-        rate = motion[XD_BODY:]
-        acceleration = -_HOVER_STIFFNESS * error - _HOVER_DAMPING * rate
-        first = model.hover_input + acceleration / model.b
+        first = hovering_input(model, motion, motion[:4] if self._set_point is None else self._set_point)
         inputs = np.tile(model.hover_input, (self._horizon - 1, 1))
         inputs[0] = np.clip(first, self._limits.input_min, self._limits.input_max)
         return inputs

@@ -124,6 +124,15 @@ class Tuning:
         if configuration != self.configuration and not self.busy:
             self.begin(configuration)
 
+    def note_replaced(self) -> bool:
+        """Take note of what the pilot has replaced because it failed; True if that is news."""
+        before, pilot = self.configuration, self._pilot
+        if pilot.controller_replaced:
+            self.configuration = self.configuration.with_default_controller()
+        if pilot.estimator.replaced:
+            self.configuration = self.configuration.with_default_estimator()
+        return self.configuration != before
+
     def _prepare(self, wanted: Configuration, occasion: Occasion) -> None:
         try:
             model = self._pilot.model

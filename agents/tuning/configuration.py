@@ -2,11 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 from agents.controllers.registry import CONTROLLERS
 from agents.estimators.registry import ESTIMATORS
 from agents.interfaces import Controller, Estimator, LimitScale, ScalesLimits
 from vehicles.model import Model
+
+DEFAULT_CONTROLLER: Final = "cascade"
+DEFAULT_ESTIMATOR: Final = "extended_kalman"
+"""They fly, with their default settings, where others fail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +61,15 @@ class Configuration:
             estimator=estimator or self.estimator,
             estimator_settings={**kept_by_estimator, **estimator_settings},
         )
+
+    def with_default_controller(self) -> "Configuration":
+        """The configuration with the default controller, which keeps the horizon."""
+        kept = {name: value for name, value in self.controller_settings.items() if name == "horizon"}
+        return replace(self, controller=DEFAULT_CONTROLLER, controller_settings=kept)
+
+    def with_default_estimator(self) -> "Configuration":
+        """The configuration with the default estimator."""
+        return replace(self, estimator=DEFAULT_ESTIMATOR, estimator_settings={})
 
     def controller_for(self, model: Model, period_s: float, limit_scale: LimitScale) -> Controller:
         """Build the controller.

@@ -1,0 +1,147 @@
+"""What stands between an estimator and its pilot: whatever an estimator does, there is an estimate.
+
+An estimator may be somebody else's. Once it raises, tells an estimate that is none or does not return in
+time, its state cannot be trusted any more: the default estimator goes on from the last good estimate.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Final, TypeVar
+
+import numpy as np
+
+from agents.flight.time_limit import NoTimeLimit, OutOfTimeError, TimeLimit
+from agents.interfaces import Estimate, Estimator, Measurement
+from vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
+
+RAISED: Final = "estimator_raised"
+UNUSABLE: Final = "estimator_unusable"
+LATE: Final = "estimator_late"
+STEP_LIMIT_S: Final = 0.006
+"""Time that one call may take."""
+FIRST_CALLS: Final = 10
+FIRST_CALLS_FACTOR: Final = 8.0
+"""The first calls load code and fill caches; they may take so many times as long."""
+LONGEST_TEXT: Final = 300
+
+T = TypeVar("T")
+
+
+class EstimatorGuard:
+    """An `Estimator` that goes on with the default one when the one that it asks fails.
+
+    Parameters
+    ----------
+    estimator
+        The one to ask.
+    default
+        Takes its place; None for none, which leaves the last good estimate where the estimator fails.
+    limit
+        Time that a call may take.
+
+    Attributes
+    ----------
+    failures
+        How often which kind of failure happened.
+    failure
+        What the last failure was; empty before the first one.
+    """
+
+    def __init__(
+        self, estimator: Estimator, default: Estimator | None = None, limit: TimeLimit | None = None
+    ) -> None:
+        self.limit = NoTimeLimit() if limit is None else limit
+        self.failures: Counter[str] = Counter()
+        self.failure = ""
+        self.replaced = False
+        """Whether the default estimator has taken the place of the one that was chosen."""
+        self._asked = estimator
+        self._default = default
+        self._calls = 0
+        nowhere = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
+        self._estimate = nowhere
+        self._ask(_nothing, None)
+
+    @property
+    def estimate(self) -> Estimate:
+        """The last good estimate."""
+        return self._estimate
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """Failures by kind, and what the estimator counts."""
+        return self.failures + Counter(getattr(self._asked, "events", {}))
+
+    def use(self, estimator: Estimator, started: bool) -> None:
+        """Ask another estimator from now on; it goes on from the present estimate once that has started."""
+        self._asked, self._calls, self.replaced, self.failure = estimator, 0, False, ""
+        if started:
+            self.take_over(self._estimate)
+        else:
+            self._ask(_nothing, None)
+
+    def reset(self, measurement: Measurement) -> None:
+        """See `Estimator.reset`."""
+        self._ask(lambda asked: asked.reset(measurement), None)
+
+    def take_over(self, estimate: Estimate) -> None:
+        """See `Estimator.take_over`."""
+        self._ask(lambda asked: asked.take_over(estimate), None)
+
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """See `Estimator.predict`."""
+        self._ask(lambda asked: asked.predict(applied_input, period_s), None)
+
+    def correct(self, measurement: Measurement) -> bool:
+        """See `Estimator.correct`."""
+        return bool(self._ask(lambda asked: asked.correct(measurement), False))
+
+    def _ask(self, question: Callable[[Estimator], T], otherwise: T) -> T:
+        """Ask the estimator, and the default one if that fails; `otherwise` if nobody knows."""
+        answer = self._attempt(question)
+        if answer is None and self._default is not None and self._asked is not self._default:
+            self._asked, self._calls, self.replaced = self._default, 0, True
+            self._go_on()
+            answer = self._attempt(question)
+        if answer is None:
+            self._go_on()
+            return otherwise
+        return answer[0]
+
+    def _go_on(self) -> None:
+        """Start from the last good estimate, as what the estimator knows cannot be trusted any more."""
+        good = self._estimate
+        self._attempt(lambda asked: asked.take_over(good))
+
+    def _attempt(self, question: Callable[[Estimator], T]) -> tuple[T] | None:
+        """Answer of an estimator whose estimate is good after it; None after a failure, which is counted."""
+        self._calls += 1
+        limit_s = STEP_LIMIT_S * (FIRST_CALLS_FACTOR if self._calls <= FIRST_CALLS else 1.0)
+        name = type(self._asked).__name__
+        try:
+            with self.limit.within(limit_s):
+                answer, estimate = question(self._asked), self._asked.estimate
+            if self.limit.used_s() > limit_s:
+                raise OutOfTimeError
+            if _is_good(estimate):
+                self._estimate = estimate
+                return (answer,)
+            self._note(UNUSABLE, f"{name}: the estimate is not finite or has another shape than a vehicle's")
+        except OutOfTimeError:
+            self._note(LATE, f"{name}: a call took longer than {1e3 * limit_s:.0f} ms")
+        except Exception as error:  # noqa: BLE001 - it may be somebody else's and raise anything
+            self._note(RAISED, f"{name}: {type(error).__name__}: {error}")
+        return None
+
+    def _note(self, kind: str, text: str) -> None:
+        self.failures[kind] += 1
+        self.failure = text[:LONGEST_TEXT]
+
+
+def _nothing(_: Estimator) -> None:
+    """Ask for the estimate only."""
+
+
+def _is_good(estimate: Estimate) -> bool:
+    shapes = estimate.motion.shape, estimate.actuator.shape, estimate.disturbance.shape
+    return shapes == ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) and estimate.is_finite

@@ -1,0 +1,158 @@
+"""Whatever an estimator does, there is an estimate, and what happened is told."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.failing import BrokenError
+from support.flight import ExactEstimator, still
+
+from agents.estimators.estimator_guard import FIRST_CALLS, LATE, RAISED, UNUSABLE, EstimatorGuard
+from agents.flight.time_limit import NoTimeLimit
+from agents.interfaces import Estimate, Measurement
+from vehicles.state import Array
+from vehicles.types import COAXIAL_LAG
+
+PLACE = Measurement(np.array([0.1, 0.2, 1.0]), 0.3)
+HOVER = COAXIAL_LAG.hover_input
+METHODS = ("reset", "take_over", "predict", "correct", "estimate")
+
+
+class FailingEstimator(ExactEstimator):
+    """Fails in one method from a call on.
+
+    Parameters
+    ----------
+    method
+        Which one.
+    sound_calls
+        Calls of it that go well.
+    """
+
+    def __init__(self, method: str, sound_calls: int = 0) -> None:
+        super().__init__()
+        self._method = method
+        self._left = sound_calls
+
+    def _call(self, method: str) -> None:
+        if method == self._method:
+            self._left -= 1
+            if self._left < 0:
+                raise BrokenError("no covariance")
+
+    def reset(self, measurement: Measurement) -> None:
+        self._call("reset")
+        super().reset(measurement)
+
+    def take_over(self, estimate: Estimate) -> None:
+        self._call("take_over")
+        super().take_over(estimate)
+
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        self._call("predict")
+        super().predict(applied_input, period_s)
+
+    def correct(self, measurement: Measurement) -> bool:
+        self._call("correct")
+        return super().correct(measurement)
+
+    @property
+    def estimate(self) -> Estimate:
+        self._call("estimate")
+        return super().estimate
+
+
+def fly(guard: EstimatorGuard, periods: int = 20) -> None:
+    guard.reset(PLACE)
+    for _ in range(periods):
+        guard.predict(HOVER, 0.02)
+        guard.correct(PLACE)
+    guard.take_over(guard.estimate)
+
+
+@given(st.sampled_from(METHODS), st.integers(0, 30))
+@settings(max_examples=60, deadline=None)
+def test_the_default_estimator_goes_on_from_the_last_good_estimate(method: str, sound_calls: int) -> None:
+    sound = EstimatorGuard(ExactEstimator())
+    guard = EstimatorGuard(FailingEstimator(method, sound_calls), ExactEstimator())
+    fly(sound)
+    fly(guard)
+    assert np.allclose(guard.estimate.motion, sound.estimate.motion)
+    assert np.allclose(guard.estimate.actuator, sound.estimate.actuator)
+    assert guard.replaced == (guard.failures[RAISED] > 0)
+    assert guard.failures[RAISED] <= 1
+    if guard.replaced:
+        assert guard.failure == "FailingEstimator: BrokenError: no covariance"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_without_another_estimator_the_last_good_estimate_stays(method: str) -> None:
+    guard = EstimatorGuard(FailingEstimator(method))
+    fly(guard)
+    assert guard.estimate.is_finite
+    assert guard.failures[RAISED] > 0
+
+
+class Diverging(ExactEstimator):
+    """Tells what is no estimate."""
+
+    def __init__(self, change: dict[str, Array]) -> None:
+        super().__init__()
+        self._change = change
+
+    @property
+    def estimate(self) -> Estimate:
+        return replace(super().estimate, **self._change)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"motion": np.full(8, np.nan)}, {"motion": np.zeros(7)}, {"disturbance": np.full(4, np.inf)}],
+)
+def test_what_is_no_estimate_is_not_used(change: dict[str, Array]) -> None:
+    guard = EstimatorGuard(Diverging(change), ExactEstimator())
+    fly(guard)
+    assert guard.replaced
+    assert guard.failures[UNUSABLE] == 1
+    assert guard.estimate.motion[:2] == pytest.approx(PLACE.position_m[:2], abs=1e-2)
+
+
+def test_the_default_estimator_stays_until_somebody_chooses_again() -> None:
+    guard = EstimatorGuard(FailingEstimator("predict"), ExactEstimator())
+    fly(guard)
+    assert guard.replaced
+    guard.use(ExactEstimator(), started=True)
+    fly(guard)
+    assert not guard.replaced
+    assert not guard.failure
+    assert guard.events == {RAISED: 1}
+
+
+def test_a_call_that_takes_too_long_is_a_failure_but_for_the_first_ones() -> None:
+    class Slow(NoTimeLimit):
+        def used_s(self) -> float:
+            return 0.02
+
+    guard = EstimatorGuard(ExactEstimator(), ExactEstimator(), Slow())
+    guard.reset(PLACE)
+    for _ in range(FIRST_CALLS - 2):
+        guard.predict(HOVER, 0.02)
+    assert not guard.replaced
+    guard.predict(HOVER, 0.02)
+    assert guard.replaced
+    assert guard.failures[LATE] == 1
+
+
+def test_what_an_estimator_counts_is_told() -> None:
+    class Counting(ExactEstimator):
+        events: ClassVar = {"restarts": 2}
+
+    assert EstimatorGuard(Counting()).events == {"restarts": 2}
+
+
+def test_before_anything_is_known_the_estimate_is_at_rest() -> None:
+    guard = EstimatorGuard(FailingEstimator("estimate"))
+    assert np.array_equal(guard.estimate.motion, still().motion)

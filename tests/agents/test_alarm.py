@@ -1,0 +1,51 @@
+"""Steps that take too long are interrupted; what runs within its time is left alone."""
+
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+from support.failing import compute_for
+
+from agents.alarm import LONGEST_WAIT_S, AlarmTimeLimit
+from agents.flight.time_limit import OutOfTimeError
+
+
+@pytest.fixture
+def limit() -> Iterator[AlarmTimeLimit]:
+    before = signal.getsignal(signal.SIGALRM)
+    yield AlarmTimeLimit()
+    signal.signal(signal.SIGALRM, before)
+
+
+def test_code_that_computes_for_ever_is_interrupted(limit: AlarmTimeLimit) -> None:
+    begun_s = time.thread_time()
+    with pytest.raises(OutOfTimeError), limit.within(0.02):
+        compute_for(60.0)
+    assert 0.02 <= time.thread_time() - begun_s < 5.0
+
+
+def test_code_that_waits_for_ever_is_interrupted(limit: AlarmTimeLimit) -> None:
+    with pytest.raises(OutOfTimeError), limit.within(0.01):
+        threading.Event().wait(60.0)
+
+
+def test_waiting_is_not_computing(limit: AlarmTimeLimit) -> None:
+    with limit.within(0.005):
+        time.sleep(LONGEST_WAIT_S / 4)
+    assert limit.used_s() < 0.005
+
+
+def test_code_that_catches_everything_has_still_used_too_much(limit: AlarmTimeLimit) -> None:
+    with limit.within(0.01), contextlib.suppress(BaseException):
+        compute_for(60.0)
+    assert limit.used_s() > 0.01
+
+
+def test_afterwards_nothing_rings(limit: AlarmTimeLimit) -> None:
+    with limit.within(0.005):
+        pass
+    compute_for(0.03)
+    assert limit.used_s() < 0.005
