@@ -104,6 +104,11 @@ class LagKalmanEstimator(PoseEstimator):
     @property
     def estimate(self) -> Estimate:
         """The current estimate."""
+        return self._lagged
+
+    @property
+    def _lagged(self) -> Estimate:
+        """What first-order lags and disturbances explain; the filter moves on by nothing else."""
         return Estimate(self._motion, self._actuator, self._disturbance)
 
     @property
@@ -141,7 +146,7 @@ class LagKalmanEstimator(PoseEstimator):
             self._standing = not self._thrust_carries()
             return
         start = self._motion
-        predicted = predict(self._model, self.estimate, applied_input, period_s)
+        predicted = predict(self._model, self._lagged, applied_input, period_s)
         self._motion, self._actuator = predicted.motion, predicted.actuator
         linearization, process = self._prepared(period_s)
         jacobian = linearization.jacobian(start, self._motion)

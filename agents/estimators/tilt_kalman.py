@@ -12,7 +12,7 @@ from agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstima
 from agents.estimators.tilt_filter import TiltFilter
 from agents.interfaces import Estimate, Measurement
 from vehicles.model import Model
-from vehicles.state import XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
+from vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
 
 TILT_DENSITY_OF_GAIN = 7.0
 """Random-walk density of the tilt rate per unit of what the gain may be wrong
@@ -56,7 +56,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
     @property
     def estimate(self) -> Estimate:
         """The current estimate."""
-        lagged, found = super().estimate, self._tilt_filter
+        lagged, found = self._lagged, self._tilt_filter
         motion = lagged.motion.copy()
         motion[:2] = found.position_m
         motion[XD_BODY:ZD_BODY] = heading_matrix(motion[YAW]).T @ found.velocity_m_s
@@ -110,10 +110,10 @@ class TiltKalmanEstimator(LagKalmanEstimator):
             self._tilt_filter.predict(applied_input[:2], middle_rad, period_s)
 
     def _take_in(self, innovation: Array) -> None:
-        pose = super().estimate.motion[:4] + innovation
+        pose = self._motion[:INPUT_SIZE] + innovation
         pose[:2] = self._tilt_filter.position_m + innovation[:2]
         standing = self.standing
-        super()._take_in(pose - self._motion[:4])
+        super()._take_in(pose - self._motion[:INPUT_SIZE])
         if standing:
             self._tilt_filter.stand(pose[:2], self._measured_tilt, float(pose[YAW]))
         else:
