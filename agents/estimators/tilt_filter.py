@@ -105,8 +105,8 @@ class TiltFilter:
 
     @property
     def estimate(self) -> TiltEstimate:
-        """What is known of the tilt."""
-        state = self._state
+        """What is known of the tilt; it stays what it was when the filter moves on."""
+        state = self._state.copy()
         return TiltEstimate(state[self._core], state[self._servo], state[self._wind], state[self._trim])
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:

@@ -51,16 +51,19 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         self._tilt_filter = tilt_filter_of(model, settings)
         self._use_tilt = settings.measured_tilt
         self._measured_tilt: Array | None = None
+        self._present: Estimate | None = None
         super().__init__(model, period_s, settings)
 
     @property
     def estimate(self) -> Estimate:
-        """The current estimate."""
-        lagged, found = self._lagged, self._tilt_filter
-        motion = lagged.motion.copy()
-        motion[:2] = found.position_m
-        motion[XD_BODY:ZD_BODY] = heading_matrix(motion[YAW]).T @ found.velocity_m_s
-        return replace(lagged, motion=motion, tilt=found.estimate)
+        """The current estimate; put together once after each change, because a control period asks often."""
+        if self._present is None:
+            lagged, found = self._lagged, self._tilt_filter
+            motion = lagged.motion.copy()
+            motion[:2] = found.position_m
+            motion[XD_BODY:ZD_BODY] = heading_matrix(motion[YAW]).T @ found.velocity_m_s
+            self._present = replace(lagged, motion=motion, tilt=found.estimate)
+        return self._present
 
     @property
     def tilt_filter(self) -> TiltFilter:
@@ -71,11 +74,19 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         """Start at rest at a measured pose (`PoseEstimator.reset`)."""
         self._measured_tilt = self._tilt_of(measurement)
         super().reset(measurement)
+        self._present = None
+
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """Move the estimate on by one period (`PoseEstimator.predict`)."""
+        super().predict(applied_input, period_s)
+        self._present = None
 
     def correct(self, measurement: Measurement) -> bool:
         """Take in a pose (`PoseEstimator.correct`)."""
         self._measured_tilt = self._tilt_of(measurement)
-        return super().correct(measurement)
+        believed = super().correct(measurement)
+        self._present = None
+        return believed
 
     def take_over(self, estimate: Estimate) -> None:
         """Start from another estimator's estimate, tilt and disturbance included."""
@@ -83,6 +94,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         super().take_over(estimate)
         if estimate.tilt is not None:
             self._tilt_filter.take_over(estimate.tilt)
+        self._present = None
 
     def _tilt_of(self, measurement: Measurement) -> Array | None:
         tilt = measurement.tilt if self._use_tilt else None

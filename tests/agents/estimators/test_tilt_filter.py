@@ -1,5 +1,9 @@
 """Promises of the tilt filter: it finds tilt, trim and crooked markers, with or without a measured tilt."""
 
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +13,7 @@ from agents.estimators.registry import ESTIMATORS
 from agents.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
 from agents.estimators.tilt_kalman import TiltKalmanEstimator
 from agents.flight.lateral import POSITION, LateralSystem, demand_matrix
-from agents.interfaces import Measurement
+from agents.interfaces import Estimate, Measurement
 from vehicles.state import heading_matrix
 from vehicles.types import COAXIAL
 
@@ -105,3 +109,32 @@ def test_the_filter_of_a_helicopter_is_the_one_with_a_tilt_and_can_do_without_it
         estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0, np.array([0.04, 0.0])))
         expected = 0.04 if not settings_of else 0.0
         assert estimator.tilt_filter.body_offset_rad[0] == pytest.approx(expected)
+
+
+def test_an_estimate_of_a_helicopter_stays_what_it_was_and_the_next_one_is_new() -> None:
+    estimator = ESTIMATORS.build("extended_kalman", COAXIAL, PERIOD_S, {})
+    assert isinstance(estimator, TiltKalmanEstimator)
+    estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(2)))
+    changes: list[Callable[[], object]] = [
+        lambda: estimator.predict(COAXIAL.hover_input, PERIOD_S),
+        lambda: estimator.predict(COAXIAL.hover_input + np.array([0.2, 0.0, 0.0, 0.0]), PERIOD_S),
+        lambda: estimator.correct(Measurement(np.array([0.002, 0.0, 1.0]), 0.0, np.array([0.05, 0.0]))),
+        lambda: estimator.take_over(replace(estimator.estimate, motion=np.full(8, 0.1))),
+        lambda: estimator.reset(Measurement(np.array([0.3, 0.0, 1.0]), 0.0, np.array([0.1, 0.0]))),
+    ]
+    for change in changes:
+        before = estimator.estimate
+        assert estimator.estimate is before
+        kept = deepcopy(before)
+        change()
+        assert_same(before, kept)
+        assert estimator.estimate is not before
+
+
+def assert_same(one: Estimate, other: Estimate) -> None:
+    assert one.tilt is not None
+    assert other.tilt is not None
+    for name in ("motion", "actuator", "disturbance"):
+        assert (getattr(one, name) == getattr(other, name)).all()
+    for name in ("core", "servo", "wind_m_s2", "trim"):
+        assert (getattr(one.tilt, name) == getattr(other.tilt, name)).all()
