@@ -11,6 +11,7 @@ import numpy as np
 from agents.estimators.base import PoseEstimator, body_motion
 from agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
 from agents.estimators.settings import EstimatorSettings, FourPositive, Positive
+from agents.flight.linear import prepared_period
 from agents.flight.prediction import actuator_response, predict
 from agents.interfaces import Estimate
 from vehicles.model import Model
@@ -21,8 +22,6 @@ _LIFTING_FRACTION: Final = 0.9
 _MOVED_M: Final = 0.01
 """Departure from where it stood that shows that a vehicle stands no more."""
 _MOST_PERIODS: Final = 64
-_PERIOD_DIGITS: Final = 5
-"""Periods are told apart to 10 us, so that the rounding of time stamps costs no preparation."""
 _START_DEVIATION: Final = np.array(
     [0.001, 0.001, 0.001, 0.005, 0.3, 0.3, 0.3, 1.0, 0.03, 0.03, 0.03, 0.03, 0.3, 0.3, 0.8, 3.0]
 )
@@ -92,7 +91,7 @@ class LagKalmanEstimator(PoseEstimator):
 
     def _prepared(self, period_s: float) -> tuple[Linearization, Array]:
         """Linearization and process noise of a period, kept because preparing takes longer than a step."""
-        period_s = round(period_s, _PERIOD_DIGITS)
+        period_s = prepared_period(period_s)
         prepared = self._preparations.get(period_s)
         if prepared is None:
             if len(self._preparations) >= _MOST_PERIODS:

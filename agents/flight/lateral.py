@@ -13,8 +13,8 @@ from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.linalg import expm
 
+from agents.flight.linear import prepared_period, zero_order_hold
 from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
 
@@ -37,8 +37,8 @@ class LateralSystem:
 
     Attributes
     ----------
-    continuous
-        x' = continuous x without a demand, shape (n, n).
+    continuous, continuous_demand
+        x' = continuous x + continuous_demand e, shapes (n, n) and (n, 2).
     acceleration
         Acceleration = acceleration x, wind included, shape (2, n); a demand acts through the servo only.
     core, servo, wind
@@ -73,30 +73,32 @@ class LateralSystem:
         self.continuous[self.core, self.servo] = dynamics.b
         self.continuous[self.servo, self.servo] = -np.eye(2) / model.tilt.servo_lag_s
         self.continuous[self.wind, self.wind] = -np.eye(2) / WIND_CORRELATION_S
+        self.continuous_demand: Array = np.zeros((self.size, 2))
+        self.continuous_demand[self.servo] = np.eye(2) / model.tilt.servo_lag_s
         self.servo_pole = math.exp(-period_s / model.tilt.servo_lag_s)
-        self._servo_lag_s = model.tilt.servo_lag_s
 
     @property
     def transition(self) -> Array:
         """State after a period per state before it, shape (n, n)."""
-        return self._step[: self.size, : self.size]
+        return self._step[0]
 
     @property
     def demand(self) -> Array:
         """State after a period per demand, shape (n, 2)."""
-        return self._step[: self.size, self.size :]
+        return self._step[1]
 
     @cached_property
-    def _step(self) -> Array:
-        whole = np.zeros((self.size + 2, self.size + 2))
-        whole[: self.size, : self.size] = self.continuous
-        whole[self.servo, self.size :] = np.eye(2) / self._servo_lag_s
-        return np.asarray(expm(self.period_s * whole))
+    def _step(self) -> tuple[Array, Array]:
+        return zero_order_hold(self.continuous, self.continuous_demand, self.period_s)
+
+
+def lateral_system(model: Model, period_s: float) -> LateralSystem:
+    """The system of a model and a period, kept because preparing it takes longer than a step."""
+    return _kept_system(model, prepared_period(period_s))
 
 
 @lru_cache(maxsize=64)
-def lateral_system(model: Model, period_s: float) -> LateralSystem:
-    """The system of a model and a period, kept because preparing it takes longer than a step."""
+def _kept_system(model: Model, period_s: float) -> LateralSystem:
     return LateralSystem(model, period_s)
 
 

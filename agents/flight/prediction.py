@@ -15,8 +15,6 @@ from agents.interfaces import Estimate, TiltEstimate
 from vehicles.model import Model
 from vehicles.state import XD_BODY, YAW, ZD_BODY, Array, heading_matrix
 
-_PERIOD_DIGITS: Final = 5
-"""Periods are told apart to 10 us, so that the rounding of time stamps costs no preparation."""
 _LONGEST_STEP_S: Final = 0.0201
 """Beyond one 50 Hz period Runge-Kutta steps are split, which keeps positions exact to micrometres."""
 
@@ -66,7 +64,7 @@ def _with_tilt(
     model: Model, start: Estimate, tilt: TiltEstimate, end: Estimate, applied_input: Array, period_s: float
 ) -> Estimate:
     """The horizontal part of a prediction by the tilt model; heading and height are those of `end`."""
-    system = lateral_system(model, round(period_s, _PERIOD_DIGITS))
+    system = lateral_system(model, period_s)
     yaw_rad, end_rad = float(start.motion[YAW]), float(end.motion[YAW])
     stick = applied_input[:2] + tilt.trim
     demand = demand_matrix(model, 0.5 * (yaw_rad + end_rad))

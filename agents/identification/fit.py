@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from agents.identification.linear_filter import Complex
+from agents.flight.linear import Complex
 from agents.identification.motions import Motion, Offsets, heading, horizontal, vertical
 from agents.identification.parameters import (
     FREQUENCY,

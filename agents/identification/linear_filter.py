@@ -7,13 +7,11 @@ vector become one complex number, x + i y. Height and heading are real systems.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
+from agents.flight.linear import Complex, zero_order_hold
 from vehicles.state import Array
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -54,10 +52,10 @@ class StationaryPredictor:
         self.period_s = period_s
         self._whole_periods = int(delay_s / period_s)
         late_s = delay_s - self._whole_periods * period_s
-        self._a, _ = _held(system, period_s)
+        self._a, _ = zero_order_hold(system.a, system.b, period_s)
         self._c = system.c
-        rest, self._newest = _held(system, period_s - late_s)
-        self._older = rest @ _held(system, late_s)[1]
+        rest, self._newest = zero_order_hold(system.a, system.b, period_s - late_s)
+        self._older = rest @ zero_order_hold(system.a, system.b, late_s)[1]
         process = period_s * np.diag(system.process_variance).astype(complex)
         noise = np.diag(system.measurement_variance).astype(complex)
         covariance = solve_discrete_are(self._a.conj().T, system.c.conj().T, process, noise)
@@ -123,12 +121,3 @@ class StationaryPredictor:
         delayed = np.concatenate((before, inputs))
         count = len(inputs)
         return np.outer(delayed[1 : count + 1], self._newest) + np.outer(delayed[:count], self._older)
-
-
-def _held(system: LinearSystem, time_s: float) -> tuple[Complex, Complex]:
-    """Transition over a time and what a constant input adds to it."""
-    size = len(system.a)
-    whole = np.zeros((size + 1, size + 1), complex)
-    whole[:size, :size], whole[:size, size] = system.a, system.b
-    step: Complex = expm(time_s * whole).astype(np.complex128)
-    return step[:size, :size], step[:size, size]

@@ -5,8 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.lateral import WIND_CORRELATION_S
-from agents.identification.linear_filter import Complex, LinearSystem, StationaryPredictor
+from agents.flight.lateral import WIND_CORRELATION_S, LateralSystem
+from agents.flight.linear import Complex, as_complex
+from agents.identification.linear_filter import LinearSystem, StationaryPredictor
 from agents.identification.recording import FlightRecording
 from vehicles.model import Model
 from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
@@ -76,7 +77,7 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
         measured.append(
             _complex(recording.tilt) - np.exp(1j * recording.yaw_rad) * complex(*offsets.body_rad)
         )
-    system = _horizontal_system(model, with_tilt)
+    system = _horizontal_system(model, recording.period_s, with_tilt)
     predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
     return Motion(predictor, demand, np.column_stack(measured))
 
@@ -105,34 +106,33 @@ def _of_single_axis(
     return Motion(predictor, stick.astype(complex), measured[:, None].astype(complex))
 
 
-def _horizontal_system(model: Model, with_tilt: bool) -> LinearSystem:
+def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> LinearSystem:
     """Position, velocity, core of the tilt model, servo, wind; without tilt model the lag is the servo."""
     if model.tilt is None:
-        lag_s = max(0.5 * sum(model.lag_s[:2]), 1e-3)
-        core_a, core_b = np.zeros((0, 0), complex), np.zeros(0, complex)
-        core_c, direct = np.zeros(0, complex), 1.0 + 0.0j
+        a, b = _plane_behind_lag(model)
+        servo, wind, rate = 2, 3, []
     else:
-        lag_s, dynamics = model.tilt.servo_lag_s, model.tilt.dynamics()
-        core_a, core_b = _of_plane(dynamics.a), _of_plane(dynamics.b)[:, 0]
-        core_c, direct = _of_plane(dynamics.c)[0], complex(_of_plane(dynamics.d)[0, 0])
-    core = slice(2, 2 + len(core_b))
-    servo, wind = core.stop, core.stop + 1
-    a = np.zeros((wind + 1, wind + 1), complex)
-    a[0, 1] = 1.0
-    a[1, 1] = 0.5 * sum(model.damping[:2])
-    a[1, core], a[1, servo], a[1, wind] = core_c, direct, 1.0
-    a[core, core], a[core, servo] = core_a, core_b
-    a[servo, servo], a[wind, wind] = -1.0 / lag_s, -1.0 / WIND_CORRELATION_S
-    b = np.zeros(wind + 1, complex)
-    b[servo] = 1.0 / lag_s
-    c = np.eye(3, wind + 1, dtype=complex)[[0, 2] if with_tilt else [0]]
-    density = np.zeros(wind + 1)
-    density[1], density[servo] = _VELOCITY_DENSITY, _SERVO_DENSITY
-    if model.tilt is not None:
-        density[3] = _RATE_DENSITY
+        lateral = LateralSystem(model, period_s)
+        a, b = as_complex(lateral.continuous), as_complex(lateral.continuous_demand)[:, 0]
+        servo, wind, rate = lateral.servo.start // 2, lateral.wind.start // 2, [lateral.tilt_rate.start // 2]
+    c = np.eye(3, len(b), dtype=complex)[[0, 2] if with_tilt else [0]]
+    density = np.zeros(len(b))
+    density[1], density[servo], density[rate] = _VELOCITY_DENSITY, _SERVO_DENSITY, _RATE_DENSITY
     density[wind] = WIND_M_S2 * np.sqrt(2.0 / WIND_CORRELATION_S)
     noise = np.array([POSITION_NOISE_M, TILT_NOISE])[: len(c)]
     return LinearSystem(a, b, c, density**2, noise**2)
+
+
+def _plane_behind_lag(model: Model) -> tuple[Complex, Complex]:
+    """Position, velocity, servo, wind of a vehicle without tilt model: A and B."""
+    lag_s = max(0.5 * sum(model.lag_s[:2]), 1e-3)
+    a = np.zeros((4, 4), complex)
+    a[0, 1] = 1.0
+    a[1, 1:] = 0.5 * sum(model.damping[:2]), 1.0, 1.0
+    a[2, 2], a[3, 3] = -1.0 / lag_s, -1.0 / WIND_CORRELATION_S
+    b = np.zeros(4, complex)
+    b[2] = 1.0 / lag_s
+    return a, b
 
 
 def _single_axis(model: Model, axis: int, noise: float, wind: float, drift: float) -> LinearSystem:
@@ -151,8 +151,3 @@ def _single_axis(model: Model, axis: int, noise: float, wind: float, drift: floa
 
 def _complex(vectors: Array) -> Complex:
     return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
-
-
-def _of_plane(matrix: Array) -> Complex:
-    """A real matrix that maps pairs of components and commutes with rotations, as a complex one."""
-    return np.asarray(matrix[0::2, 0::2] + 1j * matrix[1::2, 0::2])

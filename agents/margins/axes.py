@@ -12,10 +12,11 @@ import numpy as np
 
 from agents.estimators.lag_kalman import ExtendedKalmanSettings
 from agents.estimators.tilt_kalman import tilt_filter_of
-from agents.flight.lateral import LateralSystem
-from agents.margins.loop import Dynamics, FeedbackLoop, discrete, regulator, steady_filter_gain
+from agents.flight.lateral import LateralSystem, lateral_system
+from agents.flight.linear import as_complex, zero_order_hold
+from agents.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
 from vehicles.model import Model
-from vehicles.state import U_YAW, Array
+from vehicles.state import U_YAW
 
 Weights = tuple[float, float, float]
 """Of position, velocity and input."""
@@ -47,7 +48,7 @@ def tilt_loop(
         The cascade predicts with the estimated wind.
     """
     loop = _filtered_tilt(model, period_s, estimator)
-    system = LateralSystem(model, period_s)
+    system = lateral_system(model, period_s)
     known, wind = system.size // 2, system.wind.start // 2
     a, b = loop.filter_step(period_s)
     position, velocity, effort = weights
@@ -66,11 +67,11 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
     """Plant and filter of `tilt_loop`, without feedback yet; preparing them takes longer than a regulator."""
     assert model.tilt is not None
     tilt, gain = model.tilt, float(model.b[:2].mean())
-    system = LateralSystem(model, period_s)
+    system = lateral_system(model, period_s)
     servo, wind, trim = system.servo.start // 2, system.wind.start // 2, system.size // 2
     offset = trim + 1
     a = np.zeros((offset + 1, offset + 1), dtype=complex)
-    a[:trim, :trim] = _complex(system.continuous)
+    a[:trim, :trim] = as_complex(system.continuous)
     a[servo, trim] = 1.0 / tilt.servo_lag_s
     b = np.zeros(offset + 1, dtype=complex)
     b[servo] = 1.0 / tilt.servo_lag_s
@@ -79,7 +80,7 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
     found = tilt_filter_of(model, estimator)
     per_stick = np.ones(offset + 1)
     per_stick[[servo, trim]] = gain
-    process = _complex(found.process_noise(system)) * np.outer(per_stick, per_stick)
+    process = as_complex(found.process_noise(system)) * np.outer(per_stick, per_stick)
     noise = found.variances[::2]
     if not estimator.measured_tilt:
         # nothing tells the offset of the body frame then, and it does not matter
@@ -89,12 +90,12 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
     @lru_cache(maxsize=64)
     def plant_step(frequency: float, time_s: float) -> Dynamics:
         other = replace(model, tilt=replace(tilt, frequency_rad_s=frequency * tilt.frequency_rad_s))
-        dynamics = _complex(LateralSystem(other, period_s).continuous)
-        return discrete((dynamics[:wind, :wind], b[:wind]), time_s)
+        dynamics = as_complex(LateralSystem(other, period_s).continuous)
+        return zero_order_hold(dynamics[:wind, :wind], b[:wind], time_s)
 
     @lru_cache(maxsize=8)
     def filter_step(time_s: float) -> Dynamics:
-        return discrete((a, b), time_s)
+        return zero_order_hold(a, b, time_s)
 
     return FeedbackLoop(
         plant_step=plant_step,
@@ -165,7 +166,7 @@ def _filtered_lag(
         lag_s = max(model.lag_s[axis] / frequency, _LEAST_LAG_S)
         a = np.zeros((4, 4))
         a[0, 1], a[1, 1], a[1, 2], a[1, 3], a[2, 2] = 1.0, damping, gain, 1.0, -1.0 / lag_s
-        return discrete((a, np.array([0.0, 0.0, 1.0 / lag_s, 0.0])), time_s)
+        return zero_order_hold(a, np.array([0.0, 0.0, 1.0 / lag_s, 0.0]), time_s)
 
     def plant_step(frequency: float, time_s: float) -> Dynamics:
         a, b = step(frequency, time_s)
@@ -187,8 +188,3 @@ def _filtered_lag(
         period_s=period_s,
         delay_s=model.delay_s,
     )
-
-
-def _complex(matrix: Array) -> Array:
-    """Blocks [[a, -b], [b, a]] as numbers a + ib."""
-    return np.asarray(matrix[0::2, 0::2] + 1j * matrix[1::2, 0::2])

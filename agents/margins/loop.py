@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import solve_discrete_are
 
+from agents.flight.linear import Complex
 from vehicles.state import Array
 
 Dynamics = tuple[Array, Array]
@@ -115,15 +116,6 @@ def _driven(step: Dynamics, state: Array, value: Array) -> Array:
     return np.asarray(step[0] @ state + np.outer(step[1], value))
 
 
-def discrete(dynamics: Dynamics, time_s: float) -> Dynamics:
-    """Exact transition over a time in which the input is constant."""
-    a, b = dynamics
-    whole = np.zeros((len(a) + 1, len(a) + 1), dtype=np.result_type(a, b))
-    whole[:-1, :-1], whole[:-1, -1] = a, b
-    step = expm(time_s * whole)
-    return step[:-1, :-1], step[:-1, -1]
-
-
 def regulator(step: Dynamics, state_weights: Sequence[float], effort: float) -> Array:
     """Feedback of the linear-quadratic regulator for a transition, shape (n,)."""
     a, b = step[0], step[1][:, None]
@@ -133,7 +125,7 @@ def regulator(step: Dynamics, state_weights: Sequence[float], effort: float) -> 
     return row
 
 
-def steady_filter_gain(transition: Array, measured: Array, process: Array, noise: Array) -> Array:
+def steady_filter_gain(transition: Array, measured: Array, process: Array | Complex, noise: Array) -> Array:
     """Steady gain of the Kalman filter.
 
     Parameters

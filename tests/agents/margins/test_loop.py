@@ -12,9 +12,10 @@ from agents.controllers.lateral_chain import LateralChain
 from agents.estimators.lag_kalman import ExtendedKalmanSettings
 from agents.estimators.tilt_kalman import TiltKalmanEstimator
 from agents.flight.lateral import LateralSystem
+from agents.flight.linear import zero_order_hold
 from agents.interfaces import Measurement
 from agents.margins.axes import lag_loop, tilt_loop
-from agents.margins.loop import FeedbackLoop, Perturbation, discrete
+from agents.margins.loop import FeedbackLoop, Perturbation
 from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
 from vehicles.types import COAXIAL
@@ -28,7 +29,7 @@ def delayed_integrator(delay_s: float, gain: float) -> FeedbackLoop:
     """Velocity from thrust, known exactly: a loop whose limits are known in closed form."""
 
     def step(_: float, time_s: float) -> tuple[Array, Array]:
-        return discrete((np.zeros((1, 1)), np.ones(1)), time_s)
+        return zero_order_hold(np.zeros((1, 1)), np.ones(1), time_s)
 
     return FeedbackLoop(
         plant_step=step,
