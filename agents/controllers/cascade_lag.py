@@ -21,7 +21,7 @@ from agents.controllers.chain_qp import ChainQP
 from agents.controllers.clearance import SLOTS
 from agents.interfaces import Estimate
 from agents.references.trajectory import Trajectory
-from vehicles.state import Array
+from vehicles.state import Array, heading_matrices
 
 HEADING_TOLERANCE_RAD: Final = 2e-5
 TURN_TOLERANCE_RAD: Final = 4e-6
@@ -115,16 +115,12 @@ class LagProblem:
                 return
         self._heading_plan = heading
         middle = 0.5 * (heading[1:] + heading[:-1])
-        turn = np.empty((len(middle), 2, 2))
-        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(middle)
-        turn[:, 1, 0] = np.sin(middle)
-        turn[:, 0, 1] = -turn[:, 1, 0]
         transition = np.empty((len(middle) - 1, 2, 2))
         transition[:, 0, 0], transition[:, 1, 1] = self._decay
         transition[:, 0, 1] = heading[1:-1] - heading[:-2]
         transition[:, 1, 0] = -transition[:, 0, 1]
         last = float(middle[self._parameters.stages - 1])
-        self._matrices = turn, transition, self._heading_cost.at(last)
+        self._matrices = heading_matrices(middle), transition, self._heading_cost.at(last)
         self._free.set_matrices(*self._matrices)
 
 

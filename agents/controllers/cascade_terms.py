@@ -107,18 +107,32 @@ def solve_chain(
     clear
         Adds separation constraints to the target.
     """
-    rows, terminal = reference
-    balance = qp.balance(push)
-    lower, upper = bounds[0].copy(), bounds[1].copy()
-    lower[4:], upper[4:] = within_share(lower[4:] + balance, upper[4:] + balance, share)
-    commands = rows[:, 4:]
-    np.maximum(commands, lower[4:], out=commands)
-    np.minimum(commands, upper[4:], out=commands)
-    target = ChainTarget(rows, terminal, lower, upper)
+    target = target_within(*reference, bounds, qp.balance(push), share)
     return qp.solve(first[: qp.levels], push, target if clear is None else clear(target))
 
 
-def within_share(least: Array, most: Array, share: Bounds) -> Bounds:
+def target_within(rows: Array, terminal: Array, bounds: Bounds, balance: Array, share: Bounds) -> ChainTarget:
+    """Target of a chain of two axes with commands that balance what pushes the vehicle.
+
+    Parameters
+    ----------
+    rows, terminal
+        Position, velocity and command of the stages, shape (N, 6), and the last state; commands are cut to
+        their bounds in place.
+    bounds, share
+        As in `HorizontalProblem.solve`.
+    balance
+        Commands beyond the sticks, which balance disturbance or trim, shape (2,).
+    """
+    lower, upper = bounds[0].copy(), bounds[1].copy()
+    lower[4:], upper[4:] = _within_share(lower[4:] + balance, upper[4:] + balance, share)
+    commands = rows[:, 4:]
+    np.maximum(commands, lower[4:], out=commands)
+    np.minimum(commands, upper[4:], out=commands)
+    return ChainTarget(rows, terminal, lower, upper)
+
+
+def _within_share(least: Array, most: Array, share: Bounds) -> Bounds:
     """Bounds of the commands by the share; where the disturbance leaves none of it, the whole range."""
     lower, upper = np.maximum(least, share[0]), np.minimum(most, share[1])
     fits = upper - lower > _NARROWEST

@@ -8,15 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from agents.controllers.active_set import ChainSolution
-from agents.controllers.cascade_terms import Bounds, HorizontalTask, within_share
-from agents.controllers.chain import ChainParameters, ChainTarget
+from agents.controllers.cascade_terms import Bounds, HorizontalTask, target_within
+from agents.controllers.chain import ChainParameters
 from agents.controllers.clearance import SLOTS
+from agents.controllers.lateral_chain import turned_back
 from agents.controllers.lateral_qp import LateralQP
 from agents.flight.lateral import POSITION, VELOCITY, LateralSystem, demand_matrix
 from agents.interfaces import Estimate, TiltEstimate
 from agents.references.trajectory import Trajectory
 from vehicles.model import Model
-from vehicles.state import XD_BODY, YAW, ZD_BODY, Array, heading_matrix
+from vehicles.state import XD_BODY, YAW, ZD_BODY, Array, heading_matrices, heading_matrix
 from vehicles.tilt import GRAVITY_M_S2
 
 
@@ -72,15 +73,10 @@ class TiltProblem:
         tilt = self._tilt(task)
         stages = self._parameters.stages
         heading = task.heading
-        turn = _turns(heading[:stages])
-        demand_turn = _turns(0.5 * (heading[: stages - 1] + heading[1:stages]))
+        turn = heading_matrices(heading[:stages])
+        demand_turn = heading_matrices(0.5 * (heading[: stages - 1] + heading[1:stages]))
         rows, terminal = self._reference(task.reference, turn, demand_turn)
-        lower, upper = bounds[0].copy(), bounds[1].copy()
-        lower[4:], upper[4:] = within_share(lower[4:] + tilt.trim, upper[4:] + tilt.trim, share)
-        commands = rows[:, 4:]
-        np.maximum(commands, lower[4:], out=commands)
-        np.minimum(commands, upper[4:], out=commands)
-        target = ChainTarget(rows, terminal, lower, upper)
+        target = target_within(rows, terminal, bounds, tilt.trim, share)
         if task.clear is None:
             self._crowded.forget()
             qp = self._free
@@ -123,12 +119,12 @@ class TiltProblem:
         stages = self._parameters.stages
         rows = np.zeros((stages, 6))
         rows[:, :2] = samples[:, :2]
-        rows[:, 2:4] = np.einsum("sba,sb->sa", turn, samples[:, 4:6])
+        rows[:, 2:4] = turned_back(turn, samples[:, 4:6])
         if self._feed_forward:
             needed = samples[:, 8:10] - self._drag * samples[:, 4:6]
             at = np.minimum(np.arange(stages - 1) + self._lead, stages - 1.0)
             ahead = np.column_stack([np.interp(at, np.arange(stages), needed[:, axis]) for axis in (0, 1)])
-            rows[:-1, 4:] = np.einsum("sba,sb->sa", demand_turn, ahead) / self._model.b[:2]
+            rows[:-1, 4:] = turned_back(demand_turn, ahead) / self._model.b[:2]
         terminal = np.zeros(system.size)
         terminal[POSITION], terminal[VELOCITY] = samples[-1, :2], samples[-1, 4:6]
         return rows, terminal
@@ -138,12 +134,3 @@ class TiltProblem:
         tilt = self._model.tilt
         assert tilt is not None
         return tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s
-
-
-def _turns(heading: Array) -> Array:
-    """R(psi) of headings, shape (s, 2, 2)."""
-    turn = np.empty((len(heading), 2, 2))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(heading)
-    turn[:, 1, 0] = np.sin(heading)
-    turn[:, 0, 1] = -turn[:, 1, 0]
-    return turn

@@ -178,8 +178,8 @@ class LateralChain:
     def _rows(self, position: Array, velocity: Array, demands: Array) -> Array:
         rows = np.zeros(self.weights.shape)
         rows[:, :AXES] = position
-        rows[:, AXES : 2 * AXES] = _turned_back(self._turn, velocity)
-        sticks = _turned_back(self._demand_turn, demands.reshape(-1, AXES))
+        rows[:, AXES : 2 * AXES] = turned_back(self._turn, velocity)
+        sticks = turned_back(self._demand_turn, demands.reshape(-1, AXES))
         rows[:-1, self.inputs] = sticks / self.parameters.gain
         if self._directions.size:
             rows[:, self._clearances] = np.einsum("ska,sa->sk", self._directions, position)
@@ -256,6 +256,6 @@ def _cholesky(hessian: Array) -> Array | None:
     return None if info else factor
 
 
-def _turned_back(turn: Array, vectors: Array) -> Array:
+def turned_back(turn: Array, vectors: Array) -> Array:
     """R' v of every stage, shapes (s, 2, 2) and (s, 2)."""
     return np.asarray(np.einsum("sba,sb->sa", turn, vectors))
