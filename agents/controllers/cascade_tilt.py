@@ -13,7 +13,7 @@ from agents.controllers.chain import ChainParameters
 from agents.controllers.clearance import SLOTS
 from agents.controllers.lateral_chain import turned_back
 from agents.controllers.lateral_qp import LateralQP
-from agents.flight.lateral import POSITION, VELOCITY, LateralSystem, demand_matrix
+from agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
 from agents.interfaces import Estimate, TiltEstimate
 from agents.references.trajectory import Trajectory
 from vehicles.model import Model
@@ -51,7 +51,7 @@ class TiltProblem:
     ) -> None:
         self._model = model
         self._parameters = parameters
-        self._system = LateralSystem(model, parameters.period_s)
+        self._system = lateral_system(model, parameters.period_s)
         self._feed_forward, self._compensate = feed_forward, compensate
         self._free = LateralQP(parameters, self._system, max_iterations)
         # Only periods in which somebody comes near pay for the rows that keep clear.

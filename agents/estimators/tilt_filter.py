@@ -7,12 +7,20 @@ It and the trim turn with the body; everything else but the servo is an inertial
 heading, so the matrices of a period are computed once and only the columns of the body-fixed states turn.
 """
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from scipy.linalg import expm
 
-from agents.flight.lateral import POSITION, VELOCITY, WIND_CORRELATION_S, LateralSystem, demand_matrix
+from agents.flight.lateral import (
+    POSITION,
+    VELOCITY,
+    WIND_CORRELATION_S,
+    LateralSystem,
+    demand_matrix,
+    lateral_system,
+)
 from agents.interfaces import TiltEstimate
 from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
@@ -25,6 +33,8 @@ TILT_GATE: Final = 0.3
 LEVEL_FLOOR_RAD: Final = 0.02
 """How level floor and landing gear are taken to be: a standing vehicle shows the offset of its body frame."""
 
+_ANY_PERIOD_S: Final = 0.02
+"""Where the states are does not depend on the period."""
 _START_POSITION_M: Final = 0.001
 _START_TILT: Final = 0.03
 _START_RATE: Final = 0.3
@@ -64,8 +74,7 @@ class TiltFilter:
         self._position_variance, self._tilt_variance = position_noise_m**2, tilt_noise**2
         self._velocity_density, self._tilt_density = velocity_density, tilt_density
         self._wind_rms_m_s2 = wind_rms_m_s2
-        self._prepared: dict[float, tuple[LateralSystem, Array]] = {}
-        system, _ = self._system(0.02)
+        system = lateral_system(model, _ANY_PERIOD_S)
         self._core, self._tilt, self._servo, self._wind = system.core, system.tilt, system.servo, system.wind
         self._tilt_rate = system.tilt_rate
         self._trim = slice(system.size, system.size + 2)
@@ -162,7 +171,7 @@ class TiltFilter:
 
     def rest(self, stick: Array, period_s: float) -> None:
         """Let a period pass on the floor: only the servo moves."""
-        system, _ = self._system(period_s)
+        system = lateral_system(self._model, period_s)
         target = stick + self._state[self._trim]
         self._state[self._servo] = target + system.servo_pole * (self._state[self._servo] - target)
 
@@ -234,30 +243,30 @@ class TiltFilter:
         self._covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
 
     def _system(self, period_s: float) -> tuple[LateralSystem, Array]:
-        """Matrices and process noise of a period, told apart to 10 us."""
-        period_s = round(period_s, 5)
-        found = self._prepared.get(period_s)
-        if found is None:
-            if len(self._prepared) >= 64:
-                self._prepared.clear()
-            system = LateralSystem(self._model, period_s)
-            found = self._prepared[period_s] = system, self.process_noise(system)
-        return found
+        """Matrices and process noise of a period."""
+        system = lateral_system(self._model, period_s)
+        return system, self.process_noise(system)
 
     def process_noise(self, system: LateralSystem) -> Array:
-        """Covariance that a period adds (Van Loan), shape (n, n); the same for every heading."""
-        size = system.size
-        density = np.zeros(size)
-        density[VELOCITY] = self._velocity_density**2
-        density[system.tilt_rate] = self._tilt_density**2
-        density[system.wind] = 2.0 * self._wind_rms_m_s2**2 / WIND_CORRELATION_S
-        both = np.block(
-            [[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]]
-        )
-        step = expm(system.period_s * both)
-        noise = np.zeros((size + 4, size + 4))
-        noise[:size, :size] = step[size:, size:].T @ step[:size, size:]
-        slow = [_SERVO_DENSITY] * 2, [_TRIM_DENSITY] * 2, [_OFFSET_DENSITY] * 2
-        places = [*range(system.servo.start, system.servo.stop), *range(size, size + 4)]
-        noise[places, places] += system.period_s * np.square(np.concatenate(slow))
-        return noise
+        """Covariance that a period adds, shape (n, n); the same for every heading."""
+        return _process_noise(system, self._velocity_density, self._tilt_density, self._wind_rms_m_s2)
+
+
+@lru_cache(maxsize=256)
+def _process_noise(
+    system: LateralSystem, velocity_density: float, tilt_density: float, wind_rms_m_s2: float
+) -> Array:
+    """Van Loan's integral, kept because preparing it takes longer than a step."""
+    size = system.size
+    density = np.zeros(size)
+    density[VELOCITY] = velocity_density**2
+    density[system.tilt_rate] = tilt_density**2
+    density[system.wind] = 2.0 * wind_rms_m_s2**2 / WIND_CORRELATION_S
+    both = np.block([[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]])
+    step = expm(system.period_s * both)
+    noise = np.zeros((size + 4, size + 4))
+    noise[:size, :size] = step[size:, size:].T @ step[:size, size:]
+    slow = [_SERVO_DENSITY] * 2, [_TRIM_DENSITY] * 2, [_OFFSET_DENSITY] * 2
+    places = [*range(system.servo.start, system.servo.stop), *range(size, size + 4)]
+    noise[places, places] += system.period_s * np.square(np.concatenate(slow))
+    return noise

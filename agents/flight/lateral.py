@@ -97,7 +97,7 @@ def lateral_system(model: Model, period_s: float) -> LateralSystem:
     return _kept_system(model, prepared_period(period_s))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def _kept_system(model: Model, period_s: float) -> LateralSystem:
     return LateralSystem(model, period_s)
 
