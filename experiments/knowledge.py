@@ -10,8 +10,9 @@ from typing import Final, Literal
 from experiments.identified import identified_model
 from simulator.conditions import Conditions
 from simulator.helicopter import helicopter_of
-from simulator.helicopter_parameters import GRAVITY_M_S2, HelicopterParameters
+from simulator.helicopter_parameters import HelicopterParameters
 from vehicles.model import IDENTIFIED, Model
+from vehicles.state import GRAVITY_M_S2
 from vehicles.tilt import TiltModel
 from vehicles.types import COAXIAL, COAXIAL_LAG
 

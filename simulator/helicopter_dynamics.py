@@ -8,7 +8,8 @@ the bar, the lower rotor the swash plate.
 import math
 from typing import Final
 
-from simulator.helicopter_parameters import GRAVITY_M_S2, HelicopterParameters
+from simulator.helicopter_parameters import HelicopterParameters
+from vehicles.state import GRAVITY_M_S2
 from vehicles.tuples import Four
 
 State = tuple[float, ...]

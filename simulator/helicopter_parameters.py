@@ -14,7 +14,8 @@ from typing import Final, Self
 
 import numpy as np
 
-GRAVITY_M_S2: Final = 9.81
+from vehicles.state import GRAVITY_M_S2
+
 NOMINAL_SIZE: Final = 0.75
 """Time scale of the mCX2 against the CoaX."""
 NOMINAL_PLATEAU_M_S2: Final = (2.0, 2.1)

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from vehicles.state import (
+    GRAVITY_M_S2,
     INPUT_SIZE,
     MOTION_SIZE,
     U_PITCH,
@@ -106,7 +107,7 @@ class Model:
     """s_x, equation (5), eleven entries."""
     input_shift: Four
     """s_u, equation (5)."""
-    gravity_m_s2: float = 9.81
+    gravity_m_s2: float = GRAVITY_M_S2
     integrator_gain: float = 2.0
     """k_i of equation (1)."""
     tilt: TiltModel | None = None

@@ -8,8 +8,8 @@ import math
 from typing import Final
 
 from vehicles.model import Model
+from vehicles.state import GRAVITY_M_S2
 
-GRAVITY_M_S2: Final = 9.81
 TILT_LIMIT_RAD: Final = 0.35
 """Attitude at full stick: 20 degrees, the usual limit of the beginners' mode of indoor machines."""
 YAW_RATE_LIMIT_RAD_S: Final = 3.5

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 """An array of 64-bit floats; its shape is stated where it is used."""
 
+GRAVITY_M_S2: Final = 9.81
+
 X: Final = 0
 Y: Final = 1
 Z: Final = 2

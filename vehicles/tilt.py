@@ -17,9 +17,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from vehicles.state import Array, heading_matrix
-
-GRAVITY_M_S2 = 9.81
+from vehicles.state import GRAVITY_M_S2, Array, heading_matrix
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,7 @@ from agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_sys
 from agents.interfaces import Estimate, TiltEstimate
 from agents.references.trajectory import Trajectory
 from vehicles.model import Model
-from vehicles.state import XD_BODY, YAW, ZD_BODY, Array, heading_matrices, heading_matrix
-from vehicles.tilt import GRAVITY_M_S2
+from vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, ZD_BODY, Array, heading_matrices, heading_matrix
 
 
 class TiltProblem:

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, Conditions
 from simulator.helicopter import Helicopter, Servo, helicopter_of
-from simulator.helicopter_parameters import GRAVITY_M_S2, HelicopterParameters
+from simulator.helicopter_parameters import HelicopterParameters
 from simulator.plant import PlantFaults, Pose
-from vehicles.state import XD_BODY, YAW_RATE, YD_BODY, ZD_BODY
+from vehicles.state import GRAVITY_M_S2, XD_BODY, YAW_RATE, YD_BODY, ZD_BODY
 from vehicles.types import COAXIAL
 
 CALM = replace(IDEAL, transport_delay_s=0.0, substep_s=0.004)

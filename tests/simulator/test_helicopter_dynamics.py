@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from simulator.helicopter_dynamics import STATE_SIZE, HelicopterDynamics, State, level_state
-from simulator.helicopter_parameters import GRAVITY_M_S2, NOMINAL_PLATEAU_M_S2, HelicopterParameters
-from vehicles.state import Array
+from simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
+from vehicles.state import GRAVITY_M_S2, Array
 
 CALM = (0.0, 0.0, 0.0, 0.0)
 HIGH = (0.0, 0.0, 50.0)

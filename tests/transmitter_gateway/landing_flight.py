@@ -9,7 +9,6 @@ from arbiter_bench import PERIOD_S, Bench
 from simulator.conditions import Conditions
 from simulator.first_order_plant import FirstOrderPlant
 from simulator.helicopter import Helicopter
-from simulator.helicopter_parameters import GRAVITY_M_S2
 from simulator.laboratory import Laboratory
 from simulator.plant import Plant, Pose
 from transmitter_gateway.hover import HoverThrust
@@ -17,6 +16,7 @@ from transmitter_gateway.inputs import FLYING, Input, Position, State
 from transmitter_gateway.landing import LandingLaw
 from transmitter_gateway.limits import ArbiterLimits, LandingLimits
 from vehicles.model import Model
+from vehicles.state import GRAVITY_M_S2
 from vehicles.types import COAXIAL
 
 POSE_TO_AIR_S = 0.06
