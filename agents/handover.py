@@ -15,6 +15,10 @@ from vehicles.state import YAW
 LONG_PERIOD_S: Final = 1.0
 """An intent with a path is long: as long as nothing changes it is told only so often."""
 RECALL_TIMEOUT_S: Final = 0.2
+PREVIOUS_AFTER: Final = 1
+"""Quick deaths after which what flew before the last change takes the place of what flew last."""
+DEFAULTS_AFTER: Final = 2
+"""Quick deaths after which the default controller and the default estimator fly."""
 
 
 class Handover:
@@ -42,39 +46,63 @@ class Handover:
         self._tuning = tuning
         self._told: tuple[FloatArray | None, str] | None = None
         self._told_s = 0.0
-        self.predecessor, self._predecessor_s = self._recall()
+        self.predecessor: Intent | None = None
+        self._predecessor_s = 0.0
+        self._quick_deaths = 0
+        self._recall()
+        if self._quick_deaths >= DEFAULTS_AFTER:
+            # Before the first step: what the fleet file says may be what ends the process.
+            tuning.use_defaults(
+                f"the agent died {self._quick_deaths + 1} times in a row; the default controller flies until "
+                "one is chosen"
+            )
         if self.predecessor is not None and self.predecessor.yaw_rad is not None:
             pilot.expect_heading(self.predecessor.yaw_rad)
 
-    def _recall(self) -> tuple[Intent | None, float]:
-        """Newest intent of the predecessor, and when it was told [monotonic s]."""
+    def _recall(self) -> None:
+        """Learn what the predecessor meant to do, when it told that, and how its predecessors ended."""
         try:
             reply = self._session.request(self._vehicle, Recall(), timeout_s=RECALL_TIMEOUT_S, patience_s=0.0)
         except RequestFailedError:
-            return None, 0.0
-        if not isinstance(reply, RecallReply):
-            return None, 0.0
-        return reply.intent, self._session.clock() - reply.age_s
+            return
+        if isinstance(reply, RecallReply):
+            self.predecessor, self._predecessor_s = reply.intent, self._session.clock() - reply.age_s
+            self._quick_deaths = reply.quick_deaths
 
     def resume(self) -> bool:
         """Go on with the task of the predecessor, in flight; False without one."""
         intent, clock = self.predecessor, self._pilot.clock
         if intent is None:
             return False
-        self._tuning.restore(configuration_of(intent))
+        self._restore_configuration(intent)
         age_s = self._session.clock() - self._predecessor_s
         since_s = passed_s(intent, age_s, clock.epoch, clock.current_frame, clock.period_s)
         task = task_of(intent, clock.time_s, since_s)
         self._pilot.guidance.restore(task, self._pilot.estimate, clock.time_s)
         return True
 
+    def _restore_configuration(self, intent: Intent) -> None:
+        """Fly with what the predecessor flew with, unless that is what ends the process."""
+        if self._quick_deaths >= DEFAULTS_AFTER:
+            return
+        wanted = configuration_of(intent)
+        if self._quick_deaths >= PREVIOUS_AFTER and intent.previous is not None:
+            wanted = configuration_of(intent.previous)
+            self._tuning.remark = (
+                f"the agent died {self._quick_deaths + 1} times in a row; the last change of controller or "
+                "settings is withdrawn"
+            )
+        elif intent.previous is not None:
+            self._tuning.previous = configuration_of(intent.previous)
+        self._tuning.restore(wanted)
+
     def publish(self) -> None:
         """Tell the present intent; to be called with every status."""
         clock, now_s = self._pilot.clock, self._session.clock()
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
         intent = intent_of(
-            self._pilot.guidance.task(), self._tuning.configuration, clock.epoch, clock.current_frame,
-            clock.time_s, yaw_rad,
+            self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous, clock.epoch,
+            clock.current_frame, clock.time_s, yaw_rad,
         )  # fmt: skip
         told, task = self._told, (intent.path, intent.phase)
         if intent.path is not None and task == told and now_s - self._told_s < LONG_PERIOD_S:

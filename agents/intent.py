@@ -20,7 +20,7 @@ from agents.references.set_points import (
 from agents.references.trajectory import COLUMNS, POSITION, YAW
 from agents.telemetry import in_message
 from agents.tuning.configuration import Configuration
-from bus.intent import Intent, OffsetMove
+from bus.intent import FlownBy, Intent, OffsetMove
 from bus.messages import FloatArray, SetPoint
 from vehicles.tuples import three
 
@@ -30,6 +30,7 @@ _END_OF_TIME_S: Final = 1e9
 def intent_of(
     task: Task,
     configuration: Configuration,
+    previous: Configuration | None,
     epoch: int,
     frame: int,
     time_s: float,
@@ -41,8 +42,8 @@ def intent_of(
     ----------
     task
         The task, its times on the vehicle's clock.
-    configuration
-        Controller and estimator.
+    configuration, previous
+        Controller and estimator, and those before the last change.
     epoch, frame, time_s
         Present moment, on the fleet's clock and on the vehicle's.
     yaw_rad
@@ -82,6 +83,16 @@ def intent_of(
         controller_settings=in_message(configuration.controller_settings),
         estimator=configuration.estimator,
         estimator_settings=in_message(configuration.estimator_settings),
+        previous=None if previous is None else _flown_by(previous),
+    )
+
+
+def _flown_by(configuration: Configuration) -> FlownBy:
+    return FlownBy(
+        controller=configuration.controller,
+        controller_settings=in_message(configuration.controller_settings),
+        estimator=configuration.estimator,
+        estimator_settings=in_message(configuration.estimator_settings),
     )
 
 
@@ -113,10 +124,10 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
     return Task(Phase(intent.phase), source, followed, assigned, joined, intent.floor_m)
 
 
-def configuration_of(intent: Intent) -> Configuration:
+def configuration_of(flown: Intent | FlownBy) -> Configuration:
     """Controller and estimator that a predecessor flew with."""
     return Configuration(
-        intent.controller, intent.estimator, intent.controller_settings, intent.estimator_settings
+        flown.controller, flown.estimator, flown.controller_settings, flown.estimator_settings
     )
 
 

@@ -256,13 +256,19 @@ class Pilot:
         self._transfer_pending = self._flown_by_controller
         self._flown_by_controller = False
 
-    def _replace_failing_controller(self) -> None:
+    def use_defaults(self) -> None:
+        """Fly with the default controller and the default estimator, as if the present ones had failed."""
+        self._use_default_controller()
+        self.estimator.use_default()
+
+    def _use_default_controller(self) -> None:
         default = self.step_guard.default
-        if self.step_guard.given_up and default is not None and default is not self.controller:
-            failure = self.step_guard.failure
-            self.use_controller(default)
-            self.controller_replaced, self.step_guard.failure = True, failure
-            self.fallbacks[CONTROLLER_REPLACED] += 1
+        if default is None or default is self.controller:
+            return
+        failure = self.step_guard.failure
+        self.use_controller(default)
+        self.controller_replaced, self.step_guard.failure = True, failure
+        self.fallbacks[CONTROLLER_REPLACED] += 1
 
     def use_estimator(self, estimator: Estimator) -> None:
         """Estimate with another estimator from now on; it starts from the present estimate."""
@@ -294,7 +300,8 @@ class Pilot:
         self.exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
         if self._standing:
             return self._stand(time_s + delay_s)
-        self._replace_failing_controller()
+        if self.step_guard.given_up:
+            self._use_default_controller()
         estimate = self._compensated(time_s)
         reference = self.guidance.reference(
             plans, estimate, time_s, delay_s, self.controller.period_s, self.controller.horizon

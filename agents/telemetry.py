@@ -149,7 +149,7 @@ class DiagnosticsCollector:
             closest_plan_m=pilot.closest_m,
             realtime=self._realtime,
             process=os.getpid(),
-            remarks=pilot.remarks,
+            remarks=pilot.remarks + ((self._tuning.remark,) if self._tuning.remark else ()),
         )
 
 

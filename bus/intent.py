@@ -32,6 +32,15 @@ class OffsetMove(Struct, frozen=True, kw_only=True):
     duration_s: Seconds
 
 
+class FlownBy(Struct, frozen=True, kw_only=True):
+    """Controller and estimator of a vehicle."""
+
+    controller: Name
+    controller_settings: Settings = {}
+    estimator: Name
+    estimator_settings: Settings = {}
+
+
 class Intent(Message, frozen=True, kw_only=True):
     """Task and configuration of an agent at one moment, for its successor after a restart."""
 
@@ -64,6 +73,8 @@ class Intent(Message, frozen=True, kw_only=True):
     """Settings that the fleet file or a request has given; all others have their defaults."""
     estimator: Name
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+    previous: FlownBy | None = None
+    """What flew before the last change, to go back to if the change ends the process."""
 
     def check(self) -> None:
         """See `Message.check`."""

@@ -196,6 +196,8 @@ class RecallReply(Reply, frozen=True, kw_only=True):
     intent: Intent | None = None
     age_s: Seconds = 0.0
     """Time since it became known."""
+    quick_deaths: Annotated[int, Meta(ge=0)] = 0
+    """How often in a row the process has died shortly after its start."""
 
 
 class RecallTransmitter(Request, frozen=True, kw_only=True):

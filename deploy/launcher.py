@@ -140,7 +140,10 @@ class Launcher(AbstractContextManager["Launcher"]):
         ]
         try:
             address = bus_address(self._fleet, self._host)
-            self._recall = RecallService(address, agents, transmitters)
+            deaths = self.supervisor.quick_deaths
+            self._recall = RecallService(
+                address, agents, transmitters, lambda vehicle: deaths(f"agent-{vehicle}")
+            )
             self._membership = MembershipService(address, self._host, self.supervisor)
         except BusUnreachableError:
             self.stop()

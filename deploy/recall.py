@@ -1,6 +1,7 @@
 """Keeps what agents last reported and gateways last wrote, for the processes that replace them."""
 
 import threading
+from collections.abc import Callable
 from typing import TypeVar
 
 from bus import channels
@@ -27,9 +28,18 @@ class RecallService:
         Vehicles whose agents run on this host.
     transmitters
         Vehicles whose transmitter gateways run on this host.
+    quick_deaths
+        How often in a row the agent of a vehicle has died shortly after its start.
     """
 
-    def __init__(self, address: BusAddress, agents: list[str], transmitters: list[str]) -> None:
+    def __init__(
+        self,
+        address: BusAddress,
+        agents: list[str],
+        transmitters: list[str],
+        quick_deaths: Callable[[str], int] = lambda _: 0,
+    ) -> None:
+        self._quick_deaths = quick_deaths
         self._wake = threading.Event()
         self._stopping = False
         self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
@@ -55,11 +65,12 @@ class RecallService:
                     incoming.answer(self._recall_transmitter(incoming.unit))
 
     def _recall(self, vehicle: str) -> RecallReply:
-        received = self._intents[vehicle].latest()
+        received, deaths = self._intents[vehicle].latest(), self._quick_deaths(vehicle)
         if received is None:
-            return RecallReply(accepted=False, reason=f"{vehicle} has not reported anything yet")
+            reason = f"{vehicle} has not reported anything yet"
+            return RecallReply(accepted=False, reason=reason, quick_deaths=deaths)
         age_s = max(0.0, self._session.clock() - received.arrived_s)
-        return RecallReply(accepted=True, intent=received.message, age_s=age_s)
+        return RecallReply(accepted=True, intent=received.message, age_s=age_s, quick_deaths=deaths)
 
     def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
         applied = _newest(self._applied.inboxes.get(vehicle))

@@ -233,6 +233,10 @@ class Supervisor:
         child.process = None
         return code
 
+    def quick_deaths(self, name: str) -> int:
+        """How often in a row a process has died shortly after its start."""
+        return self.children[name].quick_deaths
+
     @property
     def spare_ready(self) -> bool:
         """Whether a warm process waits to replace an agent."""

@@ -58,6 +58,7 @@ class EstimatorGuard:
         self._asked = estimator
         self._default = default
         self._calls = 0
+        self._begun = False
         nowhere = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._estimate = nowhere
         self._ask(_nothing, None)
@@ -80,13 +81,23 @@ class EstimatorGuard:
         else:
             self._ask(_nothing, None)
 
+    def use_default(self) -> bool:
+        """Ask the default estimator from now on; False if it is asked already, or there is none."""
+        if self._default is None or self._asked is self._default:
+            return False
+        self._asked, self._calls, self.replaced = self._default, 0, True
+        self._go_on()
+        return True
+
     def reset(self, measurement: Measurement) -> None:
         """See `Estimator.reset`."""
         self._ask(lambda asked: asked.reset(measurement), None)
+        self._begun = True
 
     def take_over(self, estimate: Estimate) -> None:
         """See `Estimator.take_over`."""
         self._ask(lambda asked: asked.take_over(estimate), None)
+        self._begun = True
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """See `Estimator.predict`."""
@@ -99,9 +110,7 @@ class EstimatorGuard:
     def _ask(self, question: Callable[[Estimator], T], otherwise: T) -> T:
         """Ask the estimator, and the default one if that fails; `otherwise` if nobody knows."""
         answer = self._attempt(question)
-        if answer is None and self._default is not None and self._asked is not self._default:
-            self._asked, self._calls, self.replaced = self._default, 0, True
-            self._go_on()
+        if answer is None and self.use_default():
             answer = self._attempt(question)
         if answer is None:
             self._go_on()
@@ -110,6 +119,8 @@ class EstimatorGuard:
 
     def _go_on(self) -> None:
         """Start from the last good estimate, as what the estimator knows cannot be trusted any more."""
+        if not self._begun:
+            return
         good = self._estimate
         self._attempt(lambda asked: asked.take_over(good))
 

@@ -71,7 +71,7 @@ def prepare(
 
 
 class Tuning:
-    """The present configuration of a pilot and at most one change under way.
+    """The present configuration of a pilot, the one before, and at most one change under way.
 
     Parameters
     ----------
@@ -96,12 +96,22 @@ class Tuning:
         wake: Callable[[], None] = lambda: None,
     ) -> None:
         self.configuration = configuration
+        self.previous: Configuration | None = None
+        """What flew before the last change; None before the first one."""
+        self.remark = ""
+        """Why something else flies than what was chosen, where its process had ended."""
+        self._restored: Configuration | None = None
         self._pilot = pilot
         self._period_s = period_s
         self._limit_scale = limit_scale
         self._wake = wake
         self._thread: threading.Thread | None = None
         self._result: Replacement | ValueError | None = None
+
+    @property
+    def intended(self) -> Configuration:
+        """What flies, or what a predecessor flew with while that is being prepared."""
+        return self.configuration if self._restored is None else self._restored
 
     @property
     def busy(self) -> bool:
@@ -122,7 +132,14 @@ class Tuning:
     def restore(self, configuration: Configuration) -> None:
         """Begin to go back to what a predecessor flew with, unless that is what flies."""
         if configuration != self.configuration and not self.busy:
+            self._restored = configuration
             self.begin(configuration)
+
+    def use_defaults(self, remark: str) -> None:
+        """Fly with the default controller and the default estimator from now on, and say why."""
+        self._pilot.use_defaults()
+        self.note_replaced()
+        self.previous, self.remark = None, remark
 
     def note_replaced(self) -> bool:
         """Take note of what the pilot has replaced because it failed; True if that is news."""
@@ -163,12 +180,15 @@ class Tuning:
             return None
         self._thread.join()
         result, self._thread, self._result = self._result, None, None
+        restored, self._restored = self._restored is not None, None
         if isinstance(result, ValueError):
             return result
         if result.controller is not None:
             self._pilot.use_controller(result.controller)
         if result.estimator is not None:
             self._pilot.use_estimator(result.estimator)
+        if not restored:
+            self.previous, self.remark = self.configuration, ""
         self.configuration = result.configuration
         now = result.configuration
         horizon, frame = self._pilot.controller.horizon, self._pilot.clock.current_frame

@@ -25,7 +25,7 @@ INTENT = Intent(
 def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(bus_address, ["h1", "h2"], ["h1"])
+    service = RecallService(bus_address, ["h1", "h2"], ["h1"], {"h1": 2, "h2": 0}.__getitem__)
     agent = join()
 
     def recalled() -> RecallReply:
@@ -37,6 +37,7 @@ def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
         first = recalled()
         assert not first.accepted
         assert first.reason == "h1 has not reported anything yet"
+        assert first.quick_deaths == 2
 
         def remembered() -> bool:
             agent.publish(channels.INTENT, "h1", INTENT)
@@ -46,6 +47,7 @@ def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
         reply = recalled()
         assert reply.intent == INTENT
         assert 0 <= reply.age_s < 10
+        assert reply.quick_deaths == 2
         other = agent.request("h2", Recall())
         assert not other.accepted
     finally:

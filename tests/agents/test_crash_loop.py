@@ -1,0 +1,141 @@
+"""An agent that dies again and again comes back with what flew before, and then with the defaults."""
+
+from dataclasses import replace
+
+import pytest
+from agent_bench import HOVER, settings_of
+from pilot_bench import seen
+
+from agents.handover import Handover
+from agents.pilot import Pilot
+from agents.process import build_pilot
+from agents.tuning.changes import Tuning
+from agents.tuning.configuration import Configuration
+from bus.codec import decode, encode
+from bus.intent import FlownBy, Intent
+from bus.messages import SetPoint
+from bus.requests import RecallReply
+from bus.session import BusAddress
+
+FILE = Configuration("pid", "kalman", {"horizon": 10})
+CHANGED = Configuration("lqr", "extended_kalman", {"horizon": 12})
+BEFORE = Configuration("pid", "finite_difference", {"horizon": 11})
+DEFAULTS = Configuration("cascade", "extended_kalman", {"horizon": 10})
+
+
+def flown_by(configuration: Configuration) -> FlownBy:
+    return FlownBy(
+        controller=configuration.controller,
+        controller_settings=dict(configuration.controller_settings),  # type: ignore[arg-type]
+        estimator=configuration.estimator,
+    )
+
+
+INTENT = Intent(
+    phase="flying",
+    epoch=1,
+    frame=1,
+    set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=0.0),
+    controller="lqr",
+    estimator="extended_kalman",
+    controller_settings={"horizon": 12},
+    previous=flown_by(BEFORE),
+)
+
+
+class Launcher:
+    """The session of an agent whose launcher remembers its predecessor."""
+
+    def __init__(self, reply: RecallReply) -> None:
+        self._reply = reply
+        self.told: list[Intent] = []
+
+    def clock(self) -> float:
+        return 0.0
+
+    def request(self, *_: object, **__: object) -> RecallReply:
+        return self._reply
+
+    def publish(self, _: object, __: str, intent: Intent) -> None:
+        self.told.append(decode(encode(intent), Intent))
+
+
+class Restarted:
+    """An agent that has been started again in flight."""
+
+    def __init__(self, quick_deaths: int, intent: Intent | None = INTENT) -> None:
+        settings = replace(
+            settings_of(BusAddress(("tcp/127.0.0.1:1",), "lab")),
+            controller="pid", estimator="kalman", horizon=10,
+        )  # fmt: skip
+        self.pilot: Pilot = build_pilot(settings)
+        self.tuning = Tuning(settings.configuration, self.pilot, 0.02, settings.limit_scale)
+        reply = RecallReply(accepted=intent is not None, intent=intent, quick_deaths=quick_deaths)
+        self.launcher = Launcher(reply)
+        self.handover = Handover(self.launcher, "h9", self.pilot, self.tuning)  # type: ignore[arg-type]
+        self.pilot.observe(seen(1))
+        self.pilot.note_applied("armed", -1, HOVER)
+        self.handover.resume()
+
+    def settle(self) -> Configuration:
+        self.tuning.wait()
+        self.tuning.finish()
+        return self.tuning.configuration
+
+
+@pytest.mark.parametrize(("quick_deaths", "flown"), [(0, CHANGED), (1, BEFORE), (2, DEFAULTS), (7, DEFAULTS)])
+def test_every_quick_death_goes_one_step_back(quick_deaths: int, flown: Configuration) -> None:
+    agent = Restarted(quick_deaths)
+    assert agent.settle() == flown
+    assert bool(agent.tuning.remark) == (quick_deaths > 0)
+
+
+def test_the_defaults_fly_from_the_first_step_on() -> None:
+    agent = Restarted(2)
+    assert type(agent.pilot.controller).__name__ == "CascadeController"
+    assert agent.pilot.control({}).reference is not None
+    assert "died 3 times in a row" in agent.tuning.remark
+
+
+def test_without_a_change_to_withdraw_the_same_flies_once_more() -> None:
+    intent = Intent(
+        phase="flying", epoch=1, frame=1, set_point=INTENT.set_point, controller="lqr",
+        estimator="extended_kalman", controller_settings={"horizon": 12},
+    )  # fmt: skip
+    agent = Restarted(1, intent)
+    assert agent.settle() == CHANGED
+    assert not agent.tuning.remark
+
+
+def test_a_predecessor_that_reported_nothing_is_followed_by_what_the_file_says_and_then_by_the_defaults() -> (
+    None
+):
+    assert Restarted(1, None).settle() == FILE
+    assert Restarted(2, None).settle() == DEFAULTS
+
+
+def test_while_the_predecessors_settings_are_prepared_they_are_what_a_successor_is_told() -> None:
+    agent = Restarted(0)
+    agent.handover.publish()
+    told = agent.launcher.told[-1]
+    assert (told.controller, told.previous) == ("lqr", INTENT.previous)
+    agent.settle()
+
+
+def test_a_change_tells_a_successor_what_flew_before() -> None:
+    agent = Restarted(0)
+    agent.settle()
+    agent.tuning.begin(FILE)
+    agent.settle()
+    agent.handover.publish()
+    told = agent.launcher.told[-1]
+    assert told.controller == "pid"
+    assert told.previous is not None
+    assert told.previous.controller == "lqr"
+
+
+def test_what_somebody_chooses_ends_the_remark() -> None:
+    agent = Restarted(2)
+    agent.tuning.begin(FILE)
+    assert agent.settle() == FILE
+    assert not agent.tuning.remark
