@@ -1,6 +1,7 @@
 """A process's seat on the bus: publish, subscribe, ask, answer, be seen alive."""
 
 import time
+import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -131,6 +132,8 @@ class Session:
         self._tokens: list[zenoh.LivelinessToken] = []
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
         self._zenoh = _opened(address, timeout_s)
+        # A session that is still open when the interpreter ends waits for callbacks that cannot run any more.
+        self._close = weakref.finalize(self, self._zenoh.close)
 
     def __enter__(self) -> "Session":
         return self
@@ -139,8 +142,8 @@ class Session:
         self.close()
 
     def close(self) -> None:
-        """Leave the bus."""
-        self._zenoh.close()
+        """Leave the bus; done at the end of the program where nobody did it before."""
+        self._close()
 
     def connected(self) -> bool:
         """Whether a router is linked at this moment."""

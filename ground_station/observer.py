@@ -65,6 +65,16 @@ class Observer:
         self._launchers = self.session.subscribe_all(channels.LAUNCHER)
         self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
 
+    def __str__(self) -> str:
+        """The fleet, and a line about each of its vehicles."""
+        return "\n".join(
+            [f"fleet {self.file.name}", *(f"  {self.state_of(name)}" for name in self.file.vehicles)]
+        )
+
+    def __repr__(self) -> str:
+        """Name of the fleet and of its vehicles."""
+        return f"<{type(self).__name__} {self.file.name}: {', '.join(self.file.vehicles)}>"
+
     def close(self) -> None:
         """Leave the bus; the fleet goes on flying."""
         self.session.close()

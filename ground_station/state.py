@@ -1,5 +1,6 @@
 """What is known of a vehicle and of the motion capture at one moment, and what blocks take-off."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,9 +13,11 @@ STALE_S = 1.0
 """Age from which a status counts as silence; it comes five times a second."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VehicleState:
     """What is known of a vehicle at this moment; ages are on the local monotonic clock.
+
+    It prints as one line; the attributes have everything.
 
     Attributes
     ----------
@@ -48,6 +51,14 @@ class VehicleState:
         return "unknown" if self.agent is None else self.agent.phase
 
     @property
+    def flown_by(self) -> str:
+        """The external program that flies it, else the name of its controller; empty without a status."""
+        if self.agent is None:
+            return ""
+        client = self.agent.diagnostics.client
+        return f"{client} (external)" if client else self.agent.diagnostics.controller
+
+    @property
     def transmitter_state(self) -> str:
         """State of the arbiter, `unknown` without a status."""
         return "unknown" if self.transmitter is None else self.transmitter.state
@@ -74,6 +85,23 @@ class VehicleState:
             return None
         place = self.plan.trajectory.to_numpy()[0, :3]
         return float(np.linalg.norm(place - np.array(self.plan.reference[:3])))
+
+    def __str__(self) -> str:
+        words = [self.phase, f"transmitter {self.transmitter_state}"]
+        if self.agent is not None:
+            words.append(f"flown by {self.flown_by}")
+            words.append(f"follows {', '.join(self.leaders)}" if self.leaders else "leads")
+            if self.agent.position_m is not None:
+                x, y, z = self.agent.position_m
+                words.append(f"at {x:.2f} {y:.2f} {z:.2f} m")
+            if self.agent.yaw_rad is not None:
+                words.append(f"heading {math.degrees(self.agent.yaw_rad):.0f} deg")
+        if self.error_m is not None:
+            words.append(f"error {1000 * self.error_m:.0f} mm")
+        return f"{self.name}: {', '.join(words)}"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self}>"
 
     def summary(self) -> str:
         """Phase and transmitter state in words."""

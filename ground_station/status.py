@@ -91,6 +91,7 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
     figures = agent.diagnostics
     return {
         "age_s": _rounded(state.agent_age_s),
+        "flown_by": state.flown_by,
         "controller": figures.controller,
         "estimator": figures.estimator,
         "horizon": figures.horizon,
@@ -157,7 +158,7 @@ def readable(status: Mapping[str, Any]) -> str:
         words = [table["phase"], f"transmitter {transmitter['state']}" if transmitter else "no transmitter"]
         if agent is not None:
             leaders = ", ".join(link["leader"] for link in agent["following"])
-            words += [agent["controller"], f"follows {leaders}" if leaders else "leads"]
+            words += [f"flown by {agent['flown_by']}", f"follows {leaders}" if leaders else "leads"]
             words.append(f"{agent['missed_ticks']} control periods missed")
         if table["error_mm"] is not None:
             words.append(f"error {table['error_mm']:.0f} mm")

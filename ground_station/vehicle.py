@@ -50,6 +50,12 @@ class Vehicle:
         self._fleet = fleet
         self.name = name
 
+    def __str__(self) -> str:
+        return str(self.state)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
     @property
     def state(self) -> VehicleState:
         """Present state."""

@@ -115,7 +115,7 @@ class Watch:
             with Live(console=self._console, refresh_per_second=1 / REFRESH_S, transient=False) as view:
                 while not done() and not self._interrupts.wait(REFRESH_S):
                     self._print_events(view.console)
-                    view.update(fleet_table(self._fleet))
+                    view.update(fleet_table(self._fleet, view.console.width))
             return
         next_s = 0.0
         while not done() and not self._interrupts.wait(REFRESH_S):

@@ -5,21 +5,29 @@ import os
 import select
 import sys
 import termios
-import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rcopterx.commands.steer import Vehicles, known_vehicles
 from rcopterx.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
 
-QUIT_KEYS = b"qQ\x04"
+if TYPE_CHECKING:
+    from rich.console import Group
+
+HUNG_UP = b"\x04"
+QUIT_KEYS = b"qQ" + HUNG_UP
 """q and Ctrl-D; Ctrl-C comes as a signal."""
+NEXT_KEY = b"\t"
+COLUMN_NAMES = (
+    "vehicle", "phase", "arbiter", "flown-by", "follows", "position", "error", "pose", "command", "missed",
+    "solve", "link", "events",
+)  # fmt: skip
 
 VIEW_PERIOD_S = 0.05
 
@@ -62,24 +70,46 @@ def top(
     period: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.05, help="Time between two pictures in seconds.")
     ] = 0.2,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME,...",
+            help=f"Show these columns: {', '.join(COLUMN_NAMES)}. Default: as many as there is room for.",
+        ),
+    ] = None,
+    wide: Annotated[
+        bool, typer.Option("--wide", help="Show all columns, however wide the terminal is.")
+    ] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Show the fleet until q or Ctrl-C; without a terminal, show it once."""
+    """Show the fleet until q or Ctrl-C, further columns with Tab; without a terminal, show it once."""
     from rich.console import Console
     from rich.live import Live
 
-    from ground_station.live_table import fleet_view
+    from ground_station.live_table import COLUMNS, columns_named, fleet_view, table_width
 
+    try:
+        chosen = COLUMNS if wide else columns and columns_named(columns.split(","))
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--columns") from None
     console = Console()
     with running_fleet(fleet) as running:
         running.wait_for_status()
         if not console.is_terminal:
-            console.print(fleet_view(running))
+            width = table_width(running, chosen) if chosen else console.width
+            Console(width=width).print(fleet_view(running, width, columns=chosen or None))
             return
-        picture = Live(fleet_view(running), console=console, auto_refresh=False, screen=True)
-        with suppress(KeyboardInterrupt), picture, keys() as quit_within:
-            while not quit_within(period):
-                picture.update(fleet_view(running), refresh=True)
+
+        def picture(page: int) -> "Group":
+            return fleet_view(running, console.width, page, chosen or None, keys=True)
+
+        page, typed = 0, b""
+        live = Live(picture(page), console=console, auto_refresh=False, screen=True)
+        with suppress(KeyboardInterrupt), live, keys() as typed_within:
+            while not any(key in QUIT_KEYS for key in typed):
+                page += typed.count(NEXT_KEY)
+                live.update(picture(page), refresh=True)
+                typed = typed_within(period)
 
 
 def view(
@@ -110,29 +140,32 @@ def view(
 
 
 @contextmanager
-def keys() -> Iterator[Callable[[float], bool]]:
+def keys() -> Iterator[Callable[[float], bytes]]:
     """Wait for single keys of the terminal, without Enter; its settings come back at the end.
 
     Yields
     ------
     Callable
-        Waits a time [s]; True as soon as the user wants to quit, or hung up.
+        Waits a time [s]; what the user typed, Ctrl-D if they hung up.
     """
     descriptor = sys.stdin.fileno()
     if not os.isatty(descriptor):
-        yield threading.Event().wait
+        yield nothing_within
         return
     before = termios.tcgetattr(descriptor)
     tty.setcbreak(descriptor)
     try:
-        yield lambda seconds: _quit_within(descriptor, seconds)
+        yield lambda seconds: _typed_within(descriptor, seconds)
     finally:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
-def _quit_within(descriptor: int, seconds: float) -> bool:
+def nothing_within(seconds: float) -> bytes:
+    """Wait where nobody can type."""
+    time.sleep(seconds)
+    return b""
+
+
+def _typed_within(descriptor: int, seconds: float) -> bytes:
     ready, _, _ = select.select([descriptor], [], [], seconds)
-    if not ready:
-        return False
-    typed = os.read(descriptor, 64)
-    return not typed or any(key in QUIT_KEYS for key in typed)
+    return (os.read(descriptor, 64) or HUNG_UP) if ready else b""

@@ -2,6 +2,8 @@
 
 import json
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import asdict
@@ -29,6 +31,16 @@ session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["n
 session.announce("h7", "agent")
 print("ready", flush=True)
 threading.Event().wait()
+"""
+
+
+LEFT_OPEN_CODE = """
+import json, sys
+from bus import channels
+from bus.session import BusAddress, Session
+table = json.loads(sys.argv[1])
+session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]))
+inbox = session.subscribe_all(channels.POSE)
 """
 
 
@@ -373,3 +385,17 @@ def test_a_session_waits_for_a_router_that_is_being_started() -> None:
             assert session.connected()
     finally:
         router.end()
+
+
+def test_a_program_that_never_left_the_bus_ends_without_a_word(bus_address: BusAddress) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", LEFT_OPEN_CODE, json.dumps(asdict(bus_address))],
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
+def test_leaving_the_bus_twice_is_leaving_it_once(bus_address: BusAddress) -> None:
+    with Session(bus_address) as session:
+        session.close()
+        session.close()

@@ -37,7 +37,7 @@ def test_the_status_of_a_ready_fleet_names_everything_and_is_json(fleet: Fleet) 
     assert vehicle["pose_age_s"] < 1
     text = readable(status)
     assert text.startswith(
-        "lab: ready\n  h1: ground, transmitter disarmed, paper, leads, 0 control periods missed"
+        "lab: ready\n  h1: ground, transmitter disarmed, flown by paper, leads, 0 control periods missed"
     )
 
 
@@ -146,7 +146,7 @@ def test_the_status_tells_whom_a_vehicle_follows(
     status = fleet_status(fleet)
     (link,) = status["vehicles"]["h2"]["agent"]["following"]
     assert (link["leader"], link["offset_m"], link["frame"]) == ("h1", [1.0, 0.0, 0.0], "inertial")
-    assert "h2: ground, transmitter disarmed, paper, follows h1" in readable(status)
+    assert "h2: ground, transmitter disarmed, flown by paper, follows h1" in readable(status)
 
 
 def test_the_status_tells_what_is_done_about_a_lost_leader(fleet: Fleet, vehicles: Vehicles) -> None:

@@ -94,17 +94,14 @@ def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -
     before = subprocess.run(["stty", "-g"], stdin=inside, capture_output=True, check=True).stdout
     process = subprocess.Popen(
         [sys.executable, "-m", "rcopterx", "top", "-f", up, "--period", "0.05"],
-        stdin=inside, stdout=inside, stderr=inside, env=os.environ | {"COLUMNS": "200", "TERM": "xterm"},
+        stdin=inside, stdout=inside, stderr=inside, env=os.environ | {"COLUMNS": "80", "TERM": "xterm"},
     )  # fmt: skip
     try:
-        shown = b""
-        pictures = 0
-        deadline_s = time.monotonic() + 30
-        while pictures < 3 and time.monotonic() < deadline_s:
-            if select.select([outside], [], [], 0.1)[0]:
-                shown += os.read(outside, 65536)
-                pictures = shown.count(b"lab: Tracker")
-        assert pictures >= 3, shown
+        wait_for_picture(outside, b"columns 1 of 2")
+        os.write(outside, b"\t")
+        wait_for_picture(outside, b"columns 2 of 2")
+        os.write(outside, b"x\t")
+        wait_for_picture(outside, b"columns 1 of 2")
         if way == "q":
             os.write(outside, b"q")
         else:
@@ -117,6 +114,25 @@ def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -
         process.wait()
         os.close(outside)
         os.close(inside)
+
+
+def wait_for_picture(terminal: int, words: bytes) -> None:
+    """Read what a terminal shows until it holds these words."""
+    shown = b""
+    deadline_s = time.monotonic() + 30
+    while words not in shown:
+        assert time.monotonic() < deadline_s, shown
+        if select.select([terminal], [], [], 0.1)[0]:
+            shown += os.read(terminal, 65536)
+
+
+def test_top_shows_the_columns_it_is_asked_for(up: str) -> None:
+    chosen = run("top", "--columns", "phase,solve", "-f", up).output.splitlines()[1:3]
+    assert " ".join(chosen).split() == ["solve", "p50", "/", "p99", "vehicle", "phase", "[ms]"]
+    assert all(words in run("top", "--wide", "-f", up).output for words in ("rejections", "x y z", "link"))
+    refused = run("top", "--columns", "phase,battery", "-f", up)
+    assert refused.exit_code == 2
+    assert "no column 'battery'" in refused.output
 
 
 def test_the_browser_view_says_what_it_needs(up: str, monkeypatch: pytest.MonkeyPatch) -> None:
