@@ -105,7 +105,7 @@ def top(
 
         page, typed = 0, b""
         live = Live(picture(page), console=console, auto_refresh=False, screen=True)
-        with suppress(KeyboardInterrupt), live, keys() as typed_within:
+        with suppress(KeyboardInterrupt), keys() as typed_within, live:
             while not any(key in QUIT_KEYS for key in typed):
                 page += typed.count(NEXT_KEY)
                 live.update(picture(page), refresh=True)
