@@ -7,7 +7,7 @@ elsewhere. Figures: zenoh_bus.md section 7.1.
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
-from bus import messages
+from bus import log_messages, messages
 from bus.intent import Intent
 from bus.keys import (
     EVERY_FLEET,
@@ -24,10 +24,10 @@ from bus.keys import (
 from bus.messages import Message
 
 __all__ = [
-    "AGENT_STATUS", "APPLIED", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH", "DATA_LOW", "EVERY_FLEET",
-    "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH", "KILL", "LABORATORY", "LAUNCHER", "PLAN",
-    "POSE", "REAL_TIME", "ROOT", "SIMULATOR_UNIT", "TRACKER_STATUS", "TRACKER_UNIT", "TRANSMITTER_STATUS",
-    "Channel", "alive_key", "key", "request_key",
+    "AGENT_STATUS", "ANSWERED", "APPLIED", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH", "DATA_LOW",
+    "EVERY_FLEET", "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH", "KILL", "LABORATORY",
+    "LAUNCHER", "LAUNCHER_EVENT", "PLAN", "POSE", "REAL_TIME", "RECORDER", "ROOT", "SIMULATOR_UNIT",
+    "TRACKER_STATUS", "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel", "alive_key", "key", "request_key",
 ]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
@@ -133,7 +133,20 @@ KILL: Final = Channel(
     "cut the motors of some or all vehicles",
 )  # fmt: skip
 
+ANSWERED: Final = Channel(
+    "answered", log_messages.AnsweredRequest, "vehicle", "whoever answers", 0, 1.0, DATA_LOW, True,
+    "requests and their answers, for flight logs",
+)  # fmt: skip
+LAUNCHER_EVENT: Final = Channel(
+    "event", log_messages.LauncherEvent, "host", "launcher", 0, 1.0, DATA_LOW, True,
+    "starts, deaths and restarts of processes",
+)  # fmt: skip
+RECORDER: Final = Channel(
+    "recorder", log_messages.RecorderStatus, "host", "recorder", 1, 3.0, DATA_LOW, True,
+    "what the flight log is doing",
+)  # fmt: skip
+
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
     POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT, TRANSMITTER_STATUS,
-    TRACKER_STATUS, LABORATORY, LAUNCHER, KILL,
+    TRACKER_STATUS, LABORATORY, LAUNCHER, KILL, ANSWERED, LAUNCHER_EVENT, RECORDER,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows

@@ -2,11 +2,13 @@
 
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from queue import Empty, SimpleQueue
-from typing import TypeVar
+from struct import Struct
+from typing import Final, NamedTuple, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
@@ -15,6 +17,7 @@ from bus import channels
 from bus.channels import Channel
 from bus.codec import RejectedError, decode, encode
 from bus.endpoints import client_config, reason_of
+from bus.log_messages import AnsweredRequest
 from bus.messages import Message
 from bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from bus.subscription import Subscription, UnitSubscriptions
@@ -26,6 +29,8 @@ RETRY_S = 0.02
 """Pause before asking again where nobody serves a request."""
 FIRST_ATTEMPT_S = 0.1
 """For one endpoint; each round takes twice as long, for routers on a busy machine."""
+_COUNTER: Final = Struct("<I")
+"""Every message carries the count of its sender on this key as an attachment, so that losses are seen."""
 SILENT_SHARE = 0.8
 """Share of the time-out after which an empty result means that the one who was asked kept silent."""
 
@@ -66,11 +71,37 @@ class Incoming:
     verb: str
     request: Request
     query: zenoh.Query
+    log: Callable[[bytes], None]
+    """Told the reply, for flight logs."""
 
     def answer(self, reply: Reply) -> None:
         """Send the reply and close the request."""
+        payload = encode(reply)
         with self.query:
-            self.query.reply(self.query.key_expr, encode(reply))
+            self.query.reply(self.query.key_expr, payload)
+        self.log(payload)
+
+
+class Heard(NamedTuple):
+    """A message as it arrived, undecoded.
+
+    Attributes
+    ----------
+    unit, topic
+        From its key.
+    payload
+        Its bytes.
+    arrived_s
+        Monotonic clock of the listener.
+    number
+        Counter of its sender on this key, from 1 on; 0 where the sender does not count.
+    """
+
+    unit: str
+    topic: str
+    payload: bytes
+    arrived_s: float
+    number: int
 
 
 def _opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
@@ -126,7 +157,7 @@ class Session:
         self.address = address
         self.clock = clock
         self.wake = wake
-        self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
+        self._publishers: dict[tuple[str, str], tuple[zenoh.Publisher, Iterator[int]]] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
         self._taps: list[zenoh.Subscriber[None]] = []
         self._tokens: list[zenoh.LivelinessToken] = []
@@ -153,14 +184,15 @@ class Session:
         """Send a message; never blocks, drops on congestion."""
         publisher = self._publishers.get((unit, channel.topic))
         if publisher is None:
-            publisher = self._publishers[unit, channel.topic] = self._zenoh.declare_publisher(
+            declared = self._zenoh.declare_publisher(
                 channels.key(self.address.fleet, unit, channel.topic),
                 encoding=channel.encoding,
                 congestion_control=zenoh.CongestionControl.DROP,
                 priority=_PRIORITIES[channel.priority],
                 express=False,
             )
-        publisher.put(encode(message))
+            publisher = self._publishers[unit, channel.topic] = (declared, count(1))
+        publisher[0].put(encode(message), attachment=_COUNTER.pack(next(publisher[1]) & 0xFFFFFFFF))
 
     def subscribe(
         self,
@@ -198,24 +230,27 @@ class Session:
         wake = self.wake if waking else lambda: None
         return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth)
 
-    def tap(self, store: Callable[[str, str, bytes, float], None], topic: str = "*") -> None:
+    def tap(self, store: Callable[[Heard], None], topic: str = "*", fleet: str | None = None) -> None:
         """Hear every message of the fleet, or of one topic, undecoded; for recorders.
 
         Parameters
         ----------
         store
-            Called on the receive thread with unit, topic, payload and arrival time [monotonic s].
+            Called on the receive thread.
         topic
             Of the channel; by default all.
+        fleet
+            Whose messages, by default those of the own fleet.
         """
 
         def on_sample(sample: zenoh.Sample) -> None:
             chunks = str(sample.key_expr).split("/")
             # What was put on a wildcard key is nobody's message; every reader refuses it.
             if len(chunks) == 4 and "*" not in str(sample.key_expr):
-                store(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock())
+                number = _counter(sample.attachment)
+                store(Heard(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
 
-        pattern = channels.key(self.address.fleet, "*", topic)
+        pattern = channels.key(fleet or self.address.fleet, "*", topic)
         self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
 
     def announce(self, unit: str, role: str) -> None:
@@ -255,7 +290,14 @@ class Session:
             with query:
                 query.reply_err(f"{verb}: {error}".encode())
             return
-        self._incoming.put(Incoming(unit, verb, request, query))
+        arrived_s = self.clock()
+
+        def log(reply: bytes) -> None:
+            took_s = max(0.0, self.clock() - arrived_s)
+            answered = AnsweredRequest(verb=verb, request=payload, reply=reply, took_s=took_s)
+            self.publish(channels.ANSWERED, unit, answered)
+
+        self._incoming.put(Incoming(unit, verb, request, query, log))
         self.wake()
 
     def pending(self) -> list[Incoming]:
@@ -322,3 +364,10 @@ class Session:
             return decode(payload, verb.reply)
         except RejectedError as error:
             raise RequestFailedError(f"{unit} answered {verb.name} with nonsense: {error}") from None
+
+
+def _counter(attachment: zenoh.ZBytes | None) -> int:
+    """Count that came with a message; 0 without one."""
+    if attachment is None or len(attachment) != _COUNTER.size:
+        return 0
+    return int(_COUNTER.unpack(attachment.to_bytes())[0])

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from bus.channels import CHANNELS, Channel
 from bus.codec import RejectedError, decode
 from bus.messages import Message
-from bus.session import Session
+from bus.session import Heard, Session
 
 M = TypeVar("M", bound=Message)
 
@@ -68,9 +68,9 @@ class Recorder:
         for topic in ("*",) if only is None else tuple(channel.topic for channel in only):
             session.tap(self._store, topic)
 
-    def _store(self, unit: str, topic: str, payload: bytes, arrived_s: float) -> None:
-        if self._active and topic in self._topics:
-            self._records.append(Record(unit, topic, payload, arrived_s))
+    def _store(self, heard: Heard) -> None:
+        if self._active and heard.topic in self._topics:
+            self._records.append(Record(heard.unit, heard.topic, heard.payload, heard.arrived_s))
 
     def start(self) -> None:
         """Begin anew."""

@@ -177,7 +177,7 @@ def test_a_tap_hears_every_unit_undecoded_and_survives_strange_keys(
 ) -> None:
     heard: list[tuple[str, str, bytes]] = []
     recorder, sender = join(), join()
-    recorder.tap(lambda unit, topic, payload, _: heard.append((unit, topic, payload)))
+    recorder.tap(lambda message: heard.append((message.unit, message.topic, message.payload)))
     for key in ("rcopterx/**", "rcopterx/lab/*/pose", "rcopterx/lab/h1/request/land"):
         raw_put(bus_address, key, b"x")
 

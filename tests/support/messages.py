@@ -113,6 +113,8 @@ def _value(kind: Any) -> st.SearchStrategy[Any]:
                 1e9 if kind.le is None else kind.le,
                 exclude_min=kind.gt is not None,
             )
+        case inspect.BytesType():
+            return st.binary(max_size=20)
         case inspect.StrType(pattern=str() as pattern):
             return st.from_regex(pattern, fullmatch=True).filter(lambda text: not text.endswith("\n"))
         case inspect.StrType():
