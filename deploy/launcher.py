@@ -4,6 +4,7 @@ import errno
 import os
 import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Collection
 from contextlib import AbstractContextManager
@@ -14,12 +15,13 @@ from deploy.fleet_check import check_fleet
 from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.fleet_file.snapshot import write_snapshot
 from deploy.membership import MembershipService
-from deploy.processes import processes_of
+from deploy.processes import RECORDER, processes_of
 from deploy.recall import RecallService
 from deploy.roles.addresses import bus_address
 from deploy.roles.tracker import check_motion_capture, tracker_address
-from deploy.run_directory import run_directory, serial_path, snapshot_path
+from deploy.run_directory import flight_path, run_directory, serial_path, snapshot_path
 from deploy.supervisor import Supervisor
+from flight_log.flights import flight_name
 
 WATCH_S = 0.1
 EVENTS_KEPT = 200
@@ -102,6 +104,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         Which host this is.
     without
         Vehicles that do not take part at first; they can join later.
+    record
+        Whether this host, if it is the one that records, writes a flight log.
 
     Raises
     ------
@@ -110,9 +114,11 @@ class Launcher(AbstractContextManager["Launcher"]):
         nothing was started.
     """
 
-    def __init__(self, fleet: FleetFile, host: str, without: Collection[str] = ()) -> None:
+    def __init__(
+        self, fleet: FleetFile, host: str, without: Collection[str] = (), *, record: bool = False
+    ) -> None:
         directory = run_directory(fleet.name, fleet.bus.namespace)
-        specs = processes_of(fleet, host)
+        specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
         _check_absent(fleet, without)
         check_fleet(fleet, directory)
         missing = check_resources(fleet, host, directory, without)
@@ -121,6 +127,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._snapshot = snapshot_path(host, directory)
         self.supervisor = Supervisor(specs, self._snapshot, directory / "log", without=agents)
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
+        self._news: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._fleet = fleet
         self._host = host
         self._stopping = threading.Event()
@@ -130,6 +137,8 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def __enter__(self) -> "Launcher":
         write_snapshot(self._fleet, self._snapshot)
+        flight = flight_name(self._fleet.name, time.time())
+        flight_path(self._host, self.directory).write_text(flight, encoding="utf-8")
         self._thread.start()
         vehicles = self._fleet.vehicles.items()
         agents = [name for name, vehicle in vehicles if vehicle.host == self._host]
@@ -144,7 +153,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._recall = RecallService(
                 address, agents, transmitters, lambda vehicle: deaths(f"agent-{vehicle}")
             )
-            self._membership = MembershipService(address, self._host, self.supervisor)
+            self._membership = MembershipService(address, self._host, self.supervisor, self._news)
         except BusUnreachableError:
             self.stop()
             raise
@@ -155,10 +164,15 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _run(self) -> None:
         # Children are told when the thread that started them ends, so this one starts and stops them all.
-        self.events.extend(self.supervisor.start_all())
+        self._tell(self.supervisor.start_all())
         while not self._stopping.is_set():
-            self.events.extend(self.supervisor.watch(WATCH_S))
+            self._tell(self.supervisor.watch(WATCH_S))
         self.supervisor.stop_all()
+
+    def _tell(self, lines: list[str]) -> None:
+        """For whoever started the fleet, and for everybody on the bus."""
+        self.events.extend(lines)
+        self._news.extend(lines)
 
     def stop(self) -> None:
         """Stop every process; gateways bring down what still flies."""

@@ -1,16 +1,19 @@
-"""Lets vehicles of a host take part or leave while the others fly, and reports who takes part."""
+"""Lets vehicles of a host take part or leave while the others fly; tells who does, and what processes do."""
 
 import threading
+from collections import deque
 from collections.abc import Mapping
 
 from agents.phases import AIRBORNE
 from bus import channels
+from bus.log_messages import LauncherEvent
 from bus.messages import LauncherStatus
 from bus.requests import Reply, StartVehicle, StopVehicle
 from bus.session import BusAddress, Session
 from deploy.supervisor import Child, Supervisor
 
 REPORT_PERIOD_S = 0.5
+MAX_TEXT = 400
 
 
 class MembershipService:
@@ -24,9 +27,12 @@ class MembershipService:
         Name of the host.
     supervisor
         Keeps the agents running.
+    news
+        What happened to processes; it is published and removed.
     """
 
-    def __init__(self, address: BusAddress, host: str, supervisor: Supervisor) -> None:
+    def __init__(self, address: BusAddress, host: str, supervisor: Supervisor, news: deque[str]) -> None:
+        self._news = news
         self._supervisor = supervisor
         self._agents: Mapping[str, Child] = {
             child.spec.unit: child for child in supervisor.children.values() if child.spec.role == "agent"
@@ -50,8 +56,14 @@ class MembershipService:
                 incoming.answer(self._answer(incoming.unit, incoming.request))
                 report_at_s = 0.0
             if self._session.clock() >= report_at_s:
+                self._publish_news()
                 self._session.publish(channels.LAUNCHER, self._host, self._status())
                 report_at_s = self._session.clock() + REPORT_PERIOD_S
+
+    def _publish_news(self) -> None:
+        while self._news:
+            event = LauncherEvent(text=self._news.popleft()[:MAX_TEXT])
+            self._session.publish(channels.LAUNCHER_EVENT, self._host, event)
 
     def _answer(self, vehicle: str, request: object) -> Reply:
         child = self._agents[vehicle]

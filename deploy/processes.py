@@ -3,8 +3,12 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from deploy.fleet_file.schema import FleetError, FleetFile
+
+RECORDER: Final = "recorder"
+"""Name and role of the process that writes the flight log."""
 
 
 @dataclass(frozen=True)
@@ -16,7 +20,7 @@ class ProcessSpec:
     name
         Unique on its host; also the name of its log file.
     role
-        `router`, `simulator`, `tracker`, `transmitters` or `agent`.
+        `router`, `recorder`, `simulator`, `tracker`, `transmitters` or `agent`.
     unit
         What the role is for: a host, a gateway or a vehicle.
     stop_order
@@ -33,6 +37,11 @@ class ProcessSpec:
         return [sys.executable, "-m", "deploy.roles", self.role, self.unit, str(snapshot)]
 
 
+def recording_host(fleet: FleetFile) -> str:
+    """Host whose recorder writes the flight log."""
+    return fleet.log.host or next(iter(fleet.hosts))
+
+
 def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """Processes of one host in the order they are started.
 
@@ -43,7 +52,10 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """
     if host not in fleet.hosts:
         raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
-    specs = [ProcessSpec("router", "router", host, 4)]
+    specs = [ProcessSpec("router", "router", host, 5)]
+    if host == recording_host(fleet):
+        # Started before those whose first words it shall hear, stopped after them.
+        specs.append(ProcessSpec(RECORDER, RECORDER, host, 4))
     if fleet.simulator is not None and fleet.simulator.host == host:
         specs.append(ProcessSpec("simulator", "simulator", host, 3))
     if fleet.tracker.host == host:

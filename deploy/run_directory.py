@@ -40,6 +40,11 @@ def snapshot_path(host: str, directory: Path) -> Path:
     return directory / f"fleet-{host}.json"
 
 
+def flight_path(host: str, directory: Path) -> Path:
+    """File with the name of the flight under way, by which a recorder that is restarted goes on with it."""
+    return directory / f"flight-{host}.txt"
+
+
 def router_socket(host: str, directory: Path) -> str | None:
     """Zenoh endpoint of a host's router for processes of the same host, faster than TCP.
 

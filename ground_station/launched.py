@@ -14,7 +14,9 @@ FIRST_ROUTER_S = 15.0
 
 
 @contextmanager
-def launched(path: str | Path, host: str | None = None, without: Collection[str] = ()) -> Iterator[Fleet]:
+def launched(
+    path: str | Path, host: str | None = None, without: Collection[str] = (), *, record: bool = True
+) -> Iterator[Fleet]:
     """Start the processes of a fleet on this computer and join it; at the end everything lands and stops.
 
     Parameters
@@ -25,6 +27,8 @@ def launched(path: str | Path, host: str | None = None, without: Collection[str]
         Which host of the fleet file this computer is; may be left out where there is only one.
     without
         Vehicles that do not take part at first; `Fleet.join` lets them.
+    record
+        Whether a flight log is written; `rcopterx flights` lists them.
 
     Yields
     ------
@@ -41,7 +45,7 @@ def launched(path: str | Path, host: str | None = None, without: Collection[str]
     file = load_fleet(fleet_path(str(path)))
     if host is None and len(file.hosts) > 1:
         raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
-    with processes_up(file, host or next(iter(file.hosts)), without) as fleet, fleet:
+    with processes_up(file, host or next(iter(file.hosts)), without, record=record) as fleet, fleet:
         fleet.wait_ready()
         yield fleet
         if any(vehicle.state.airborne for vehicle in fleet):
@@ -49,12 +53,14 @@ def launched(path: str | Path, host: str | None = None, without: Collection[str]
 
 
 @contextmanager
-def processes_up(file: FleetFile, host: str, without: Collection[str] = ()) -> Iterator[Fleet]:
+def processes_up(
+    file: FleetFile, host: str, without: Collection[str] = (), *, record: bool = True
+) -> Iterator[Fleet]:
     """Start the processes of a host and join their fleet; at the end the processes stop, landed or not.
 
     Parameters
     ----------
-    file, host, without
+    file, host, without, record
         See `Launcher`, also for the errors.
 
     Yields
@@ -63,7 +69,7 @@ def processes_up(file: FleetFile, host: str, without: Collection[str] = ()) -> I
         With its `launcher`; its processes may still be starting.
     """
     with (
-        Launcher(file, host, without) as launcher,
+        Launcher(file, host, without, record=record) as launcher,
         closing(Fleet(file, host, FIRST_ROUTER_S)) as fleet,
     ):
         fleet.launcher = launcher

@@ -63,6 +63,7 @@ class Observer:
         self._poses = self.session.subscribe_all(channels.POSE)
         self.plans = self.session.subscribe_all(channels.PLAN)
         self._launchers = self.session.subscribe_all(channels.LAUNCHER)
+        self._recorders = self.session.subscribe_all(channels.RECORDER, waking=False)
         self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
 
     def __str__(self) -> str:
@@ -118,7 +119,7 @@ class Observer:
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
 
     def notes(self) -> list[str]:
-        """Remarks that do not block take-off: subjects of no vehicle, a recording, what failed in flight."""
+        """Remarks that do not block take-off: subjects of no vehicle, recordings, what failed in flight."""
         lowered = [
             f"{name} oscillated: effort factor {status.diagnostics.effort_factor:g} until it is tuned"
             for name, status in self.statuses().items()
@@ -129,7 +130,23 @@ class Observer:
             for name, status in self.statuses().items()
             for remark in status.diagnostics.remarks
         ]
-        return tracker_notes(_newest(self.tracker, self.session.clock())[0]) + lowered + told
+        tracker = _newest(self.tracker, self.session.clock())[0]
+        return tracker_notes(tracker) + self._log_notes() + lowered + told
+
+    def _log_notes(self) -> list[str]:
+        """What is wrong with the flight log."""
+        now_s, found = self.session.clock(), []
+        for host, inbox in tuple(self._recorders.inboxes.items()):
+            status, _ = _newest(inbox, now_s)
+            if status is None:
+                continue
+            if not inbox.alive(now_s):
+                found.append(f"flight log: the recorder on {host} is not responding")
+            elif status.state == "stopped":
+                found.append(f"flight log: recording stopped: {status.reason}")
+            if status.lost:
+                found.append(f"flight log: {status.lost} messages lost")
+        return found
 
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""

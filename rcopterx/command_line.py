@@ -7,6 +7,7 @@ import typer
 from rcopterx.commands import (
     bench,
     experiment,
+    flights,
     fly,
     identify,
     laboratory,
@@ -36,11 +37,14 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
         trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,
         steer.reset,
     ),
+    "Flight logs": (flights.flights, flights.recover),
     "Prepare vehicles": (identify.identify, margins.margins),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),
     "Experiment": (experiment.experiment,),
-    "Run one process": (roles.router, roles.simulator, roles.tracker, roles.transmitters, roles.agent),
+    "Run one process": (
+        roles.router, roles.recorder, roles.simulator, roles.tracker, roles.transmitters, roles.agent,
+    ),
 }  # fmt: skip
 WITH_COORDINATES = (steer.goto,)
 """A coordinate may be negative; unknown options are not looked for, so that -0.5 is a number."""

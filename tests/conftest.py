@@ -34,6 +34,14 @@ def join(bus_address: BusAddress) -> Iterator[Callable[..., Session]]:
         yield opened
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _own_flight_logs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No test writes flight logs among those of the user."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RCOPTERX_FLIGHTS", str(tmp_path_factory.mktemp("flights")))
+        yield
+
+
 @pytest.fixture(autouse=True)
 def _ordinary_scheduling() -> Iterator[None]:
     """No test leaves its own process in the real-time class, to disturb whatever flies beside it."""

@@ -63,6 +63,8 @@ def _check_hosts(fleet: FleetFile) -> None:
         if fleet.simulator is not None and address == fleet.tracker.address:
             raise FleetError(f"tracker.address: {address} is already that of the router of hosts.{name}")
     uses = {"tracker.host": fleet.tracker.host}
+    if fleet.log.host is not None:
+        uses["log.host"] = fleet.log.host
     if fleet.simulator is not None:
         uses["simulator.host"] = fleet.simulator.host
     uses |= {f"gateways.{name}.host": gateway.host for name, gateway in fleet.gateways.items()}

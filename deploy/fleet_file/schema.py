@@ -17,7 +17,7 @@ Text = Annotated[str, Meta(min_length=1)]
 DEFAULT_HOST = "main"
 RESERVED_UNITS = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
 """Units of the bus that are no vehicles."""
-RESERVED_PROCESSES = ("router", "simulator", "tracker", "spare")
+RESERVED_PROCESSES = ("router", "simulator", "tracker", "recorder", "spare")
 """Names of processes that are no transmitter gateways."""
 
 
@@ -176,6 +176,19 @@ class SafetyConfig(Table, frozen=True, kw_only=True):
     settings: dict[str, Any] = field(default_factory=dict)
 
 
+class LogConfig(Table, frozen=True, kw_only=True):
+    """The flight log."""
+
+    host: Name | None = None
+    """Host that records; by default the first one."""
+    directory: Text | None = None
+    """Where flight logs go; default: `RCOPTERX_FLIGHTS`, else `~/.local/share/rcopterx/flights`."""
+    keep_gb: Annotated[float, Meta(ge=0.01, le=10_000)] = 10.0
+    """Disk that all flight logs of the directory may take together; the oldest are removed for new ones."""
+    part_mb: Annotated[float, Meta(ge=1, le=2000)] = 200.0
+    """Size from which a flight goes on in another file."""
+
+
 class FleetFile(Table, frozen=True, kw_only=True):
     """The whole fleet."""
 
@@ -188,6 +201,7 @@ class FleetFile(Table, frozen=True, kw_only=True):
     gateways: dict[Name, GatewayConfig] = field(default_factory=lambda: {"transmitters": GatewayConfig()})
     avoidance: AvoidanceConfig = field(default_factory=AvoidanceConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
+    log: LogConfig = field(default_factory=LogConfig)
     vehicles: dict[Name, VehicleConfig]
 
     def endpoint(self, host: str) -> str:

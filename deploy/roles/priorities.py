@@ -9,7 +9,8 @@ class Priority(IntEnum):
     """How far processes run above the fleet's real-time priority.
 
     What others wait for comes first: messages are forwarded at once, and a leader plans before its followers.
-    The simulator computes its helicopters' motion while nobody else needs the processor.
+    The simulator computes its helicopters' motion while nobody else needs the processor, and nobody waits for
+    the recorder.
     """
 
     ROUTER = 6
@@ -17,6 +18,7 @@ class Priority(IntEnum):
     LEADER = 2
     FOLLOWER = 1
     SIMULATOR = 0
+    RECORDER = -1
 
     def of(self, fleet: FleetFile) -> int:
         """SCHED_FIFO priority; 0 if the fleet wants none."""

@@ -14,7 +14,7 @@ from setproctitle import setproctitle, setthreadtitle
 from bus.session import BusUnreachableError
 from deploy.fleet_file.schema import FleetError, FleetFile
 
-ROLES = ("router", "simulator", "tracker", "transmitters", "agent")
+ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
 PR_SET_PDEATHSIG = 1
 EXIT_USAGE = 2
 EXIT_UNREACHABLE = 3
@@ -38,7 +38,7 @@ def run_role(role: str, unit: str, fleet: FleetFile) -> None:
     role
         One of `ROLES`.
     unit
-        Host of a router, simulator or tracker gateway; gateway name of transmitters; vehicle of an agent.
+        Host of a router, recorder, simulator or tracker; gateway name of transmitters; vehicle of an agent.
     fleet
         The fleet file.
 
@@ -72,7 +72,7 @@ def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
         Names what is allowed.
     """
     known: dict[str, Mapping[str, object]] = {
-        "router": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,
+        "router": fleet.hosts, "recorder": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,
         "transmitters": fleet.gateways, "agent": fleet.vehicles,
     }  # fmt: skip
     if role not in known:
@@ -88,6 +88,10 @@ def runner(role: str) -> Callable[[FleetFile, str], None]:
             from deploy.roles import router
 
             return router.run
+        case "recorder":
+            from deploy.roles import recorder
+
+            return recorder.run
         case "simulator":
             from deploy.roles import simulator
 

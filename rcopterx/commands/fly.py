@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcopterx.commands.launch import interruptible
+from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def fly(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres.")] = False,
+    record: RecordOption = True,
 ) -> None:
     """Fly a manoeuvre, judge it, and write a report. Exit code 1 if a check failed. Ctrl-C lands."""
     from experiments.manoeuvres import MANOEUVRES
@@ -64,7 +65,7 @@ def fly(
     results = Results(report, several=every)
     with user_errors():
         try:
-            _fly_rows(rows, fleet, start, results)
+            _fly_rows(rows, fleet, start, record, results)
         finally:
             results.write_page()
     results.print(as_json)
@@ -82,11 +83,13 @@ def _make_directory(path: Path) -> None:
         raise typer.BadParameter(f"{path}: no permission to write", param_hint="--report")
 
 
-def _fly_rows(rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, results: "Results") -> None:
+def _fly_rows(
+    rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, record: bool, results: "Results"
+) -> None:
     """Fly one after the other; fleets that are started here are started anew for every manoeuvre."""
     if start:
         for number, row in enumerate(rows, 1):
-            with interruptible(fleet or row.fleet, None) as (running, interrupts):
+            with interruptible(fleet or row.fleet, None, record=record) as (running, interrupts):
                 _fly_row(row, running, interrupts.event, Progress(row, number, len(rows)), results)
         return
     with running_fleet(fleet) as running:

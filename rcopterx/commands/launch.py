@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 REFRESH_S = 0.2
 PLAIN_REFRESH_S = 5.0
 
+RecordOption = Annotated[
+    bool, typer.Option("--record/--no-record", help="Write a flight log; see rcopterx flights.")
+]
+
 
 class Interrupts:
     """Counts Ctrl-C: the first one lands, the second one cuts."""
@@ -49,7 +53,7 @@ class Interrupts:
 
 @contextmanager
 def interruptible(
-    name: str, host: str | None, without: Sequence[str] = ()
+    name: str, host: str | None, without: Sequence[str] = (), *, record: bool = True
 ) -> Iterator[tuple["Fleet", Interrupts]]:
     """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
     from ground_station.launched import processes_up
@@ -59,7 +63,7 @@ def interruptible(
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)
-    with processes_up(file, this_host, without) as fleet:
+    with processes_up(file, this_host, without, record=record) as fleet:
         try:
             yield fleet, interrupts
         finally:
@@ -137,11 +141,12 @@ def up(
         list[str] | None,
         typer.Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. May be repeated."),
     ] = None,
+    record: RecordOption = True,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
     from ground_station.margins import configured_warnings
 
-    with user_errors(), interruptible(fleet, host, without or ()) as (running, interrupts):
+    with user_errors(), interruptible(fleet, host, without or (), record=record) as (running, interrupts):
         for line in configured_warnings(running.file):
             typer.echo(f"warning: {line}", err=True)
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
@@ -154,13 +159,14 @@ def demo(
         float | None,
         typer.Option(metavar="SECONDS", min=1, help="End by itself after this flight time in seconds."),
     ] = None,
+    record: RecordOption = True,
 ) -> None:
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
     from rich.console import Console
 
     from experiments.demonstration import Demonstration
 
-    with user_errors(), interruptible(fleet, None) as (running, interrupts):
+    with user_errors(), interruptible(fleet, None, record=record) as (running, interrupts):
         demonstration = Demonstration(running, interrupts.wait)
         demonstration.start(seconds)
         Watch(running, interrupts).until(lambda: demonstration.finished)

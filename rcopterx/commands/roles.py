@@ -24,6 +24,11 @@ def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
     _run("router", host, fleet)
 
 
+def recorder(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
+    """Run the recorder: everything on the bus into a flight log."""
+    _run("recorder", host, fleet)
+
+
 def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Run the fake laboratory: Tracker, radio modules and vehicles."""
     _run("simulator", host, fleet)

@@ -37,6 +37,7 @@ def test_one_host_runs_everything_in_starting_order() -> None:
     specs = processes_of(parse_fleet(PAIR), "main")
     assert [(spec.name, spec.role, spec.unit) for spec in specs] == [
         ("router", "router", "main"),
+        ("recorder", "recorder", "main"),
         ("simulator", "simulator", "main"),
         ("tracker", "tracker", "main"),
         ("transmitters", "transmitters", "transmitters"),
@@ -44,7 +45,7 @@ def test_one_host_runs_everything_in_starting_order() -> None:
         ("agent-h2", "agent", "h2"),
     ]
     stopped = [spec.name for spec in sorted(specs, key=lambda spec: spec.stop_order)]
-    assert stopped == ["agent-h1", "agent-h2", "transmitters", "tracker", "simulator", "router"]
+    assert stopped == ["agent-h1", "agent-h2", "transmitters", "tracker", "simulator", "recorder", "router"]
 
 
 def test_a_fleet_that_flies_hardware_runs_no_simulator() -> None:
@@ -52,7 +53,9 @@ def test_a_fleet_that_flies_hardware_runs_no_simulator() -> None:
 
 
 def test_every_process_runs_on_its_host_and_each_host_has_a_router() -> None:
-    assert names(TWO_HOSTS, "main") == ["router", "simulator", "tracker", "transmitters", "agent-h1"]
+    assert names(TWO_HOSTS, "main") == [
+        "router", "recorder", "simulator", "tracker", "transmitters", "agent-h1",
+    ]  # fmt: skip
     assert names(TWO_HOSTS, "second") == ["router", "agent-h2"]
 
 

@@ -1,5 +1,6 @@
 """Promises of the launcher's membership service: vehicles come and go by request, never out of the air."""
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def supervisor(tmp_path: Path) -> Supervisor:
 
 @pytest.fixture
 def membership(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[MembershipService]:
-    service = MembershipService(bus_address, "main", supervisor)
+    service = MembershipService(bus_address, "main", supervisor, deque(["router: started"]))
     yield service
     service.close()
 

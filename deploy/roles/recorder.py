@@ -1,0 +1,81 @@
+"""The role of the recorder: where the flight log goes, and what it says of the flight."""
+
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from deploy.fleet_file.schema import FleetFile
+from deploy.fleet_file.snapshot import digest_of
+from deploy.roles.addresses import bus_address
+from deploy.roles.priorities import Priority
+from deploy.run_directory import flight_path, run_directory
+from flight_log.flight_writing import FlightSettings
+from flight_log.flights import default_directory, flight_name
+from flight_log.provenance import provenance
+from flight_log.recorder import NANO, RecorderSettings, run_recorder, schemas
+
+MB: Final = 1_000_000
+GB: Final = 1_000_000_000
+
+
+def run(fleet: FleetFile, host: str) -> None:
+    """Record what is on the bus."""
+    run_recorder(
+        recorder_settings(fleet, host, time.time_ns(), time.monotonic()),
+        lambda line: print(line, file=sys.stderr, flush=True),
+    )
+
+
+def log_directory(fleet: FleetFile) -> Path:
+    """Where the flight logs of a fleet lie."""
+    chosen = fleet.log.directory
+    return default_directory() if chosen is None else Path(chosen).expanduser()
+
+
+def recorder_settings(fleet: FleetFile, host: str, now_ns: int, now_s: float) -> RecorderSettings:
+    """Settings of the recorder process.
+
+    Parameters
+    ----------
+    fleet, host
+        The fleet, and the host that records.
+    now_ns, now_s
+        Wall clock and monotonic clock of this moment.
+    """
+    wall_ns = now_ns - round(now_s * NANO)
+    started_s = now_ns / NANO
+    metadata = {
+        "fleet": fleet.name,
+        "digest": digest_of(fleet),
+        "host": host,
+        "started": time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(started_s)),
+        "monotonic_zero_ns": str(wall_ns),
+        "seed": "" if fleet.simulator is None else str(fleet.simulator.seed),
+        **provenance(),
+    }
+    return RecorderSettings(
+        bus=bus_address(fleet, host),
+        host=host,
+        flight=FlightSettings(
+            directory=log_directory(fleet),
+            flight=_flight_under_way(fleet, host) or flight_name(fleet.name, started_s),
+            metadata=metadata,
+            fleet=msgspec.json.encode(fleet),
+            schemas=schemas(),
+            part_bytes=round(fleet.log.part_mb * MB),
+            keep_bytes=round(fleet.log.keep_gb * GB),
+        ),
+        wall_ns=wall_ns,
+        realtime_priority=Priority.RECORDER.of(fleet),
+    )
+
+
+def _flight_under_way(fleet: FleetFile, host: str) -> str:
+    """Flight that the launcher of this host has begun; empty without a launcher."""
+    try:
+        return flight_path(host, run_directory(fleet.name, fleet.bus.namespace)).read_text(encoding="utf-8")
+    except OSError:
+        return ""

@@ -1,0 +1,143 @@
+"""Where flight logs lie, how they are named, which flights there are, and which files have to go.
+
+A flight is one or more files (parts) of one directory: `trio-20261122-141500.000.mcap`, `...001.mcap`.
+"""
+
+import os
+import re
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from bus.keys import ROOT
+
+SUFFIX: Final = ".mcap"
+NEWEST: Final = "latest"
+_PART: Final = re.compile(r"^(?P<flight>[a-z][a-z0-9_]*-\d{8}-\d{6}(?:-\d+)?)\.(?P<number>\d{3,})\.mcap$")
+
+
+class NoFlightError(ValueError):
+    """There is no such flight; says where it was looked for."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One recorded flight.
+
+    Attributes
+    ----------
+    name
+        Fleet, date and time of its start, for instance `trio-20261122-141500`.
+    parts
+        Its files in order.
+    """
+
+    name: str
+    parts: tuple[Path, ...]
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of all files."""
+        return sum(path.stat().st_size for path in self.parts)
+
+
+def default_directory() -> Path:
+    """Where flight logs lie: `RCOPTERX_FLIGHTS`, else a directory of the user's data."""
+    chosen = os.environ.get("RCOPTERX_FLIGHTS")
+    if chosen:
+        return Path(chosen)
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(data) / ROOT / "flights"
+
+
+def flight_name(fleet: str, started_s: float) -> str:
+    """Name of a flight that begins at a time of the wall clock."""
+    return f"{fleet}-{time.strftime('%Y%m%d-%H%M%S', time.localtime(started_s))}"
+
+
+def part_path(directory: Path, flight: str, number: int) -> Path:
+    """File of a part of a flight."""
+    return directory / f"{flight}.{number:03d}{SUFFIX}"
+
+
+def next_part(directory: Path, flight: str) -> int:
+    """Number of the next part of a flight; a recorder that was restarted goes on with its flight."""
+    return 1 + max((part_number(path) for path in parts_of(directory, flight)), default=-1)
+
+
+def part_number(path: Path) -> int:
+    """Number of a part by the name of its file."""
+    found = _PART.match(path.name)
+    return 0 if found is None else int(found["number"])
+
+
+def parts_of(directory: Path, flight: str) -> tuple[Path, ...]:
+    """Files of a flight in order."""
+    return next((found.parts for found in flights_in(directory) if found.name == flight), ())
+
+
+def flights_in(directory: Path) -> list[Flight]:
+    """Flights of a directory, the oldest first; files of other names do not count."""
+    parts: dict[str, list[Path]] = {}
+    for path in sorted(directory.glob(f"*{SUFFIX}"), key=lambda path: (part_number(path), path.name)):
+        found = _PART.match(path.name)
+        if found is not None:
+            parts.setdefault(found["flight"], []).append(path)
+    by_start = sorted(parts.items(), key=lambda item: _started(item[0]))
+    return [Flight(name, tuple(paths)) for name, paths in by_start]
+
+
+def _started(name: str) -> tuple[str, str]:
+    """Date and time of a flight, then its name, to sort by."""
+    return name.partition("-")[2], name
+
+
+def found_flight(name: str, directory: Path) -> Flight:
+    """The flight that a user means.
+
+    Parameters
+    ----------
+    name
+        A file, the name of a flight, or `latest`.
+    directory
+        Where flights lie.
+
+    Raises
+    ------
+    NoFlightError
+        There is none.
+    """
+    path = Path(name)
+    if path.is_file():
+        return Flight(path.name.removesuffix(SUFFIX), (path,))
+    flights = flights_in(directory)
+    if name == NEWEST and flights:
+        return flights[-1]
+    for flight in flights:
+        if flight.name == name:
+            return flight
+    what = "no flights" if name == NEWEST else f"neither a file nor a flight {name!r}"
+    raise NoFlightError(f"{what} in {directory}; rcopterx flights lists them")
+
+
+def too_many(sizes: Iterable[tuple[Path, int]], limit_bytes: int) -> list[Path]:
+    """Files that have to go so that the others stay within a limit: the first ones.
+
+    Parameters
+    ----------
+    sizes
+        Files with their sizes in bytes, in the order in which they may go.
+    limit_bytes
+        What may stay.
+    """
+    files = list(sizes)
+    total = sum(size for _, size in files)
+    gone = []
+    for path, size in files:
+        if total <= limit_bytes:
+            break
+        gone.append(path)
+        total -= size
+    return gone

@@ -1,0 +1,236 @@
+"""Writes one MCAP file in small chunks, each of which is whole on disk before the next one begins.
+
+The writer of the library `mcap` ends a chunk by its size only; a flight log ends one by time, so that a
+killed recorder loses no more than the last fifth of a second. Format: https://mcap.dev/spec.
+"""
+
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from struct import Struct
+from typing import BinaryIO, Final, NamedTuple
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+LIBRARY: Final = "rcopterx"
+COMPRESSION: Final = "zstd"
+COMPRESSION_LEVEL: Final = 1
+_MESSAGE: Final = Struct("<BQHIQQ")
+"""Opcode, length, channel, sequence, log time, publish time."""
+_MESSAGE_FIXED: Final = 22
+"""Bytes of a message record between its length and its data."""
+_INDEX_HEAD: Final = Struct("<BQHI")
+_INDEX_ENTRY: Final = Struct("<QQ")
+_FOOTER_CHECKED: Final = Struct("<BQQQ")
+
+
+class LoggedMessage(NamedTuple):
+    """One message of a flight log.
+
+    Attributes
+    ----------
+    topic
+        Unit and topic of the channel, for instance `h1/pose`.
+    payload
+        Its bytes as they were on the bus.
+    time_ns
+        Arrival at the recorder, wall clock of the recorder at its start plus monotonic time since.
+    number
+        Counter of its sender; 0 where it did not count.
+    """
+
+    topic: str
+    payload: bytes
+    time_ns: int
+    number: int
+
+
+class McapFile:
+    """One file under construction.
+
+    Parameters
+    ----------
+    file
+        Opened for writing bytes, unbuffered or buffered; every chunk is flushed to the operating system.
+    schemas
+        Name and JSON schema by topic (`tracker/status`), else by its last part (`pose`); others have none.
+    """
+
+    def __init__(self, file: BinaryIO, schemas: Mapping[str, tuple[str, bytes]]) -> None:
+        self._file = file
+        self._schemas = schemas
+        self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL)
+        self._channels: dict[str, Channel] = {}
+        self._schema_records: dict[str, Schema] = {}
+        # As bytes: there are ten a second.
+        self._chunk_indexes = RecordBuilder()
+        self.chunks = 0
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: Counter[int] = Counter()
+        self._start_ns: int | None = None
+        self._end_ns = 0
+        self.written_bytes = 0
+        """Whole records only: what comes after them in the file is worthless."""
+        head = RecordBuilder()
+        head.write(MAGIC)
+        Header(profile="", library=LIBRARY).write(head)
+        self._write(head.end())
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a table of texts."""
+        builder = RecordBuilder()
+        Metadata(name, dict(values)).write(builder)
+        data, offset = builder.end(), self.written_bytes
+        self._write(data)
+        self._metadata.append(MetadataIndex(offset=offset, length=len(data), name=name))
+
+    def add_attachment(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
+        """Add a file."""
+        builder, offset = RecordBuilder(), self.written_bytes
+        Attachment(time_ns, time_ns, name, media_type, data).write(builder)
+        record = builder.end()
+        self._write(record)
+        self._attachments.append(
+            AttachmentIndex(offset, len(record), time_ns, time_ns, len(data), name, media_type)
+        )
+
+    def add_chunk(self, messages: Sequence[LoggedMessage]) -> None:
+        """Write messages as one compressed chunk.
+
+        Raises
+        ------
+        OSError
+            It could not be written; `written_bytes` tells where the whole records end.
+        """
+        if not messages:
+            return
+        builder = RecordBuilder()
+        parts: list[bytes] = []
+        length = 0
+        index: dict[int, list[bytes]] = {}
+        for message in messages:
+            channel = self._channels.get(message.topic) or self._declare(message.topic, builder)
+            declared = builder.end()
+            if declared:
+                parts.append(declared)
+                length += len(declared)
+            time_ns, size = message.time_ns, len(message.payload)
+            head = _MESSAGE.pack(
+                Opcode.MESSAGE, _MESSAGE_FIXED + size, channel.id, message.number, time_ns, time_ns
+            )
+            index.setdefault(channel.id, []).append(_INDEX_ENTRY.pack(time_ns, length))
+            parts += (head, message.payload)
+            length += len(head) + size
+        times = [message.time_ns for message in messages]
+        self._write_chunk(b"".join(parts), min(times), max(times), index)
+
+    def _declare(self, topic: str, builder: RecordBuilder) -> Channel:
+        """Channel of a topic, with its schema; their records go before its first message."""
+        kind = topic if topic in self._schemas else topic.rpartition("/")[2]
+        schema_id = 0
+        if kind in self._schemas:
+            schema = self._schema_records.get(kind)
+            if schema is None:
+                name, data = self._schemas[kind]
+                schema = Schema(id=len(self._schema_records) + 1, data=data, encoding="jsonschema", name=name)
+                self._schema_records[kind] = schema
+                schema.write(builder)
+            schema_id = schema.id
+        channel = Channel(len(self._channels) + 1, topic, "msgpack", {}, schema_id)
+        self._channels[topic] = channel
+        channel.write(builder)
+        return channel
+
+    def _write_chunk(self, data: bytes, start_ns: int, end_ns: int, index: dict[int, list[bytes]]) -> None:
+        builder = RecordBuilder()
+        compressed = self._compressor.compress(data)
+        Chunk(COMPRESSION, compressed, end_ns, start_ns, zlib.crc32(data), len(data)).write(builder)
+        chunk, offset = builder.end(), self.written_bytes
+        records, offsets = [chunk], {}
+        length = len(chunk)
+        for channel_id, entries in index.items():
+            body = b"".join(entries)
+            offsets[channel_id] = offset + length
+            records.append(
+                _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(body), channel_id, len(body)) + body
+            )
+            length += len(records[-1])
+        self._write(b"".join(records))
+        self._counts.update({channel_id: len(entries) for channel_id, entries in index.items()})
+        self._start_ns = start_ns if self._start_ns is None else min(self._start_ns, start_ns)
+        self._end_ns = max(self._end_ns, end_ns)
+        self.chunks += 1
+        ChunkIndex(
+            chunk_length=len(chunk), chunk_start_offset=offset, compression=COMPRESSION,
+            compressed_size=len(compressed), message_end_time=end_ns,
+            message_index_length=length - len(chunk), message_index_offsets=offsets,
+            message_start_time=start_ns, uncompressed_size=len(data),
+        ).write(self._chunk_indexes)  # fmt: skip
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._file.flush()
+        self.written_bytes += len(data)
+
+    def finish(self) -> None:
+        """Write the summary, by which readers find their way; the file is complete then."""
+        end = RecordBuilder()
+        DataEnd(0).write(end)
+        self._write(end.end())
+        start = self.written_bytes
+        parts, offsets, length = [], RecordBuilder(), 0
+        for opcode, records in self._summary():
+            if records:
+                SummaryOffset(opcode, start + length, len(records)).write(offsets)
+            parts.append(records)
+            length += len(records)
+        offset_start = start + length
+        summary = b"".join([*parts, offsets.end()])
+        checked = _FOOTER_CHECKED.pack(Opcode.FOOTER, 8 + 8 + 4, start, offset_start)
+        foot = RecordBuilder()
+        Footer(start, offset_start, zlib.crc32(checked, zlib.crc32(summary))).write(foot)
+        self._write(summary + foot.end() + MAGIC)
+
+    def _summary(self) -> list[tuple[Opcode, bytes]]:
+        statistics = Statistics(
+            attachment_count=len(self._attachments), channel_count=len(self._channels),
+            channel_message_counts=dict(self._counts), chunk_count=self.chunks,
+            message_count=sum(self._counts.values()), metadata_count=len(self._metadata),
+            message_start_time=self._start_ns or 0, message_end_time=self._end_ns,
+            schema_count=len(self._schema_records),
+        )  # fmt: skip
+        return [
+            (Opcode.SCHEMA, _records(self._schema_records.values())),
+            (Opcode.CHANNEL, _records(self._channels.values())),
+            (Opcode.STATISTICS, _records([statistics])),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes.end()),
+            (Opcode.ATTACHMENT_INDEX, _records(self._attachments)),
+            (Opcode.METADATA_INDEX, _records(self._metadata)),
+        ]
+
+
+def _records(records: Iterable[McapRecord]) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())

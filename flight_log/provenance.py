@@ -1,0 +1,59 @@
+"""Where a flight log comes from: versions, commit, computer."""
+
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Final
+
+LIBRARIES: Final = ("numpy", "scipy", "osqp", "eclipse-zenoh", "msgspec", "msgpack", "mcap")
+COMMIT_TIMEOUT_S: Final = 2.0
+_ROOT: Final = Path(__file__).parents[1]
+
+
+def provenance() -> dict[str, str]:
+    """Version of rcopterx and of its libraries, commit where there is one, computer."""
+    return {
+        "rcopterx": _version("rcopterx"),
+        "commit": commit(),
+        "python": platform.python_version(),
+        "computer": platform.node(),
+        "processor": _processor(),
+        "system": platform.platform(),
+        **{name: _version(name) for name in LIBRARIES},
+    }
+
+
+def arithmetic(values: dict[str, str]) -> tuple[str, ...]:
+    """What decides whether two computers compute the same to the last bit."""
+    return tuple(values.get(name, "") for name in ("processor", "python", "numpy", "scipy", "osqp"))
+
+
+def commit() -> str:
+    """Commit of the source tree, with `+` where files differ from it; empty outside of one."""
+    if not (_ROOT / ".git").exists():
+        return ""
+    described = ["git", "-C", str(_ROOT), "describe", "--always", "--abbrev=12", "--dirty=+"]
+    try:
+        done = subprocess.run(
+            described, capture_output=True, text=True, timeout=COMMIT_TIMEOUT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip()
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()

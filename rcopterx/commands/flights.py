@@ -1,0 +1,68 @@
+"""Flight logs: `flights` and `recover`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rcopterx.fleet_option import EXIT_FAILED
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
+DirectoryOption = Annotated[
+    Path | None, typer.Option("--directory", metavar="DIR", help="Where flight logs lie, if not as usual.")
+]
+MEGA = 1e6
+
+
+def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> None:
+    """List the recorded flights, the newest last."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from flight_log.flights import default_directory, flights_in
+    from flight_log.listing import summary_of
+
+    where = directory or default_directory()
+    found = [summary_of(flight) for flight in flights_in(where)]
+    if as_json:
+        typer.echo(json.dumps([flight.as_json() for flight in found], indent=2))
+        return
+    if not found:
+        typer.echo(f"no flights in {where}", err=True)
+        return
+    table = Table(title=str(where), title_justify="left")
+    for heading in ("flight", "vehicles", "size [MB]", "files", "state"):
+        table.add_column(heading, justify="right" if "[" in heading or heading == "files" else "left")
+    for flight in found:
+        state = flight.problem or ("complete" if flight.complete else "open or cut off")
+        size = f"{flight.size_bytes / MEGA:.1f}"
+        table.add_row(flight.name, " ".join(flight.vehicles), size, str(flight.files), state)
+    Console().print(table, markup=False)
+
+
+def recover(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a flight log that was cut off.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="New file. Default: mend it in place."),
+    ] = None,
+) -> None:
+    """Mend a flight log that was cut off when its recorder was killed, so that every program can read it."""
+    from flight_log.listing import mend
+    from flight_log.mcap_reading import FlightLogError, contents_of
+    from flight_log.recorder import schemas
+
+    try:
+        if output is None and contents_of(file).complete:
+            typer.echo(f"{file}: complete, nothing to mend")
+            return
+        target = output or file.with_name(file.name + ".new")
+        mended = mend(file, target, schemas())
+        if output is None:
+            target.replace(file)
+    except (FlightLogError, OSError) as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(EXIT_FAILED) from None
+    damaged = f", {mended.damaged_chunks} damaged chunks left out" if mended.damaged_chunks else ""
+    typer.echo(f"{output or file}: {mended.messages} messages{damaged}")
