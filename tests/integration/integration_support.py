@@ -6,19 +6,26 @@ import signal
 import socket
 import time
 import uuid
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+import pytest
 
 from bus import channels
 from bus.messages import LaboratoryVehicle
+from deploy.fleet_file.reading import load_fleet
 from deploy.launcher import Launcher
 from ground_station.fleet import Fleet
+from ground_station.vehicle import FLIGHT_ERRORS
 
 NAMES = ("h1", "h2", "h3")
 GENTLE_M_S = 1.7
 SLOW_M_S = 0.15
+REST_S = 0.5
 THROTTLE_LOW_US = 1100
 
 
@@ -117,10 +124,40 @@ host = "{gateway_host}"
 """
 
 
+def cut(fleet: Fleet) -> None:
+    """Cut all motors, as far as there is still somebody to do it, and leave the fleet."""
+    with suppress(*FLIGHT_ERRORS):
+        fleet.kill()
+    fleet.close()
+
+
+@contextmanager
+def fleets(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Flying]]:
+    """Start fleets; whatever still flies is cut at the end, so that nobody waits for it to land."""
+    with ExitStack() as stack:
+        # A short path, because the router's socket lives in it.
+        run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
+        monkeypatch.setenv("RCOPTERX_RUN", run)
+
+        def start(text: str | None = None, *, without: tuple[str, ...] = (), **options: str) -> Flying:
+            if text is None:
+                text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
+            path = directory / "lab.toml"
+            path.write_text(text)
+            file = load_fleet(path)
+            launchers = {host: stack.enter_context(Launcher(file, host, without)) for host in file.hosts}
+            fleet = Fleet(file, timeout_s=10)
+            stack.callback(cut, fleet)
+            fleet.wait_ready(timeout_s=30)
+            return Flying(path, fleet, launchers)
+
+        yield start
+
+
 class Truth:
     """True states of the simulated laboratory.
 
-    Touchdowns are counted from `start_watch` on, so that a hop while lifting off is not one.
+    Touchdowns and rest are counted from `start_watch` on, so that a hop while lifting off is not one.
     """
 
     def __init__(self, flying: Flying) -> None:
@@ -133,7 +170,8 @@ class Truth:
         return None if received is None else received.message.vehicles.get(name)
 
     def start_watch(self) -> None:
-        """From now on nobody may touch the floor."""
+        """From now on nobody may touch the floor, and rest counts."""
+        self._slow_since_s = time.monotonic()
         for name in NAMES:
             vehicle = self(name)
             assert vehicle is not None
@@ -147,11 +185,11 @@ class Truth:
             assert vehicle.touchdowns == self._touchdowns[name], name
 
     def rested(self) -> bool:
-        """Whether all have been slow for a second: the arbiters have learnt what a hover needs."""
+        """Whether all have been slow for a while: the arbiters have learnt what a hover needs."""
         vehicles = [self(name) for name in NAMES]
         if any(v is None or math.hypot(*v.velocity_m_s) > SLOW_M_S for v in vehicles):
             self._slow_since_s = time.monotonic()
-        return time.monotonic() > self._slow_since_s + 1.0
+        return time.monotonic() > self._slow_since_s + REST_S
 
     def height_m(self, name: str) -> float:
         vehicle = self(name)
@@ -166,12 +204,16 @@ def transmitter_state(flying: Flying, name: str) -> str:
 def land_gently(flying: Flying, truth: Truth) -> None:
     """Land the trio by request; everybody touches down softly and its transmitter knows."""
     flying.fleet.land()
+    flying.fleet.wait_until(
+        lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "disarmed"),
+        5,
+        "not landed",
+        NAMES,
+    )
     for name in NAMES:
         vehicle = truth(name)
         assert vehicle is not None
-        assert vehicle.on_floor
         assert vehicle.touchdown_speed_m_s < 1.0
-        assert transmitter_state(flying, name) in ("disarmed", "armed")
 
 
 class RadioLog:
@@ -215,3 +257,44 @@ def landed_gently(truth: Truth, name: str) -> bool:
 def at(truth: Truth, name: str, position_m: tuple[float, float, float], tolerance_m: float = 0.12) -> bool:
     vehicle = truth(name)
     return vehicle is not None and np.linalg.norm(np.subtract(vehicle.position_m, position_m)) < tolerance_m
+
+
+def in_formation(flying: Flying, truth: Truth, tolerance_m: float = 0.1) -> bool:
+    """Whether everybody that the file lets follow the leader is truly at its place beside it."""
+    leader = truth("h1")
+    for name in ("h2", "h3"):
+        follower = truth(name)
+        link = flying.fleet.file.vehicles[name].follow[0]
+        if leader is None or follower is None:
+            return False
+        gap = np.subtract(follower.position_m, leader.position_m) - np.array(link.offset_m)
+        if np.linalg.norm(gap) > tolerance_m:
+            return False
+    return True
+
+
+def fly_to(flying: Flying, truth: Truth, position_m: tuple[float, float, float]) -> None:
+    """Send the leader somewhere; everybody really gets there in formation."""
+    flying.fleet["h1"].go_to(position_m)
+    flying.fleet.wait_until(lambda: at(truth, "h1", position_m), 15, f"h1 is not at {position_m}", ["h1"])
+    flying.fleet.wait_until(lambda: in_formation(flying, truth), 15, "no formation", NAMES)
+
+
+def fallbacks(flying: Flying, name: str, kind: str) -> int:
+    """How often an agent counted something since it was started."""
+    status = flying.fleet.state_of(name).agent
+    return 0 if status is None else status.diagnostics.fallbacks.get(kind, 0)
+
+
+def flown_by(flying: Flying, name: str) -> int | None:
+    """Process that flies a vehicle now, None while nobody does."""
+    status = flying.fleet.state_of(name).agent
+    flies = status is not None and status.phase == "flying" and transmitter_state(flying, name) == "armed"
+    return status.diagnostics.process if status is not None and flies else None
+
+
+def wait_for_successor(flying: Flying, name: str, process: int) -> None:
+    """Wait until another process than this one flies a vehicle."""
+    flying.fleet.wait_until(
+        lambda: flown_by(flying, name) not in (None, process), 15, f"{name} is not flown again", [name]
+    )

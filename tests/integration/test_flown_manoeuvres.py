@@ -76,8 +76,9 @@ def test_five_vehicles_swap_places_by_each_others_plans(
 @pytest.mark.parametrize(
     "name",
     [
+        "take-off-and-land",
         pytest.param("refusals", marks=pytest.mark.campaign),
-        "occlusion",
+        pytest.param("occlusion", marks=pytest.mark.campaign),
         pytest.param("leave-and-join", marks=pytest.mark.campaign),
         pytest.param("follower-killed", marks=pytest.mark.campaign),
     ],

@@ -13,7 +13,7 @@ from deploy.roles.vehicle_models import model_of
 from vehicles.model import IDENTIFIED
 from vehicles.types import COAXIAL
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
 

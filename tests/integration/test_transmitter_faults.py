@@ -3,31 +3,25 @@
 import shutil
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from integration_support import (
     NAMES,
     Flying,
     Truth,
-    all_states,
     at,
     counter,
     fleet_text,
+    flown_by,
     free_port,
     land_gently,
     landed_gently,
     transmitter_state,
 )
 
-from bus import channels
-from bus.messages import Command, FloatArray
-from bus.session import Session
 from deploy.fleet_file.reading import load_fleet
-from deploy.roles.addresses import bus_address
 from deploy.roles.transmitters import calibration_of
 from ground_station.scenario import inject_faults
 from simulator.faults import BreakRadio, Recover
@@ -76,7 +70,6 @@ def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
     land_gently(flying, truth)
 
 
-BURST, BURST_PERIOD_S = 50, 0.01
 SAFE_FALL_M = 0.12
 """A vehicle without radio falls when its receiver gives up; from here it lands at less than 1.7 m/s."""
 
@@ -112,8 +105,10 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
         vehicle = truth(name)
         assert vehicle is not None
         assert not vehicle.on_floor
-        assert transmitter_state(flying, name) == "armed"
         assert counter(flying, name, "entered DESCEND") == 0
+    flying.fleet.wait_until(
+        lambda: all(flown_by(flying, name) is not None for name in ("h1", "h3")), 5, "others do not fly on"
+    )
     inject_faults(flying.fleet.session, Recover())
     flying.fleet.wait_until(
         lambda: (status := flying.fleet.state_of("h2").transmitter) is not None and status.ready,
@@ -122,64 +117,6 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
     )
     flying.fleet.wait_until(lambda: flying.fleet.state_of("h2").phase == "ground", 10, "agent unaware")
     flying.fleet.take_off(["h2"], height_m=0.5)
-
-
-def test_a_hundred_thousand_malformed_commands_are_counted_and_disturb_nobody(launch: Launch) -> None:
-    flying = launch(trio_text())
-    truth = Truth(flying)
-    flying.fleet.take_off(height_m=0.8)
-    truth.start_watch()
-    before = {name: counter(flying, name, "entered HOLD") for name in ("h1", "h3")}
-    with Session(bus_address(flying.fleet.file, "main")) as stranger:
-        pauses = paced(BURST_PERIOD_S)
-        for number in range(100_000):
-            stranger.publish(channels.COMMAND, "h2", bad_command(number))
-            if number % BURST == 0:
-                next(pauses)
-    # On a busy machine the bus may drop some; nothing that arrives goes uncounted.
-    flying.fleet.wait_until(lambda: refused_commands(flying, "h2") > 95_000, 10, "rejections are not counted")
-    flying.fleet["h2"].go_to((-0.5, 0.5, 0.9))
-    flying.fleet.wait_until(lambda: at(truth, "h2", (-0.5, 0.5, 0.9)), 15, "h2 does not obey any more")
-    truth.assert_nobody_touched_down()
-    assert all_states(flying, "armed")
-    assert {name: counter(flying, name, "entered HOLD") for name in ("h1", "h3")} == before
-
-
-def paced(period_s: float) -> Iterator[None]:
-    """Wait for the next tick of a period."""
-    next_s = time.monotonic()
-    while True:
-        next_s += period_s
-        time.sleep(max(0.0, next_s - time.monotonic()))
-        yield
-
-
-def bad_command(number: int) -> Command:
-    source, thrust, sequence = (
-        ("h3", 0.5, 10**15),
-        ("h2", 7.0, 10**15),
-        ("h2", float("nan"), 10**15),
-        ("h2", 0.5, 3),
-    )[number % 4]
-    return Command(
-        epoch=1, frame=number, source=source, sequence=sequence, input=(0.0, 0.0, thrust, 0.0),
-        next_inputs=FloatArray.of(np.zeros((0, 4))), period_s=0.02,
-    )  # fmt: skip
-
-
-def refused_commands(flying: Flying, name: str) -> int:
-    """Commands refused by the arbiter, not decodable, or pushed out before anybody read them."""
-    status = flying.fleet.state_of(name).transmitter
-    if status is None:
-        return 0
-    kinds = (
-        "source without control lease",
-        "old sequence number",
-        "command out of limits",
-        "older epoch",
-        "epoch not in the raw poses",
-    )
-    return sum(status.counters.get(kind, 0) for kind in kinds) + sum(status.rejected.values())
 
 
 @pytest.mark.campaign

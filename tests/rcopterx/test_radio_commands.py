@@ -122,6 +122,7 @@ def test_bind_gives_the_receiver_its_number_and_a_safe_failsafe(laboratory: Labo
 
 
 @pytest.mark.integration
+@pytest.mark.campaign
 @pytest.mark.parametrize("laboratory", ["dsm2_serial"], indirect=True)
 def test_board_that_binds_when_it_is_switched_on_is_waited_for(laboratory: Laboratory) -> None:
     laboratory.receiver.enter_bind_mode()
@@ -166,7 +167,7 @@ def test_nothing_is_possible_while_a_gateway_has_the_port(
 @pytest.mark.integration
 def test_range_check_sends_weakly_with_motors_off_and_ends_at_full_power(laboratory: Laboratory) -> None:
     laboratory.receiver.in_range_check_reach = False
-    process = subprocess.Popen(laboratory.command("range-check", "h2", "--seconds", "4"))
+    process = subprocess.Popen(laboratory.command("range-check", "h2", "--seconds", "2"))
     states = set()
 
     def ended() -> bool:

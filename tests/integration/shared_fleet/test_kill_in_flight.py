@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,10 +14,8 @@ from bus.subscription import Inbox
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
-Launch = Callable[..., Flying]
-
-TYPED_TO_CUT_S = 1.0
-"""Loose, for a busy machine; docs/safety.md tells what was measured."""
+TYPED_TO_CUT_S = 5.0
+"""Very loose, for a busy machine that starts the command; docs/safety.md tells what was measured."""
 
 
 def typed(*words: str) -> subprocess.CompletedProcess[str]:
@@ -39,24 +36,29 @@ def first_killed_s(flying: Flying, name: str, applied: Inbox[Applied]) -> float:
     return written_s[0]
 
 
-def test_a_kill_of_another_fleet_fails_and_says_which_one_is_up_and_a_kill_without_a_name_cuts_it(
-    launch: Launch, tmp_path: Path
+def test_a_typed_kill_cuts_the_vehicles_it_names_or_all_and_never_those_of_another_fleet(
+    flying: Flying, tmp_path: Path
 ) -> None:
-    flying = launch()
-    applied = {name: flying.fleet.session.subscribe(channels.APPLIED, name, depth=512) for name in NAMES}
-    flying.fleet.take_off(height_m=0.5)
     other = tmp_path / "attic.toml"
-    other.write_text(
-        fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}).replace(
-            'name = "lab"', 'name = "attic"'
-        )
-    )
+    text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())})
+    other.write_text(text.replace('name = "lab"', 'name = "attic"'))
     done = typed("kill", "-f", str(other))
     assert done.returncode == 1
     assert "error: attic is not up on this computer, lab is; leave out -f" in done.stderr
     assert all_states(flying, "armed")
-    for inbox in applied.values():
-        inbox.drain()
+
+    done = typed("kill", "h2", "h9")
+    assert done.returncode == 1
+    assert done.stdout == "lab: h2 killed\n"
+    assert done.stderr == "error: h9 is no vehicle of lab\n"
+    wanted = {"h1": "armed", "h2": "killed", "h3": "armed"}
+    flying.fleet.wait_until(
+        lambda: {name: transmitter_state(flying, name) for name in NAMES} == wanted, 5.0, "others", NAMES
+    )
+
+    applied = {
+        name: flying.fleet.session.subscribe(channels.APPLIED, name, depth=512) for name in ("h1", "h3")
+    }
     typed_s = time.monotonic()
     done = typed("kill")
     assert (done.returncode, done.stderr) == (0, "")
@@ -65,18 +67,3 @@ def test_a_kill_of_another_fleet_fails_and_says_which_one_is_up_and_a_kill_witho
         cut_s = first_killed_s(flying, name, inbox)
         print(f"{name}: motors cut {1000 * (cut_s - typed_s):.0f} ms after it was typed")
         assert cut_s - typed_s < TYPED_TO_CUT_S
-
-
-def test_a_kill_of_one_vehicle_leaves_the_others_flying_and_names_that_do_not_exist_are_errors(
-    launch: Launch,
-) -> None:
-    flying = launch()
-    flying.fleet.take_off(["h1", "h2"], height_m=0.5)
-    done = typed("kill", "h2", "h9")
-    assert done.returncode == 1
-    assert done.stdout == "lab: h2 killed\n"
-    assert done.stderr == "error: h9 is no vehicle of lab\n"
-    wanted = {"h1": "armed", "h2": "killed", "h3": "disarmed"}
-    flying.fleet.wait_until(
-        lambda: {name: transmitter_state(flying, name) for name in NAMES} == wanted, 5.0, "others", NAMES
-    )

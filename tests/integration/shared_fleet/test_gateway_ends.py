@@ -1,14 +1,14 @@
 """However a transmitter gateway ends, or the bus it is on: vehicles fly on, or land gently and stay cut."""
 
-import math
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -20,8 +20,9 @@ from integration_support import (
     RadioLog,
     Truth,
     all_states,
-    at,
     counter,
+    flown_by,
+    fly_to,
     landed_gently,
     on_floor,
 )
@@ -31,30 +32,26 @@ from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
-Launch = Callable[..., Flying]
 
-
-def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(launch: Launch) -> None:
-    flying = launch()
-    truth, log = Truth(flying), RadioLog(flying)
-    flying.fleet.take_off(height_m=0.8)
-    truth.start_watch()
+def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(flying: Flying, truth: Truth) -> None:
+    log, restarts = RadioLog(flying), flying.restarts("transmitters")
+    flying.wait_for_spare("transmitters")
     killed_s = time.monotonic()
     flying.kill("transmitters")
     flying.fleet.wait_until(
-        lambda: all(
-            counter(flying, name, "openings") == 1
-            and counter(flying, name, "entered LAND") == counter(flying, name, "entered ARMED") == 1
-            and flying.fleet.state_of(name).phase == "flying"
-            for name in NAMES
+        lambda: (
+            flying.restarts("transmitters") == restarts + 1
+            # Another gateway's counters begin at zero: it has opened the port once and taken over in flight.
+            and all(counter(flying, name, "openings") == 1 for name in NAMES)
+            and all(counter(flying, name, "entered LAND") >= 1 for name in NAMES)
+            and all(flown_by(flying, name) is not None for name in NAMES)
         ),
-        10,
+        15,
         "not taken over",
+        NAMES,
     )
-    assert flying.restarts("transmitters") == 1
     asked_s = time.monotonic()
-    flying.fleet["h1"].go_to((0.2, 0.1, 0.9))
-    flying.fleet.wait_until(lambda: at(truth, "h1", (0.2, 0.1, 0.9)), 15, "h1 does not obey any more")
+    fly_to(flying, truth, (0.2, 0.1, 0.9))
     truth.assert_nobody_touched_down()
     for name in NAMES:
         assert min(log.throttles(name, killed_s, asked_s)) > THROTTLE_LOW_US + 100
@@ -62,11 +59,8 @@ def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(launch: Launch
 
 @pytest.mark.campaign
 def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
-    launch: Launch, monkeypatch: pytest.MonkeyPatch
+    flying: Flying, truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flying = launch()
-    truth = Truth(flying)
-    flying.fleet.take_off(height_m=0.6)
     monkeypatch.setattr(deploy.supervisor, "restart_pause_s", lambda _: 1.5)
     flying.kill("transmitters")
     flying.fleet.wait_until(
@@ -81,66 +75,19 @@ def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
     flying.fleet.wait_until(lambda: all(truth.height_m(name) > 0.4 for name in NAMES), 10, "not flying again")
 
 
-def test_vehicles_whose_agents_never_come_back_land_where_they_were(launch: Launch) -> None:
-    flying = launch()
-    truth = Truth(flying)
-    flying.fleet.take_off(height_m=1.0)
-    flying.fleet.wait_until(truth.rested, 15, "not hovering")
-    truth.start_watch()
-    places = {name: vehicle.position_m for name in NAMES if (vehicle := truth(name)) is not None}
-    for name in NAMES:
-        supervisor = flying.launcher_of(f"agent-{name}").supervisor
-        pid = flying.pid(f"agent-{name}")
-        supervisor.children[f"agent-{name}"].wanted = False
-        os.kill(pid, signal.SIGKILL)
-    flying.fleet.wait_until(
-        lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "cut"), 15, "not landed"
-    )
-    for name in NAMES:
-        vehicle = truth(name)
-        assert vehicle is not None
-        assert vehicle.touchdown_speed_m_s < 0.6
-        assert math.dist(vehicle.position_m[:2], places[name][:2]) < 0.3
-        assert counter(flying, name, "entered DESCEND") == 0
-
-
-def test_vehicles_whose_agents_hang_for_two_seconds_are_flown_again(launch: Launch) -> None:
-    flying = launch()
-    truth = Truth(flying)
-    flying.fleet.take_off(height_m=1.2)
-    flying.fleet.wait_until(truth.rested, 15, "not hovering")
-    truth.start_watch()
-    pids = [flying.pid(f"agent-{name}") for name in NAMES]
-    for pid in pids:
-        os.kill(pid, signal.SIGSTOP)
-    hung_s = time.monotonic()
-    flying.fleet.wait_until(lambda: time.monotonic() > hung_s + 2.0, 5, "no time passes")
-    for pid in pids:
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGCONT)
-    flying.fleet.wait_until(
-        lambda: all_states(flying, "armed") and truth.rested(),
-        15,
-        "not flown again",
-        NAMES,
-    )
-    truth.assert_nobody_touched_down()
-
-
-def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(launch: Launch) -> None:
-    flying = launch()
-    truth, log = Truth(flying), RadioLog(flying)
-    flying.fleet.take_off(height_m=0.8)
+def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(flying: Flying, truth: Truth) -> None:
+    log, restarts = RadioLog(flying), flying.restarts("transmitters")
     terminated_s = time.monotonic()
     os.kill(flying.pid("transmitters"), signal.SIGTERM)
     flying.fleet.wait_until(
         lambda: (
             all(landed_gently(truth, name) for name in NAMES)
             and all_states(flying, "disarmed")
-            and flying.restarts("transmitters") == 1
+            and flying.restarts("transmitters") == restarts + 1
         ),
-        15,
+        20,
         "not landed",
+        NAMES,
     )
     for name in NAMES:
         last = log.throttles(name, terminated_s, flying.started_s("transmitters"))[-25:]
@@ -148,40 +95,50 @@ def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(launch: Launch) 
 
 
 def test_exception_in_the_gateway_brings_everybody_down_and_ends_on_throttle_low(
-    launch: Launch, tmp_path: Path
+    flying: Flying, truth: Truth, tmp_path: Path
 ) -> None:
-    flying = launch()
-    truth, log = Truth(flying), RadioLog(flying)
-    program = Path(__file__).with_name("failing_gateway.py")
+    log, program = RadioLog(flying), Path(__file__).with_name("failing_gateway.py")
+    flying.fleet.land()
     stop_supervised_gateway(flying)
     with (
         (tmp_path / "gateway.log").open("w+") as said,
         subprocess.Popen([sys.executable, program, flying.path], stderr=said) as gateway,
     ):
         try:
-            flying.fleet.take_off(height_m=0.8)
+            flying.fleet.take_off(height_m=0.5)
             gateway.send_signal(signal.SIGUSR2)
-            assert gateway.wait(10) == 1
+            assert gateway.wait(20) == 1
         finally:
             gateway.kill()
         said.seek(0)
         assert FAULT in said.read()
-    flying.fleet.wait_until(lambda: all(landed_gently(truth, name) for name in NAMES), 5, "not landed")
+    flying.fleet.wait_until(lambda: all(landed_gently(truth, name) for name in NAMES), 10, "not landed")
     for name in NAMES:
-        last = [round(throttle) for _, throttle in log.frames(name)[-25:]]
-        assert last == [THROTTLE_LOW_US] * 25
+        flying.fleet.wait_until(
+            lambda name=name: (  # type: ignore[misc]
+                [round(throttle) for _, throttle in log.frames(name)[-25:]] == [THROTTLE_LOW_US] * 25
+            ),
+            5,
+            f"{name} does not end on throttle low",
+        )
 
 
-def test_sigusr1_kills_all_vehicles_of_the_gateway_and_latches(launch: Launch) -> None:
-    flying = launch()
-    flying.fleet.take_off(["h1", "h2"], height_m=0.3)
+def test_sigusr1_kills_all_vehicles_of_the_gateway_and_latches(flying: Flying) -> None:
+    restarts = flying.restarts("transmitters")
     os.kill(flying.pid("transmitters"), signal.SIGUSR1)
-    flying.fleet.wait_until(lambda: all_states(flying, "killed"), 3, "not killed")
+    flying.fleet.wait_until(lambda: all_states(flying, "killed"), 5, "not killed", NAMES)
     with pytest.raises(RefusedError):
         flying.fleet["h3"].arm()
     flying.kill("transmitters")
     flying.fleet.wait_until(
-        lambda: flying.restarts("transmitters") == 1 and all_states(flying, "killed"), 10, "kill forgotten"
+        lambda: (
+            flying.restarts("transmitters") == restarts + 1
+            and all(counter(flying, name, "openings") == 1 for name in NAMES)
+            and all_states(flying, "killed")
+        ),
+        15,
+        "kill forgotten",
+        NAMES,
     )
 
 
@@ -208,27 +165,33 @@ def gateway_on_a_terminal(flying: Flying) -> Iterator[tuple[int, subprocess.Pope
         process.wait(10)
 
 
-def test_key_on_the_gateways_terminal_kills_and_is_explained(launch: Launch) -> None:
-    flying = launch()
+def read_until(terminal: int, wanted: str, timeout_s: float = 20.0) -> None:
+    """Read what a terminal shows until some text has come."""
+    text, deadline_s = "", time.monotonic() + timeout_s
+    while wanted not in text:
+        readable, _, _ = select.select([terminal], [], [], max(0.0, deadline_s - time.monotonic()))
+        assert readable, f"no {wanted!r} in {text!r}"
+        text += os.read(terminal, 4096).decode()
+
+
+def test_key_on_the_gateways_terminal_kills_and_is_explained(flying: Flying) -> None:
+    flying.fleet.land()
     with gateway_on_a_terminal(flying) as (terminal, process):
-        assert "space or k" in os.read(terminal, 4096).decode()
+        read_until(terminal, "space or k")
         flying.fleet.take_off(["h1"], height_m=0.3)
         os.write(terminal, b"x")
         os.write(terminal, b" ")
-        flying.fleet.wait_until(lambda: all_states(flying, "killed"), 3, "not killed")
+        flying.fleet.wait_until(lambda: all_states(flying, "killed"), 5, "not killed", NAMES)
         os.write(terminal, b"\x03")
-        assert process.wait(10) == 0
+        assert process.wait(20) == 0
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.campaign)])
 def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
-    launch: Launch, how: signal.Signals
+    flying: Flying, truth: Truth, how: signal.Signals
 ) -> None:
-    flying = launch()
-    flying.fleet.take_off(height_m=0.8)
-    flying.fleet.wait_until(Truth(flying).rested, 15, "not hovering")
-    supervisor = flying.launcher_of("router").supervisor
-    pid = flying.pid("router")
+    router = flying.launcher_of("router").supervisor.children["router"]
+    pid, restarts = flying.pid("router"), router.restarts
     gateway, simulator = flying.pid("transmitters"), flying.pid("simulator")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(deploy.supervisor, "restart_pause_s", lambda _: 4.0)
@@ -237,17 +200,15 @@ def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
             flying.fleet.wait_until(lambda: not heard_lately(flying, 4.0), 10, "the bus is not lost")
             os.kill(pid, signal.SIGCONT)
         else:
-            flying.fleet.wait_until(lambda: supervisor.children["router"].restarts == 1, 10, "no new router")
-    truth = Truth(flying)
+            flying.fleet.wait_until(lambda: router.restarts == restarts + 1, 15, "no new router")
     flying.fleet.wait_until(
         lambda: all(landed_gently(truth, name) for name in NAMES), 20, "not landed gently"
     )
-    flying.fleet.wait_until(lambda: all_states(flying, "cut", "disarmed"), 10, "gateway not back on the bus")
+    flying.fleet.wait_until(lambda: all_states(flying, "cut", "disarmed"), 15, "gateway not back on the bus")
     assert (flying.pid("transmitters"), flying.pid("simulator")) == (gateway, simulator)
     flying.fleet.wait_until(
-        lambda: all(flying.fleet.state_of(name).phase == "ground" for name in NAMES), 10, "agents unaware"
+        lambda: all(flying.fleet.state_of(name).phase == "ground" for name in NAMES), 15, "agents unaware"
     )
-    flying.fleet.take_off(height_m=0.6)
 
 
 def heard_lately(flying: Flying, limit_s: float) -> bool:

@@ -3,20 +3,17 @@
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
-from integration_support import Flying, Truth
+from integration_support import Flying, Truth, at, fallbacks
 
 from bus import channels
 from ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
-Launch = Callable[..., Flying]
-EXAMPLE = Path(__file__).parents[2] / "examples" / "external_control"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "external_control"
 
 PROGRAM = """
 import sys
@@ -24,7 +21,7 @@ sys.path.insert(0, {folder!r})
 from external_control import ExternalControl
 from fly import feedback
 vehicle = ExternalControl("lab", "h1", "student", {router!r}, {namespace!r})
-vehicle.take(0.1)
+vehicle.take(0.3)
 print("taken", flush=True)
 while True:
     task = vehicle.next_task()
@@ -38,11 +35,9 @@ def program(flying: Flying) -> str:
     return PROGRAM.format(folder=str(EXAMPLE), router=router, namespace=flying.fleet.file.bus.namespace)
 
 
-def test_a_program_outside_flies_a_vehicle_until_it_falls_silent(launch: Launch) -> None:
-    flying = launch()
-    fleet, truth = flying.fleet, Truth(flying)
-    fleet.take_off(height_m=0.9)
-    truth.start_watch()
+def test_a_program_outside_flies_a_vehicle_until_it_falls_silent(flying: Flying, truth: Truth) -> None:
+    fleet, place_m = flying.fleet, (0.2, 0.1, 0.9)
+    silences = fallbacks(flying, "h1", "external_silent")
     answers = fleet.session.subscribe(channels.EXTERNAL_INPUT, "h1", depth=512)
     client = subprocess.Popen([sys.executable, "-c", program(flying)], stdout=subprocess.PIPE, text=True)
     try:
@@ -53,36 +48,33 @@ def test_a_program_outside_flies_a_vehicle_until_it_falls_silent(launch: Launch)
 
         def flown_from_outside() -> bool:
             numbers.extend(received.message.number for received in answers.drain())
-            status = fleet.state_of("h1").agent
-            return status is not None and status.diagnostics.client == "student" and len(numbers) > 5
+            return client_of(flying) == "student" and len(numbers) > 5
 
-        fleet.wait_until(flown_from_outside, 5, "nobody flies h1 from outside")
+        fleet.wait_until(flown_from_outside, 10, "nobody flies h1 from outside")
         with pytest.raises(RefusedError, match="student flies it from outside"):
             fleet["h1"].tune(horizon=20)
-        fleet["h1"].go_to((0.2, 0.1, 1.0))
-
-        def there() -> bool:
-            vehicle = truth("h1")
-            assert vehicle is not None
-            return bool(np.linalg.norm(np.subtract(vehicle.position_m, (0.2, 0.1, 1.0))) < 0.15)
-
-        fleet.wait_until(there, 10, "the program does not fly h1 to its set point")
+        fleet["h1"].go_to(place_m)
+        fleet.wait_until(
+            lambda: at(truth, "h1", place_m, 0.15), 15, "the program does not fly h1 to its set point"
+        )
+        assert client_of(flying) == "student"
         truth.assert_nobody_touched_down()
     finally:
         client.kill()
         client.wait()
-
-    def own_again() -> bool:
-        status = fleet.state_of("h1").agent
-        return (
-            status is not None
-            and status.diagnostics.client == ""
-            and status.diagnostics.fallbacks.get("external_silent") == 1
-        )
-
-    fleet.wait_until(own_again, 5, "h1 does not fly by itself again")
-    fleet.wait_until(there, 5, "h1 has left its place")
+    fleet.wait_until(
+        lambda: client_of(flying) == "" and fallbacks(flying, "h1", "external_silent") > silences,
+        10,
+        "h1 does not fly by itself again",
+    )
+    fleet.wait_until(lambda: at(truth, "h1", place_m, 0.15), 10, "h1 has left its place")
     truth.assert_nobody_touched_down()
+
+
+def client_of(flying: Flying) -> str | None:
+    """Program outside that flies h1, empty if none does."""
+    status = flying.fleet.state_of("h1").agent
+    return None if status is None else status.diagnostics.client
 
 
 def test_the_matlab_script_calls_what_the_python_module_has() -> None:

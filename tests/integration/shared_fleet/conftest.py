@@ -1,0 +1,124 @@
+"""One fleet for all tests of this folder: everybody is in formation when a test begins.
+
+A test may leave vehicles on the floor, killed, or without their processes; `bring_up` repairs that. What it
+changes otherwise, such as leaders or controllers, it puts back itself. A new fleet follows a failed test.
+"""
+
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from integration_support import NAMES, Flying, Truth, fleets, transmitter_state
+
+from bus.session import RequestFailedError
+from ground_station.scenario import inject_faults
+from ground_station.vehicle import RefusedError
+from simulator.faults import Recover
+
+HEIGHT_M = 0.8
+HOME_M = (0.0, 0.0, HEIGHT_M)
+# There are more tests than a battery lasts.
+SIMULATOR = "condition_overrides = { battery_endurance_s = 36000.0 }"
+
+FAILED = pytest.StashKey[bool]()
+
+
+class Hangar:
+    """Starts the fleet when the first test asks for it."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._stack = ExitStack()
+        self._present: tuple[Flying, Truth] | None = None
+
+    def fleet(self) -> tuple[Flying, Truth]:
+        """The fleet, and what is true of it."""
+        if self._present is None:
+            patch = self._stack.enter_context(pytest.MonkeyPatch.context())
+            start = self._stack.enter_context(fleets(self._directory, patch))
+            flying = start(simulator=SIMULATOR)
+            self._present = flying, Truth(flying)
+        return self._present
+
+    def close(self) -> None:
+        """Stop the fleet; the next test gets a new one."""
+        self._present = None
+        self._stack.close()
+
+
+@pytest.fixture(scope="package")
+def hangar(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hangar]:
+    hangar = Hangar(tmp_path_factory.mktemp("fleet"))
+    yield hangar
+    hangar.close()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if report.failed:
+        item.stash[FAILED] = True
+    return report
+
+
+@pytest.fixture
+def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
+    """The fleet, in formation at `HOME_M` and at rest."""
+    try:
+        flying, truth = hangar.fleet()
+        bring_up(flying, truth)
+    except BaseException:
+        hangar.close()
+        raise
+    yield flying
+    if request.node.stash.get(FAILED, False):
+        hangar.close()
+
+
+@pytest.fixture
+def truth(flying: Flying, hangar: Hangar) -> Truth:
+    """What is true of the fleet; from now on nobody may touch the floor."""
+    return hangar.fleet()[1]
+
+
+def bring_up(flying: Flying, truth: Truth) -> None:
+    """Let everybody fly in formation, whoever was on the floor before."""
+    fleet = flying.fleet
+    inject_faults(fleet.session, Recover())
+    for launcher in flying.launchers.values():
+        for child in launcher.supervisor.children.values():
+            child.wanted = True
+    fleet.wait_until(lambda: fleet.present() == list(NAMES), 10, "not everybody takes part", NAMES)
+    for name in NAMES:
+        fleet.wait_until(lambda name=name: not_killed(flying, name), 15, "not reset", [name])  # type: ignore[misc]
+    fleet.wait_ready(timeout_s=30)
+    fleet.wait_until(lambda: all(settled(flying, name) for name in NAMES), 30, "not settled", NAMES)
+    grounded = [name for name in NAMES if not fleet.state_of(name).airborne]
+    if grounded:
+        fleet.take_off(grounded, height_m=HEIGHT_M, timeout_s=30)
+    fleet["h1"].go_to(HOME_M)
+    fleet.wait_for_arrival(["h1"], timeout_s=30)
+    fleet.wait_for_formation()
+    truth.start_watch()
+    fleet.wait_until(truth.rested, 20, "no rest", NAMES)
+
+
+def not_killed(flying: Flying, name: str) -> bool:
+    """Whether a vehicle is not killed, or can be reset now: its transmitter gateway may just be starting."""
+    if transmitter_state(flying, name) == "killed":
+        try:
+            flying.fleet[name].reset()
+        except (RefusedError, RequestFailedError):
+            return False
+    return True
+
+
+def settled(flying: Flying, name: str) -> bool:
+    """Whether a vehicle stands on the floor or flies, and its transmitter agrees."""
+    state = flying.fleet.state_of(name)
+    return state.phase in ("ground", "armed") or (
+        (state.phase, transmitter_state(flying, name)) == ("flying", "armed")
+    )

@@ -1,0 +1,143 @@
+"""Vehicles whose agents are killed or hang fly on, or land gently where they were."""
+
+import math
+import os
+import re
+import signal
+import subprocess
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from integration_support import (
+    NAMES,
+    Flying,
+    Truth,
+    all_states,
+    counter,
+    flown_by,
+    fly_to,
+    in_formation,
+    on_floor,
+    transmitter_state,
+    wait_for_successor,
+)
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+ROOT = Path(__file__).parents[3]
+
+
+def offset_m(flying: Flying, name: str) -> tuple[float, float, float] | None:
+    """Offset to its leader at which a vehicle flies now."""
+    status = flying.fleet.state_of(name).agent
+    return status.following[0].offset_m if status is not None and status.following else None
+
+
+def kill_and_wait(flying: Flying, name: str) -> None:
+    """Kill an agent; a spare process flies its vehicle soon."""
+    flying.wait_for_spare(f"agent-{name}")
+    wait_for_successor(flying, name, flying.kill(f"agent-{name}"))
+
+
+def test_leader_and_fleet_fly_on_when_its_agent_is_killed(flying: Flying, truth: Truth) -> None:
+    restarts = flying.restarts("agent-h1")
+    kill_and_wait(flying, "h1")
+    flying.fleet.wait_until(lambda: in_formation(flying, truth), 15, "no formation after the restart")
+    fly_to(flying, truth, (0.2, 0.0, 0.9))
+    truth.assert_nobody_touched_down()
+    assert flying.restarts("agent-h1") == restarts + 1
+
+
+def test_follower_keeps_its_task_when_its_agent_is_killed(flying: Flying, truth: Truth) -> None:
+    fleet, file_offset_m = flying.fleet, (-0.4, 0.5, 0.0)
+    asked_m = pytest.approx((-0.5, 0.4, 0.1), abs=1e-6)
+    fleet["h2"].follow("h1", (-0.5, 0.4, 0.1))
+    fleet.wait_until(lambda: offset_m(flying, "h2") == asked_m, 15, "offset not reached", ["h2"])
+    kill_and_wait(flying, "h2")
+    fleet.wait_until(lambda: offset_m(flying, "h2") == asked_m, 10, "task forgotten", ["h2"])
+    fleet.wait_for_formation(["h2"])
+    truth.assert_nobody_touched_down()
+    fleet["h2"].follow("h1", file_offset_m)
+
+
+def test_agent_goes_by_its_name_and_so_does_the_spare_that_takes_over(flying: Flying, truth: Truth) -> None:
+    example = re.search(r'^pkill -9 -xf "(.+)"$', (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
+    assert example is not None
+    flying.wait_for_spare("agent-h2")
+    pid = flying.pid("agent-h2")
+    assert pid in pids_named(example[1])
+    os.kill(pid, signal.SIGKILL)
+    wait_for_successor(flying, "h2", pid)
+    flying.fleet.wait_until(lambda: flying.pid("agent-h2") in pids_named(example[1]), 10, "no name")
+    flying.fleet.wait_for_formation()
+    truth.assert_nobody_touched_down()
+
+
+def pids_named(title: str) -> set[int]:
+    """Processes that go by exactly this name, of any fleet on this computer."""
+    done = subprocess.run(["pgrep", "-xf", title], capture_output=True, text=True, timeout=10)
+    return {int(line) for line in done.stdout.split()}
+
+
+def resume(pid: int) -> None:
+    """Let a stopped process go on, unless it has been replaced."""
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGCONT)
+
+
+def test_frozen_agent_is_bridged_by_its_plan_and_then_held(flying: Flying, truth: Truth) -> None:
+    before = {what: counter(flying, "h2", what) for what in ("planned inputs played", "entered HOLD")}
+    pid = flying.pid("agent-h2")
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        flying.fleet.wait_until(
+            lambda: all(counter(flying, "h2", what) > count for what, count in before.items()),
+            10,
+            "not bridged and held",
+            ["h2"],
+        )
+    finally:
+        resume(pid)
+    flying.fleet.wait_until(lambda: flown_by(flying, "h2") is not None, 10, "not flown again", ["h2"])
+    flying.fleet.wait_until(lambda: in_formation(flying, truth), 15, "no formation")
+    assert truth.height_m("h1") > 0.5
+    assert transmitter_state(flying, "h2") == "armed"
+
+
+def test_vehicles_whose_agents_hang_for_two_seconds_are_flown_again(flying: Flying, truth: Truth) -> None:
+    # High, because they descend until they are flown again.
+    fly_to(flying, truth, (0.0, 0.0, 1.4))
+    flying.fleet.wait_until(truth.rested, 15, "not hovering", NAMES)
+    pids = [flying.pid(f"agent-{name}") for name in NAMES]
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    hung_s = time.monotonic()
+    flying.fleet.wait_until(lambda: time.monotonic() > hung_s + 2.0, 5, "no time passes")
+    for pid in pids:
+        resume(pid)
+    flying.fleet.wait_until(
+        lambda: all(flown_by(flying, name) is not None for name in NAMES) and truth.rested(),
+        20,
+        "not flown again",
+        NAMES,
+    )
+    truth.assert_nobody_touched_down()
+
+
+def test_vehicles_whose_agents_never_come_back_land_where_they_were(flying: Flying, truth: Truth) -> None:
+    places = {name: vehicle.position_m for name in NAMES if (vehicle := truth(name)) is not None}
+    for name in NAMES:
+        pid = flying.pid(f"agent-{name}")
+        flying.launcher_of(f"agent-{name}").supervisor.children[f"agent-{name}"].wanted = False
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    flying.fleet.wait_until(
+        lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "cut"), 20, "not landed"
+    )
+    for name in NAMES:
+        vehicle = truth(name)
+        assert vehicle is not None
+        assert vehicle.touchdown_speed_m_s < 0.6
+        assert math.dist(vehicle.position_m[:2], places[name][:2]) < 0.3

@@ -1,0 +1,85 @@
+"""A fleet of real processes takes off, flies in formation and lands; senseless requests are refused."""
+
+import pytest
+from integration_support import NAMES, Flying, Truth, fly_to, land_gently, transmitter_state
+
+from bus.messages import Plan
+from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError
+from deploy.launcher import Launcher
+from ground_station.fleet import Fleet
+from ground_station.recorder import Recorder
+from ground_station.report import FlightFigures
+from ground_station.vehicle import RefusedError
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+
+def leaders(plan: Plan | None) -> tuple[str, ...]:
+    return () if plan is None else tuple(link.leader for link in plan.following)
+
+
+def test_trio_takes_off_flies_in_formation_and_lands(flying: Flying, truth: Truth) -> None:
+    recorder = Recorder(flying.fleet.session)
+    recorder.start()
+    fly_to(flying, truth, (0.3, 0.1, 0.9))
+    truth.assert_nobody_touched_down()
+    figures = FlightFigures(recorder.stop(), NAMES)
+    for name in NAMES:
+        table = figures.vehicle(name)
+        assert table["ticks"] > 20
+        assert table["tracking_error_mm"]["rms"] < 500
+    assert len(figures.pose_to_command_ms()) > 20
+    assert len(figures.frame_to_radio_ms()) > 20
+    land_gently(flying, truth)
+    flying.fleet.take_off(height_m=0.6)
+    assert min(truth.height_m(name) for name in NAMES) > 0.3
+
+
+def test_kill_latches_until_it_is_reset(flying: Flying) -> None:
+    fleet = flying.fleet
+    fleet.kill(["h2"])
+    fleet.wait_until(lambda: transmitter_state(flying, "h2") == "killed", 5, "not killed", ["h2"])
+    with pytest.raises(RefusedError):
+        fleet["h2"].arm()
+    assert [transmitter_state(flying, name) for name in ("h1", "h3")] == ["armed", "armed"]
+    fleet.wait_for_phase("ground", ["h2"])
+    fleet["h2"].reset()
+    fleet.wait_until(lambda: transmitter_state(flying, "h2") == "disarmed", 5, "not reset", ["h2"])
+
+
+def test_leaders_that_make_no_sense_are_refused_with_the_reason_and_nobody_changes_his(
+    flying: Flying, truth: Truth
+) -> None:
+    fleet = flying.fleet
+    fleet.land(["h3"])
+    with pytest.raises(RefusedError, match="itself"):
+        fleet["h1"].follow("h1")
+    with pytest.raises(RefusedError, match="known are"):
+        fleet["h1"].follow("h9")
+    with pytest.raises(RefusedError, match="h1 leads already"):
+        fleet.promote("h1")
+    with pytest.raises(RefusedError, match="h3 does not fly, its phase is"):
+        fleet.swap("h1", "h3")
+    with pytest.raises(
+        RefusedError, match=r"h2 and h1 would be 0\.1 m apart, the minimum distance is 0\.3 m"
+    ):
+        fleet["h2"].follow("h1", (0.1, 0.0, 0.0))
+    with pytest.raises(RefusedError, match=r"h2 would leave: x: .* is outside the flight volume"):
+        fleet["h2"].follow("h1", (5.0, 0.0, 0.0))
+    with pytest.raises(RefusedError, match="h3 is on the floor, its phase is"):
+        fleet["h2"].follow("h3", (0.5, 0.0, 0.0))
+    with pytest.raises(RefusedError, match="a cycle: h1 follows h2 follows h1"):
+        fleet["h1"].follow("h2", (0.5, 0.0, 0.0))
+    assert [leaders(fleet[name].plan) for name in ("h1", "h2")] == [(), ("h1",)]
+    assert truth.height_m("h1") > 0.5
+
+
+def test_second_fleet_on_the_same_addresses_is_refused_and_the_first_is_undisturbed(
+    flying: Flying, truth: Truth
+) -> None:
+    with pytest.raises(FleetError, match=r"router_port.*in use"):
+        Launcher(load_fleet(flying.path), "main")
+    with Fleet(flying.fleet.file) as another:
+        assert another.session.connected()
+    truth.assert_nobody_touched_down()
