@@ -21,13 +21,15 @@ from bus.keys import (
     key,
     request_key,
 )
+from bus.link_messages import Beat, RouterStatus
 from bus.messages import Message
 
 __all__ = [
-    "AGENT_STATUS", "ANSWERED", "APPLIED", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH", "DATA_LOW",
-    "EVERY_FLEET", "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH", "KILL", "LABORATORY",
-    "LAUNCHER", "LAUNCHER_EVENT", "PLAN", "POSE", "REAL_TIME", "RECORDER", "ROOT", "SIMULATOR_UNIT",
-    "TRACKER_STATUS", "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel", "alive_key", "key", "request_key",
+    "AGENT_STATUS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH",
+    "DATA_LOW", "EVERY_FLEET", "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH", "KILL",
+    "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "PLAN", "POSE", "REAL_TIME", "RECORDER", "ROOT",
+    "ROUTER_STATUS", "SIMULATOR_UNIT", "TRACKER_STATUS", "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel",
+    "alive_key", "key", "request_key",
 ]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
@@ -128,6 +130,14 @@ LAUNCHER: Final = Channel(
     "launcher", messages.LauncherStatus, "host", "launcher", 2, 2.0, DATA_LOW, True,
     "vehicles that take part, and restarts of processes",
 )  # fmt: skip
+BEAT: Final = Channel(
+    "beat", Beat, "host", "router", 20, 0.25, REAL_TIME, False,
+    "whether routers of different hosts hear each other",
+)  # fmt: skip
+ROUTER_STATUS: Final = Channel(
+    "links", RouterStatus, "host", "router", 2, 2.0, DATA_LOW, True,
+    "links of a router to the other hosts",
+)  # fmt: skip
 KILL: Final = Channel(
     KILL_TOPIC, messages.Kill, FLEET_UNIT, "operator", 0, 1.0, REAL_TIME, True,
     "cut the motors of some or all vehicles",
@@ -148,5 +158,5 @@ RECORDER: Final = Channel(
 
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
     POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT, TRANSMITTER_STATUS,
-    TRACKER_STATUS, LABORATORY, LAUNCHER, KILL, ANSWERED, LAUNCHER_EVENT, RECORDER,
+    TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED, LAUNCHER_EVENT, RECORDER,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows

@@ -34,7 +34,7 @@ def router_config(listen: list[str], connect: list[str], namespace: str | None) 
             "endpoints": connect,
             "timeout_ms": -1,
             "exit_on_failure": False,
-            "retry": {"period_init_ms": 50, "period_max_ms": 250, "period_increase_factor": 1.5},
+            "retry": {"period_init_ms": 20, "period_max_ms": 50, "period_increase_factor": 1.5},
         },
     }
     return zenoh.Config.from_json5(json.dumps(settings))

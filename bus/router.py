@@ -2,6 +2,8 @@
 
 import os
 import signal
+from collections.abc import Sequence
+from contextlib import ExitStack
 
 import zenoh
 from zenoh.handlers import Callback
@@ -9,6 +11,7 @@ from zenoh.handlers import Callback
 from bus import channels
 from bus.codec import encode
 from bus.endpoints import reason_of, router_config
+from bus.links import LinkService
 from bus.realtime import request_realtime
 from bus.requests import IdentifyReply
 
@@ -19,6 +22,7 @@ def run_router(
     namespace: str | None,
     realtime_priority: int,
     identity: IdentifyReply | None = None,
+    others: Sequence[str] = (),
 ) -> None:
     """Route until SIGTERM or SIGINT.
 
@@ -30,6 +34,8 @@ def run_router(
         SCHED_FIFO priority, 0 for none.
     identity
         Answer to whoever asks which fleet this is; None leaves the question open.
+    others
+        Other hosts of the fleet, whose routers are linked to this one.
 
     Raises
     ------
@@ -47,10 +53,13 @@ def run_router(
         session = zenoh.open(router_config(listen, connect, namespace))
     except zenoh.ZError as error:
         raise OSError(f"router cannot listen on {', '.join(listen)}: {reason_of(error)}") from None
-    if identity is not None:
-        _identify(session, identity)
-    os.read(ended, 1)
-    session.close()
+    with ExitStack() as stack:
+        stack.callback(session.close)
+        if identity is not None:
+            _identify(session, identity)
+            if others:
+                stack.callback(LinkService(session, identity.fleet, identity.host, others).close)
+        os.read(ended, 1)
 
 
 def _identify(session: zenoh.Session, identity: IdentifyReply) -> None:

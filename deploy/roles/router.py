@@ -13,6 +13,7 @@ from deploy.running import RunningFleet, recorded
 def run(fleet: FleetFile, host: str) -> None:
     """Route messages for a host, and tell whoever asks which fleet is up here."""
     hosts = list(fleet.hosts)
+    others = [other for other in hosts if other != host]
     directory = run_directory(fleet.name, fleet.bus.namespace)
     snapshot = snapshot_path(host, directory)
     digest = digest_of(fleet)
@@ -24,7 +25,7 @@ def run(fleet: FleetFile, host: str) -> None:
         namespace=fleet.bus.namespace,
         host=host,
         endpoints=endpoints,
-        others=[fleet.endpoint(other) for other in hosts if other != host],
+        others=[fleet.endpoint(other) for other in others],
         vehicles=list(fleet.vehicles),
         snapshot=str(snapshot),
     )
@@ -34,4 +35,4 @@ def run(fleet: FleetFile, host: str) -> None:
     # Routers link to those of the hosts before them in the file; one link between two is enough.
     earlier = [fleet.endpoint(other) for other in hosts[: hosts.index(host)]]
     with recorded(directory, running):
-        run_router(endpoints, earlier, fleet.bus.namespace, Priority.ROUTER.of(fleet), identity)
+        run_router(endpoints, earlier, fleet.bus.namespace, Priority.ROUTER.of(fleet), identity, others)

@@ -1,6 +1,7 @@
 """Measuring speed, side by side with peers: `bench`."""
 
 import json
+import math
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,7 +10,7 @@ import typer
 
 from rcopterx.commands.experiment import check_plot
 from rcopterx.commands.numbers import different_numbers
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, user_errors
+from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, user_errors
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -163,6 +164,38 @@ def scale(
         load = sum(row["cpu_share"].values())
         typer.echo(f"{row['vehicles']:>8}{row['missed_ticks']:>8}{times}  {load:.2f}")
     typer.echo(f"largest fleet without a missed control period: {document['largest_fleet']}")
+
+
+@app.command()
+def links(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Cuts of each length.")] = 5,
+    cuts: Annotated[
+        str, typer.Option("--cuts-ms", metavar="MS,MS,...", help="How long the link is cut, in milliseconds.")
+    ] = "100,300,1000,3000",
+) -> None:
+    """Two hosts whose link is cut: how long until both directions carry data again? Needs root."""
+    from benchmarks.links import run
+    from benchmarks.namespaces import NetworkUnavailableError
+
+    cuts_s = [cut_ms / 1e3 for cut_ms in different_numbers(cuts, "--cuts-ms", lowest=1, highest=60_000)]
+    try:
+        document = run(cuts_s, rounds, lambda text: typer.echo(f"bench links: {text}", err=True))
+    except NetworkUnavailableError as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(EXIT_FAILED) from None
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    typer.echo(f"{'cut [s]':>8}  {'direction':10}{'heal [ms]':>24}{'longest gap [ms]':>18}{'stale':>7}")
+    for cut, done in document["cuts"].items():
+        for direction in done[0]:
+            rows = [each[direction] for each in done]
+            heals = sorted(math.inf if row["heal_ms"] is None else row["heal_ms"] for row in rows)
+            typer.echo(
+                f"{cut:>8}  {direction:10}{f'{heals[len(heals) // 2]:.0f}, at most {heals[-1]:.0f}':>24}"
+                f"{max(row['gap_ms'] for row in rows):>18.0f}{max(row['stale'] for row in rows):>7}"
+            )
 
 
 def _readable(document: dict[str, Any]) -> str:

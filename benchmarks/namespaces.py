@@ -1,0 +1,111 @@
+"""Hosts on one computer: network namespaces of Linux, joined by a bridge. Needs root."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Final
+
+NETWORK: Final = "10.213.7"
+
+
+class NetworkUnavailableError(RuntimeError):
+    """This computer or this user cannot make network namespaces; says why."""
+
+
+class Network:
+    """Hosts with an address each, whose links can be cut.
+
+    Every host hangs on a bridge of its own, and that on one between all, so that a host whose link is cut
+    keeps its carrier, as it does behind a switch. Their file system, and so Unix sockets, are shared.
+
+    Parameters
+    ----------
+    hosts
+        Names of hosts.
+    """
+
+    def __init__(self, hosts: Sequence[str]) -> None:
+        self._prefix = f"rx{os.getpid()}"
+        self._switch = f"{self._prefix}-switch"
+        self.addresses = {host: f"{NETWORK}.{number}" for number, host in enumerate(hosts, 1)}
+
+    def build(self) -> None:
+        """Make namespaces, bridges and cables.
+
+        Raises
+        ------
+        NetworkUnavailableError
+            No right to, or no tool for it.
+        """
+        _ip("netns", "add", self._switch)
+        self._in_switch("link", "add", "hub", "type", "bridge")
+        self._in_switch("link", "set", "hub", "up")
+        for number, (host, address) in enumerate(self.addresses.items()):
+            space, port, bridge = self.namespace(host), f"port{number}", f"bridge{number}"
+            near, far = f"near{number}", f"far{number}"
+            _ip("netns", "add", space)
+            self._in_switch("link", "add", port, "type", "veth", "peer", "name", "eth0", "netns", space)
+            self._in_switch("link", "add", near, "type", "veth", "peer", "name", far)
+            self._in_switch("link", "add", bridge, "type", "bridge")
+            for device, master in ((port, bridge), (near, bridge), (far, "hub")):
+                self._in_switch("link", "set", device, "master", master)
+            for device in (port, bridge, near, far):
+                self._in_switch("link", "set", device, "up")
+            _ip("-n", space, "address", "add", f"{address}/24", "dev", "eth0")
+            for device in ("lo", "eth0"):
+                _ip("-n", space, "link", "set", device, "up")
+
+    def remove(self) -> None:
+        """Remove what `build` made; whatever is missing is skipped."""
+        for space in (self._switch, *map(self.namespace, self.addresses)):
+            subprocess.run(["ip", "netns", "del", space], stderr=subprocess.DEVNULL, check=False)
+
+    def namespace(self, host: str) -> str:
+        """Name of the namespace of a host."""
+        return f"{self._prefix}-{host}"
+
+    def python(self, host: str, *arguments: str) -> list[str]:
+        """Command line that runs Python on a host."""
+        return ["ip", "netns", "exec", self.namespace(host), sys.executable, *arguments]
+
+    def cut(self, host: str) -> None:
+        """Cut the link of a host to all others."""
+        self._set_link(host, "down")
+
+    def restore(self, host: str) -> None:
+        """Join a host with the others again."""
+        self._set_link(host, "up")
+
+    def _set_link(self, host: str, state: str) -> None:
+        self._in_switch("link", "set", f"far{list(self.addresses).index(host)}", state)
+
+    def _in_switch(self, *words: str) -> None:
+        _ip("-n", self._switch, *words)
+
+
+@contextmanager
+def network(hosts: Sequence[str]) -> Iterator[Network]:
+    """A network of these hosts; it is removed at the end.
+
+    Raises
+    ------
+    NetworkUnavailableError
+        See `Network.build`.
+    """
+    made = Network(hosts)
+    try:
+        made.build()
+        yield made
+    finally:
+        made.remove()
+
+
+def _ip(*words: str) -> None:
+    try:
+        subprocess.run(["ip", *words], check=True, capture_output=True, text=True)
+    except FileNotFoundError:
+        raise NetworkUnavailableError("there is no program 'ip' (package iproute2)") from None
+    except subprocess.CalledProcessError as error:
+        raise NetworkUnavailableError(f"ip {' '.join(words)}: {error.stderr.strip()}") from None

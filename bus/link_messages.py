@@ -1,0 +1,49 @@
+"""What routers of different hosts tell each other, and everybody else, about the links between them."""
+
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from bus.messages import Count, Message, Name, Seconds
+
+RouterId = Annotated[str, Meta(pattern="^[0-9a-f]{1,32}$")]
+"""Zenoh's identity of a router process; another one after every start."""
+
+
+class Echo(Struct, frozen=True, kw_only=True):
+    """The newest beat that was heard from a host."""
+
+    router: RouterId
+    sent_s: float
+    """Its `sent_s`: monotonic clock of the host that sent it."""
+    held_s: Seconds
+    """Time since its arrival."""
+
+
+class Beat(Message, frozen=True, kw_only=True):
+    """What a router sends through its links all the time, so that the others know that they hear it."""
+
+    router: RouterId
+    sent_s: float
+    """Monotonic clock of its host; meaningless on other hosts."""
+    echoes: dict[Name, Echo]
+    """What it heard from the other hosts."""
+
+
+class LinkState(Struct, frozen=True, kw_only=True):
+    """The link to one other host."""
+
+    linked: bool
+    """Beats arrive in both directions."""
+    redials: Count
+    """How often the link was closed because one direction or both were silent."""
+    late: Count
+    """Beats that arrived more than 0.1 s later than the fastest ones: what was stored while the link hung."""
+    round_trip_s: Seconds | None = None
+    """Shortest of the last few seconds."""
+
+
+class RouterStatus(Message, frozen=True, kw_only=True):
+    """Links of a router to those of the other hosts of the fleet file."""
+
+    links: dict[Name, LinkState]

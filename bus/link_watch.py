@@ -1,0 +1,168 @@
+"""Which links between routers carry nothing any more: decided by what arrives, in both directions.
+
+TCP notices a cut link after seconds to minutes, and Zenoh may then reopen one direction only (zenoh_bus.md
+section 9). So routers send beats all the time and tell in them whose beats they hear.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from bus.link_messages import Beat, Echo, LinkState
+
+SILENCE_S: Final = 0.25
+"""A direction without a beat for so long is dead: five beats."""
+LONGEST_PATIENCE_S: Final = 2.0
+"""With a router that is never heard: where redialling does not help, it must not be all that happens."""
+STALL_S: Final = 0.15
+"""A watch that was not called for so long does not know whether others were silent or itself was."""
+LATE_S: Final = 0.1
+RECENT_S: Final = 5.0
+"""Round trips and delays are compared with the shortest one of so long; until then clocks drift little."""
+
+
+class RouterLink(NamedTuple):
+    """A connection to the router of another host: its identity, and the addresses of both ends."""
+
+    router: str
+    local: tuple[str, int]
+    remote: tuple[str, int]
+
+
+class RecentMinimum:
+    """The smallest value of the last 5 to 10 s."""
+
+    def __init__(self) -> None:
+        self._since_s = 0.0
+        self._blocks: list[float] = []
+
+    def add(self, value: float, now_s: float) -> None:
+        """Take another value into account."""
+        if not self._blocks or now_s - self._since_s > RECENT_S:
+            self._since_s = now_s
+            self._blocks = [*self._blocks[-1:], value]
+        self._blocks[-1] = min(self._blocks[-1], value)
+
+    @property
+    def value(self) -> float | None:
+        """None before the first value."""
+        return min(self._blocks, default=None)
+
+
+@dataclass
+class _Neighbour:
+    """What is known of the router of another host."""
+
+    beat: Beat
+    arrived_s: float
+    answered_s: float
+    """Arrival of its newest beat that says that it hears this router."""
+    delay: RecentMinimum = field(default_factory=RecentMinimum)
+    """Between its clock at sending and ours at arrival."""
+    round_trip: RecentMinimum = field(default_factory=RecentMinimum)
+
+
+class LinkWatch:
+    """Judges the links of one router.
+
+    Parameters
+    ----------
+    host, router
+        Host this router serves, and its identity.
+    now_s
+        Monotonic clock, as in all methods.
+    """
+
+    def __init__(self, host: str, router: str, now_s: float) -> None:
+        self._host = host
+        self._router = router
+        self._judged_s = now_s
+        self._neighbours: dict[str, _Neighbour] = {}
+        self._opened_s: dict[RouterLink, float] = {}
+        self._failures: dict[str, int] = {}
+        self._redials: dict[str, int] = {}
+        self._late: dict[str, int] = {}
+
+    def hear(self, host: str, beat: Beat, arrived_s: float) -> None:
+        """Take a beat of another host into account; arrivals of a host do not decrease."""
+        known = self._neighbours.get(host)
+        if known is None or known.beat.router != beat.router:
+            known = self._neighbours[host] = _Neighbour(beat, arrived_s, float("-inf"))
+        delay_s = arrived_s - beat.sent_s
+        known.delay.add(delay_s, arrived_s)
+        if known.delay.value is not None and delay_s - known.delay.value > LATE_S:
+            self._late[host] = self._late.get(host, 0) + 1
+        known.beat, known.arrived_s = beat, arrived_s
+        echo = beat.echoes.get(self._host)
+        if echo is not None and echo.router == self._router and echo.held_s <= SILENCE_S:
+            known.answered_s = arrived_s
+            known.round_trip.add(max(0.0, arrived_s - echo.sent_s - echo.held_s), arrived_s)
+
+    def beat(self, now_s: float) -> Beat:
+        """The beat to be sent now."""
+        echoes = {
+            host: Echo(
+                router=known.beat.router,
+                sent_s=known.beat.sent_s,
+                held_s=max(0.0, now_s - known.arrived_s),
+            )
+            for host, known in self._neighbours.items()
+        }
+        return Beat(router=self._router, sent_s=now_s, echoes=echoes)
+
+    def broken(self, links: Collection[RouterLink], now_s: float) -> list[RouterLink]:
+        """Links to be closed, so that they are dialled again.
+
+        A link is given the time in which a direction counts as dead to carry its first beats, then twice that
+        if it was closed in vain before, and so on.
+
+        Parameters
+        ----------
+        links
+            All links to routers that are open now.
+        """
+        asleep = now_s - self._judged_s > STALL_S
+        self._judged_s = now_s
+        opened_s = {link: now_s if asleep else self._opened_s.get(link, now_s) for link in links}
+        self._opened_s = opened_s
+        broken = []
+        for link in links:
+            host = self._host_of(link.router)
+            alive_s = float("-inf") if host is None else self._both_ways_s(host)
+            if alive_s >= opened_s[link]:
+                self._failures.pop(link.router, None)
+            failures = self._failures.get(link.router, 0)
+            patience_s = min(LONGEST_PATIENCE_S, SILENCE_S * 2**failures)
+            if now_s - max(alive_s, opened_s[link]) > patience_s:
+                broken.append(link)
+                opened_s[link] = now_s
+                self._failures[link.router] = failures + 1
+                if host is not None:
+                    self._redials[host] = self._redials.get(host, 0) + 1
+        gone = self._failures.keys() - {link.router for link in links} - self._routers()
+        for router in gone:
+            del self._failures[router]
+        return broken
+
+    def states(self, hosts: Collection[str], now_s: float) -> dict[str, LinkState]:
+        """State of the links to these hosts."""
+        return {host: self._state(host, now_s) for host in hosts}
+
+    def _state(self, host: str, now_s: float) -> LinkState:
+        known = self._neighbours.get(host)
+        return LinkState(
+            linked=known is not None and now_s - self._both_ways_s(host) <= SILENCE_S,
+            redials=self._redials.get(host, 0),
+            late=self._late.get(host, 0),
+            round_trip_s=None if known is None else known.round_trip.value,
+        )
+
+    def _both_ways_s(self, host: str) -> float:
+        known = self._neighbours[host]
+        return min(known.arrived_s, known.answered_s)
+
+    def _host_of(self, router: str) -> str | None:
+        return next((host for host, known in self._neighbours.items() if known.beat.router == router), None)
+
+    def _routers(self) -> set[str]:
+        return {known.beat.router for known in self._neighbours.values()}

@@ -1,0 +1,129 @@
+"""Keeps the links of a router to those of other hosts alive: sends beats, listens, closes what is silent."""
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import zenoh
+
+from bus import channels
+from bus.codec import encode
+from bus.link_messages import RouterStatus
+from bus.link_sockets import Dials, close_link, hasten
+from bus.link_watch import LinkWatch, RouterLink
+from bus.subscription import Subscription
+
+BEAT_S: Final = 0.05
+DIAL_CHECK_S: Final = 0.02
+"""Between two looks at attempts to dial, while a host is missing."""
+STATUS_S: Final = 0.5
+BEATS_KEPT: Final = 32
+
+
+class LinkService:
+    """Watches the links of a router in a thread of its own.
+
+    Parameters
+    ----------
+    session
+        The router.
+    fleet, host
+        Fleet and host it serves.
+    others
+        The other hosts of the fleet file.
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        fleet: str,
+        host: str,
+        others: Sequence[str],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._session = session
+        self._others = others
+        self._clock = clock
+        self._watch = LinkWatch(host, str(session.zid()), clock())
+        self._dials = Dials()
+        self._links: set[RouterLink] = set()
+        self._told_s = clock()
+        self._inboxes = {
+            other: Subscription(
+                session,
+                channels.BEAT,
+                channels.key(fleet, other, channels.BEAT.topic),
+                clock,
+                lambda: None,
+                BEATS_KEPT,
+            )
+            for other in others
+        }
+        self._beats = self._publisher(fleet, host, channels.BEAT.topic, zenoh.Priority.REAL_TIME)
+        self._status = self._publisher(fleet, host, channels.ROUTER_STATUS.topic, zenoh.Priority.DATA_LOW)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="links", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop watching."""
+        self._ended.set()
+        self._thread.join()
+
+    def _publisher(self, fleet: str, host: str, topic: str, priority: zenoh.Priority) -> zenoh.Publisher:
+        return self._session.declare_publisher(
+            channels.key(fleet, host, topic),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=priority,
+        )
+
+    def _run(self) -> None:
+        complete = False
+        while not self._ended.wait(BEAT_S if complete else DIAL_CHECK_S):
+            complete = self._turn()
+
+    def _turn(self) -> bool:
+        """Listen, judge, act, tell; returns whether every other host is linked."""
+        for other, inbox in self._inboxes.items():
+            for received in inbox.drain():
+                self._watch.hear(other, received.message, received.arrived_s)
+        now_s = self._clock()
+        links = open_links(self._session)
+        for link in links - self._links:
+            hasten(link)
+        self._links = links
+        for link in self._watch.broken(links, now_s):
+            print(f"links: silent link {_text(link)} is closed, to be dialled again", file=sys.stderr)
+            close_link(link)
+        complete = len({link.router for link in links}) >= len(self._others)
+        if not complete:
+            self._dials.abandon_lost(now_s)
+        self._beats.put(encode(self._watch.beat(now_s)))
+        if now_s - self._told_s >= STATUS_S:
+            self._told_s = now_s
+            self._status.put(encode(RouterStatus(links=self._watch.states(self._others, now_s))))
+        return complete
+
+
+def open_links(session: zenoh.Session) -> set[RouterLink]:
+    """Links of a router to other routers that are open now."""
+    routers = {str(router) for router in session.info.routers_zid()}
+    return {
+        RouterLink(str(link.zid), _address(str(link.src)), _address(str(link.dst)))
+        for link in session.info.links()
+        if str(link.zid) in routers
+    }
+
+
+def _address(locator: str) -> tuple[str, int]:
+    """Address and port of a locator like `tcp/192.168.0.10:7447`."""
+    host, _, port = locator.partition("/")[2].partition("?")[0].rpartition(":")
+    return host.strip("[]"), int(port)
+
+
+def _text(link: RouterLink) -> str:
+    return f"{link.local[0]}:{link.local[1]} - {link.remote[0]}:{link.remote[1]}"

@@ -1,0 +1,73 @@
+"""Promises of what is done to sockets of links: exactly the one that is meant, and at once."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from bus.link_sockets import DIAL_LIMIT_S, Dials, close_link, hasten
+from bus.link_watch import RouterLink
+
+
+class Connection:
+    """Both ends of a TCP connection of this process."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        self.near = stack.enter_context(socket.create_connection(listener.getsockname()))
+        self.far = stack.enter_context(listener.accept()[0])
+        self.far.settimeout(2.0)
+        self.link = RouterLink("b0", self.near.getsockname(), self.near.getpeername())
+
+
+@pytest.fixture
+def connections() -> Iterator[tuple[Connection, Connection]]:
+    with ExitStack() as stack:
+        yield Connection(stack), Connection(stack)
+
+
+def test_only_the_socket_of_the_link_is_closed(connections: tuple[Connection, Connection]) -> None:
+    silent, other = connections
+    assert close_link(silent.link)
+    assert silent.far.recv(1) == b""
+    other.near.sendall(b"x")
+    assert other.far.recv(1) == b"x"
+
+
+def test_closing_does_not_wait_for_what_was_not_delivered(connections: tuple[Connection, Connection]) -> None:
+    silent, _ = connections
+    close_link(silent.link)
+    on, seconds = silent.near.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[::4]
+    assert (on, seconds) == (1, 0)
+
+
+def test_a_link_that_is_gone_is_not_found(connections: tuple[Connection, Connection]) -> None:
+    silent, _ = connections
+    silent.near.close()
+    assert not close_link(silent.link)
+
+
+def test_a_link_still_carries_data_after_it_was_hastened(connections: tuple[Connection, Connection]) -> None:
+    link, _ = connections
+    hasten(link.link)
+    link.near.sendall(b"x")
+    assert link.far.recv(1) == b"x"
+
+
+def test_an_attempt_to_connect_that_nobody_answers_is_ended_after_its_time() -> None:
+    with ExitStack() as stack:
+        listener = stack.enter_context(socket.socket())
+        listener.bind(("127.0.0.1", 0))
+        listener.listen(0)
+        # The first one fills the queue of the listener; Linux drops the requests of further ones.
+        attempts = [stack.enter_context(socket.socket()) for _ in range(3)]
+        for attempt in attempts:
+            attempt.setblocking(False)
+            attempt.connect_ex(listener.getsockname())
+        dials = Dials()
+        assert dials.abandon_lost(10.0) == 0
+        assert dials.abandon_lost(10.0 + 0.9 * DIAL_LIMIT_S) == 0
+        assert dials.abandon_lost(10.0 + 1.1 * DIAL_LIMIT_S) >= 1
+        assert dials.abandon_lost(20.0) == 0
+        assert attempts[-1].getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) != 0

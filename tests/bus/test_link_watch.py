@@ -1,0 +1,196 @@
+"""Promises of the judgement of links: one direction that is silent closes them, a short pause does not."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus.link_messages import Beat, Echo
+from bus.link_watch import (
+    LONGEST_PATIENCE_S,
+    SILENCE_S,
+    STALL_S,
+    LinkWatch,
+    RecentMinimum,
+    RouterLink,
+)
+
+BEAT_S = 0.05
+LINK = RouterLink("b0", ("10.0.0.1", 7447), ("10.0.0.2", 50000))
+
+
+class Pair:
+    """A router at host `a` and what arrives from host `b`, in steps of a beat."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.watch = LinkWatch("a", "a0", self.now_s)
+        self.closed: list[tuple[float, RouterLink]] = []
+        self._answered = (0.0, 0.0)
+
+    def step(
+        self, *, hears: bool = True, is_heard: bool = True, links: tuple[RouterLink, ...] = (LINK,)
+    ) -> None:
+        self.now_s += BEAT_S
+        if is_heard:
+            self._answered = (self.now_s - BEAT_S, self.now_s - 0.001)
+        if hears:
+            sent_s, arrived_s = self._answered
+            echo = Echo(router="a0", sent_s=sent_s, held_s=self.now_s - arrived_s)
+            beat = Beat(router=LINK.router, sent_s=self.now_s + 7000.0, echoes={"a": echo})
+            self.watch.hear("b", beat, self.now_s)
+        self.closed += [(self.now_s, link) for link in self.watch.broken(links, self.now_s)]
+
+    def steps(self, count: int, **how: bool) -> None:
+        for _ in range(count):
+            self.step(**how)
+
+    @property
+    def linked(self) -> bool:
+        return self.watch.states(["b"], self.now_s)["b"].linked
+
+
+def test_a_link_that_carries_both_directions_stays() -> None:
+    pair = Pair()
+    pair.steps(200)
+    assert pair.closed == []
+    assert pair.linked
+
+
+@pytest.mark.parametrize(("hears", "is_heard"), [(False, False), (False, True), (True, False)])
+def test_a_link_is_closed_when_one_direction_is_silent(hears: bool, is_heard: bool) -> None:
+    pair = Pair()
+    pair.steps(20)
+    silent_s = pair.now_s
+    pair.steps(16, hears=hears, is_heard=is_heard)
+    assert pair.closed
+    assert SILENCE_S < pair.closed[0][0] - silent_s < 2 * SILENCE_S + 2 * BEAT_S
+    assert not pair.linked
+    assert pair.watch.states(["b"], pair.now_s)["b"].redials == len(pair.closed)
+
+
+def test_a_silence_that_is_shorter_than_the_limit_closes_nothing() -> None:
+    pair = Pair()
+    pair.steps(20)
+    pair.steps(4, hears=False, is_heard=False)
+    pair.steps(20)
+    assert pair.closed == []
+
+
+def test_a_new_link_is_not_blamed_for_the_silence_before_it() -> None:
+    pair = Pair()
+    pair.steps(20)
+    for _ in range(40):
+        pair.step(hears=False, is_heard=False, links=())
+    new = LINK._replace(remote=("10.0.0.2", 50001))
+    for _ in range(3):
+        pair.step(hears=False, is_heard=False, links=(new,))
+    for _ in range(40):
+        pair.step(links=(new,))
+    assert pair.closed == []
+
+
+def test_redialling_in_vain_becomes_rare_and_begins_anew_when_it_helped() -> None:
+    pair = Pair()
+    pair.steps(20)
+    pair.steps(600, hears=False, is_heard=False)
+    times_s = [at_s for at_s, _ in pair.closed]
+    pauses_s = [later - earlier for earlier, later in pairwise(times_s)]
+    assert all(pause_s <= LONGEST_PATIENCE_S + 2 * BEAT_S for pause_s in pauses_s)
+    assert pauses_s[-1] >= LONGEST_PATIENCE_S
+    pair.steps(5)
+    pair.closed.clear()
+    pair.steps(8, hears=False, is_heard=False)
+    assert len(pair.closed) == 1
+
+
+def test_a_watch_that_was_asleep_closes_nothing_before_it_has_listened() -> None:
+    pair = Pair()
+    pair.steps(20)
+    pair.now_s += 2.0
+    assert pair.watch.broken((LINK,), pair.now_s) == []
+    pair.steps(20)
+    assert pair.closed == []
+
+
+def test_a_neighbour_that_started_again_has_to_hear_this_router_anew() -> None:
+    pair = Pair()
+    pair.steps(20)
+    again = LINK._replace(router="b1")
+    pair.watch.hear("b", Beat(router="b1", sent_s=3.0, echoes={}), pair.now_s)
+    assert not pair.linked
+    for _ in range(10):
+        pair.now_s += BEAT_S
+        pair.watch.hear("b", Beat(router="b1", sent_s=pair.now_s, echoes={}), pair.now_s)
+        pair.closed += [(pair.now_s, link) for link in pair.watch.broken((again,), pair.now_s)]
+    assert pair.closed
+
+
+def test_beats_that_waited_while_the_link_hung_are_counted_as_late() -> None:
+    watch = LinkWatch("a", "a0", 0.0)
+    for number in range(10):
+        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, echoes={}), number * BEAT_S + 0.002)
+    assert watch.states(["b"], 0.5)["b"].late == 0
+    for number in range(10, 14):
+        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, echoes={}), 0.9)
+    assert watch.states(["b"], 0.9)["b"].late == 4
+
+
+def test_the_round_trip_leaves_out_how_long_the_other_host_held_the_beat() -> None:
+    watch = LinkWatch("a", "a0", 0.0)
+    echo = Echo(router="a0", sent_s=1.0, held_s=0.04)
+    watch.hear("b", Beat(router="b0", sent_s=9000.0, echoes={"a": echo}), 1.043)
+    assert watch.states(["b"], 1.05)["b"].round_trip_s == pytest.approx(0.003)
+
+
+def test_a_beat_echoes_the_newest_of_every_host_and_how_long_it_was_held() -> None:
+    watch = LinkWatch("a", "a0", 0.0)
+    watch.hear("b", Beat(router="b0", sent_s=70.0, echoes={}), 1.0)
+    watch.hear("c", Beat(router="c0", sent_s=80.0, echoes={}), 1.02)
+    beat = watch.beat(1.05)
+    assert (beat.router, beat.sent_s) == ("a0", 1.05)
+    assert beat.echoes["b"] == Echo(router="b0", sent_s=70.0, held_s=pytest.approx(0.05))
+    assert beat.echoes["c"].held_s == pytest.approx(0.03)
+
+
+def test_a_host_that_was_never_heard_is_not_linked() -> None:
+    state = LinkWatch("a", "a0", 0.0).states(["b"], 1.0)["b"]
+    assert (state.linked, state.redials, state.late, state.round_trip_s) == (False, 0, 0, None)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=120))
+def test_whatever_is_heard_a_silent_link_is_closed_in_time_and_a_live_one_never(
+    heard: list[tuple[bool, bool]],
+) -> None:
+    pair = Pair()
+    pair.steps(20)
+    good = 0
+    for hears, is_heard in heard:
+        before = len(pair.closed)
+        pair.step(hears=hears, is_heard=is_heard)
+        good = good + 1 if hears and is_heard else 0
+        # Two good beats in a row: one to hear, one to be told that one is heard.
+        if good >= 2:
+            assert len(pair.closed) == before
+            assert pair.linked
+    pair.steps(int((2 * LONGEST_PATIENCE_S) / BEAT_S) + 2, hears=False, is_heard=False)
+    assert pair.closed
+
+
+@given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(0, 3)), min_size=1, max_size=60))
+def test_the_recent_minimum_is_one_of_the_recent_values(values: list[tuple[float, float]]) -> None:
+    recent = RecentMinimum()
+    assert recent.value is None
+    now_s, seen = 50.0, []
+    for value, pause_s in values:
+        now_s += pause_s
+        recent.add(value, now_s)
+        seen.append((now_s, value))
+        assert recent.value is not None
+        assert recent.value <= value
+        assert recent.value in [old for at_s, old in seen if now_s - at_s <= 2 * 5.0 + 3.0]
+
+
+def test_the_stall_limit_leaves_room_for_late_turns() -> None:
+    assert 2 * BEAT_S < STALL_S < SILENCE_S

@@ -1,0 +1,40 @@
+"""Links between hosts that are cut and restored, with network namespaces as hosts."""
+
+import pytest
+
+from benchmarks.links import linked_hosts, measured_cut
+from benchmarks.namespaces import NetworkUnavailableError, network
+
+pytestmark = pytest.mark.integration
+
+
+@pytest.fixture
+def namespaces() -> None:
+    """Network namespaces can be made here, or the test is skipped with the reason."""
+    try:
+        with network(["probe"]):
+            pass
+    except NetworkUnavailableError as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.usefixtures("namespaces")
+def test_a_link_that_was_cut_for_a_second_carries_both_directions_again() -> None:
+    with linked_hosts() as (net, streams):
+        figures = measured_cut(net, streams, 1.0)
+    for direction, row in figures.items():
+        assert row["gap_ms"] > 900, f"{direction}: the link was not cut"
+        assert row["heal_ms"] is not None, direction
+        assert row["heal_ms"] < 5000, direction
+
+
+@pytest.mark.campaign
+@pytest.mark.usefixtures("namespaces")
+@pytest.mark.parametrize("cut_s", [0.1, 0.3, 0.9, 1.0, 1.1, 3.0, 10.0])
+def test_links_heal_in_half_a_second_whatever_the_length_of_the_cut(cut_s: float) -> None:
+    with linked_hosts() as (net, streams):
+        rounds = [measured_cut(net, streams, cut_s) for _ in range(5)]
+    for figures in rounds:
+        for direction, row in figures.items():
+            assert row["heal_ms"] is not None, direction
+            assert row["heal_ms"] < 500, direction
