@@ -23,7 +23,11 @@ $(VENV)/.test: $(VENV)/.base
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
 	@touch $@
 
-demo: $(VENV)/.base
+$(VENV)/.ground: $(VENV)/.base
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[ground]'
+	@touch $@
+
+demo: $(VENV)/.ground
 	@exec $(BIN)/rcopterx demo $(ARGS)
 
 test: $(VENV)/.test

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from experiments.manoeuvres import fly_paper_sequence
+from experiments.steps import leader_of
 from ground_station.fleet import Fleet
 from ground_station.recorder import Recorder
 from ground_station.report import FlightFigures
@@ -16,6 +17,9 @@ from ground_station.vehicle import FLIGHT_ERRORS
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000
+KNOWN_S = 1.0
+"""Until a set point is in the leader's status, which comes five times a second."""
+LOOK_S = 0.2
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error, the way out of a sequence
@@ -31,11 +35,15 @@ class Demonstration:
         A running fleet.
     wait
         Waits a time [s] and tells whether the user has asked to stop.
+    say
+        Told what happens, a line each.
     """
 
-    def __init__(self, fleet: Fleet, wait: Callable[[float], bool]) -> None:
+    def __init__(self, fleet: Fleet, wait: Callable[[float], bool], say: Callable[[str], object]) -> None:
         self._fleet = fleet
         self._wait = wait
+        self._say = say
+        self._leader = leader_of(fleet)
         self._recorder = Recorder(fleet.session, RECORDS_KEPT)
         self._thread = threading.Thread(target=self._run, name="demonstration", daemon=True)
         self._end_s = math.inf
@@ -80,9 +88,29 @@ class Demonstration:
             self.problem = str(error)
 
     def _wait_or_stop(self, seconds: float) -> None:
+        """Wait between two set points; from when somebody else steers the leader on, wait for the end."""
+        self._pause(min(seconds, KNOWN_S))
+        given = self._task()
+        until_s = time.monotonic() + seconds - KNOWN_S
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            self._pause(min(LOOK_S, left_s))
+            if self._task() != given:
+                self._say(f"{self._leader} is steered by somebody else now; Ctrl-C lands")
+                while True:
+                    self._pause(LOOK_S)
+
+    def _pause(self, seconds: float) -> None:
         left_s = self._end_s - time.monotonic()
         if self._wait(max(0.0, min(seconds, left_s))) or time.monotonic() >= self._end_s:
             raise _Stopped
+
+    def _task(self) -> object:
+        """What the leader is told to do."""
+        state = self._fleet[self._leader].state
+        agent = state.agent
+        return (
+            None if agent is None else (agent.phase, agent.set_point, state.assigned, agent.path_left_s > 0.0)
+        )
 
     def summary(self) -> Table:
         """Figures of the flight, or of its last minute or so."""

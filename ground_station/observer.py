@@ -90,7 +90,7 @@ class Observer:
         seen_age_s = self._unseen_s(name, now_s) if pose is None or pose.occluded else pose_age_s
         return VehicleState(
             name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan,
-            None if pose is None else pose.position_m,
+            None if pose is None else pose.position_m, None if pose is None else pose.quaternion_xyzw,
         )  # fmt: skip
 
     def present(self) -> list[str]:

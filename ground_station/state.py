@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from bus.messages import AgentStatus, LeaderLink, Plan, TrackerStatus, Transmitt
 
 STALE_S = 1.0
 """Age from which a status counts as silence; it comes five times a second."""
+ALARMING_STATES: Final = frozenset({"hold", "descend", "land", "cut", "killed"})
+"""States of the arbiter that are not the agent's will."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,6 +36,8 @@ class VehicleState:
         Newest plan, None before the first.
     seen_at_m
         Where the motion capture sees the vehicle; None if it does not.
+    quaternion_xyzw
+        Attitude that the motion capture sees; None if it does not.
     """
 
     name: str
@@ -44,6 +49,7 @@ class VehicleState:
     seen_age_s: float | None = None
     plan: Plan | None = None
     seen_at_m: tuple[float, float, float] | None = None
+    quaternion_xyzw: tuple[float, float, float, float] | None = None
 
     @property
     def phase(self) -> str:
@@ -67,6 +73,11 @@ class VehicleState:
     def airborne(self) -> bool:
         """Whether the vehicle is in the air as far as its agent tells."""
         return self.phase in AIRBORNE
+
+    @property
+    def alarming(self) -> bool:
+        """Whether the arbiter flies the vehicle, or has cut its motors, instead of its agent."""
+        return self.transmitter_state in ALARMING_STATES
 
     @property
     def leaders(self) -> tuple[str, ...]:

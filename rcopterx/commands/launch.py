@@ -3,13 +3,15 @@
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from deploy.run_directory import run_directory
+from rcopterx.commands.ground import page_of
 from rcopterx.fleet_option import (
     DEFAULT_FLEET,
     EXIT_FAILED,
@@ -107,6 +109,7 @@ class Watch:
         self._fleet = fleet
         self._interrupts = interrupts
         self._console = Console()
+        self._lines: deque[str] = deque()
 
     def until(self, done: Callable[[], bool]) -> None:
         """Show until a condition holds or the user asks to stop."""
@@ -129,7 +132,13 @@ class Watch:
                 phases = " ".join(f"{vehicle.name}:{vehicle.state.phase}" for vehicle in self._fleet)
                 self._console.print(phases, highlight=False)
 
+    def say(self, line: str) -> None:
+        """Print a line beside the table; may be called from any thread."""
+        self._lines.append(line)
+
     def _print_events(self, console: "Console") -> None:
+        while self._lines:
+            console.print(self._lines.popleft(), highlight=False, markup=False)
         while (launcher := self._fleet.launcher) is not None and launcher.events:
             console.print(launcher.events.popleft(), highlight=False, markup=False)
 
@@ -159,6 +168,9 @@ def demo(
         float | None,
         typer.Option(metavar="SECONDS", min=1, help="End by itself after this flight time in seconds."),
     ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Show the fleet in the browser.")
+    ] = True,
     record: RecordOption = True,
 ) -> None:
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
@@ -166,10 +178,15 @@ def demo(
 
     from experiments.demonstration import Demonstration
 
-    with user_errors(), interruptible(fleet, None, record=record) as (running, interrupts):
-        demonstration = Demonstration(running, interrupts.wait)
+    with ExitStack() as stack:
+        stack.enter_context(user_errors())
+        running, interrupts = stack.enter_context(interruptible(fleet, None, record=record))
+        watch = Watch(running, interrupts)
+        if browser:
+            stack.enter_context(page_of(fleet, watch.say))
+        demonstration = Demonstration(running, interrupts.wait, watch.say)
         demonstration.start(seconds)
-        Watch(running, interrupts).until(lambda: demonstration.finished)
+        watch.until(lambda: demonstration.finished)
         demonstration.stop()
         problem = demonstration.problem
         Console().print(demonstration.summary())

@@ -1,4 +1,4 @@
-"""Watching a running fleet: `status`, `check`, `top` and `view`."""
+"""Watching a running fleet: `status`, `check` and `top`."""
 
 import json
 import os
@@ -9,7 +9,6 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -28,8 +27,6 @@ COLUMN_NAMES = (
     "vehicle", "phase", "arbiter", "flown-by", "follows", "position", "error", "pose", "command", "missed",
     "solve", "link", "events",
 )  # fmt: skip
-
-VIEW_PERIOD_S = 0.05
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 
@@ -110,33 +107,6 @@ def top(
                 page += typed.count(NEXT_KEY)
                 live.update(picture(page), refresh=True)
                 typed = typed_within(period)
-
-
-def view(
-    port: Annotated[
-        int, typer.Option(metavar="PORT", min=1, max=65535, help="Port of the web page on this computer.")
-    ] = 8080,
-    fleet: RunningFleetOption = None,
-) -> None:
-    """Show the fleet in the browser until Ctrl-C; set points of leaders can be dragged."""
-    if find_spec("viser") is None:
-        typer.echo("error: the browser view needs viser: pip install 'rcopterx[ground]'", err=True)
-        raise typer.Exit(EXIT_FAILED)
-    import viser
-
-    from ground_station.view import FleetView
-
-    with running_fleet(fleet) as running:
-        server = viser.ViserServer("127.0.0.1", port, label=f"rcopterx {running.file.name}", verbose=False)
-        try:
-            with suppress(KeyboardInterrupt):
-                picture = FleetView(running, server)
-                typer.echo(f"http://127.0.0.1:{server.get_port()}  (Ctrl-C ends the view, the fleet goes on)")
-                while True:
-                    picture.update()
-                    time.sleep(VIEW_PERIOD_S)
-        finally:
-            server.stop()
 
 
 @contextmanager

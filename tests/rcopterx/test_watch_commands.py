@@ -15,11 +15,13 @@ import pytest
 from click.testing import Result
 from support.bus import free_port, own_address
 from support.scripted import ScriptedVehicle, fleet_file_text
+from support.waiting import wait_for
 from typer.testing import CliRunner
 
 from deploy.fleet_file.schema import FleetFile
 from ground_station.fleet import Fleet
 from rcopterx.command_line import app
+from rcopterx.commands.ground import page_of
 
 Vehicles = dict[str, ScriptedVehicle]
 
@@ -135,17 +137,17 @@ def test_top_shows_the_columns_it_is_asked_for(up: str) -> None:
     assert "no column 'battery'" in refused.output
 
 
-def test_the_browser_view_says_what_it_needs(up: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rcopterx.commands.watch.find_spec", lambda name: None)
-    result = run("view", "-f", up)
+def test_the_web_page_says_what_it_needs(up: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rcopterx.commands.ground.find_spec", lambda name: None)
+    result = run("ground", "-f", up)
     assert result.exit_code == 1
     assert "pip install 'rcopterx[ground]'" in result.stderr
 
 
-def test_the_browser_view_serves_a_page_until_ctrl_c(up: str) -> None:
+def test_the_web_page_is_served_until_ctrl_c(up: str) -> None:
     port = free_port()
     process = subprocess.Popen(
-        [sys.executable, "-m", "rcopterx", "view", "-f", up, "--port", str(port)],
+        [sys.executable, "-m", "rcopterx", "ground", "-f", up, "--port", str(port)],
         stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     try:
@@ -158,3 +160,22 @@ def test_the_browser_view_serves_a_page_until_ctrl_c(up: str) -> None:
     finally:
         process.kill()
         process.wait()
+
+
+def test_the_page_beside_a_demonstration_tells_its_address_and_ends_with_it(up: str) -> None:
+    told: list[str] = []
+    with page_of(up, told.append):
+        wait_for(lambda: bool(told), "no address", 30.0)
+        (line,) = told
+        assert line.startswith("web page: http://127.0.0.1:")
+        with urllib.request.urlopen(line.removeprefix("web page: "), timeout=20) as answer:
+            assert answer.status == 200
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(line.removeprefix("web page: "), timeout=5)
+
+
+def test_a_demonstration_without_viser_says_what_the_page_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rcopterx.commands.ground.find_spec", lambda name: None)
+    told: list[str] = []
+    with page_of("trio", told.append):
+        assert told == ["no web page: it needs viser: pip install 'rcopterx[ground]'"]

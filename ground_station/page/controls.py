@@ -1,0 +1,221 @@
+"""Controls of the page: the fleet as a whole, formations, and each vehicle with its weights."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Final
+
+import viser
+
+from agents.controllers.registry import CONTROLLERS
+from agents.references.path_shapes import through
+from ground_station.fleet import Fleet
+from ground_station.page.formations import SHAPES
+from ground_station.page.geometry import on_level
+from ground_station.page.steering import Steering
+from ground_station.page.weights import GROUPS, weights_of
+from ground_station.page.words import vehicle_table
+from ground_station.state import VehicleState
+
+NOBODY: Final = "(nobody)"
+KILL_STYLE: Final = """<style>button:has(.icon-tabler-hand-stop) {
+  position: fixed !important; top: 12px; left: 50%; transform: translateX(-50%); z-index: 10000;
+  width: min(24em, 90vw) !important; height: 3.4em !important; font-weight: 700; font-size: 1.05em;
+}</style>"""
+"""Keeps the button at the top of the window, whatever is scrolled or opened."""
+SPEED_M_S: Final = 0.4
+"""Along drawn waypoints."""
+PACE_S: Final = 1.0
+"""Least time between two waypoints."""
+
+
+def add_fleet_controls(server: viser.ViserServer, steering: Steering) -> None:
+    """Big red button with its key, and what all vehicles do together."""
+    server.gui.add_html(KILL_STYLE)
+    kill = server.gui.add_button("KILL: cut all motors (space bar)", color="red", icon=viser.Icon.HAND_STOP)
+    kill.on_click(lambda _: steering.kill())
+    server.gui.add_command(
+        "KILL: cut all motors", description="Latching; reset to fly again.", hotkey="space"
+    ).on_trigger(lambda _: steering.kill())
+    buttons = (
+        (server.gui.add_button("Take off", icon=viser.Icon.PLANE_DEPARTURE), steering.take_off),
+        (server.gui.add_button("Land", icon=viser.Icon.PLANE_ARRIVAL), steering.land),
+        (server.gui.add_button("Reset killed vehicles", icon=viser.Icon.LOCK_OPEN), steering.reset),
+    )
+    for button, action in buttons:
+        button.on_click(partial(_do, action))
+
+
+def _do(action: Callable[[], None], _event: Any) -> None:
+    action()
+
+
+def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
+    """Formations by name behind a leader."""
+    names = tuple(fleet.file.vehicles)
+    leader = server.gui.add_dropdown("leader", names, initial_value=names[0])
+    shape = server.gui.add_dropdown("shape", tuple(SHAPES))
+    spacing = server.gui.add_slider("spacing [m]", 0.5, 1.5, 0.05, 0.8)
+    server.gui.add_button("Fly this formation", icon=viser.Icon.TOPOLOGY_STAR_3).on_click(
+        lambda _: steering.formation(shape.value, leader.value, float(spacing.value))
+    )
+    server.gui.add_button("Promote it to leader of the present formation", icon=viser.Icon.CROWN).on_click(
+        lambda _: steering.promote(leader.value)
+    )
+
+
+class VehicleControls:
+    """Table, leader, controller and weights of one vehicle.
+
+    Parameters
+    ----------
+    server
+        Where browsers connect; the container that is open now takes the controls.
+    fleet, name
+        The vehicle.
+    steering
+        None for a page that only watches: the table alone.
+    """
+
+    def __init__(self, server: viser.ViserServer, fleet: Fleet, name: str, steering: Steering | None) -> None:
+        self._name = name
+        self.table = server.gui.add_html("")
+        self._steering = steering
+        if steering is None:
+            return
+        others = [other for other in fleet.file.vehicles if other != name]
+        self.leader: Any = server.gui.add_dropdown("follows", (NOBODY, *others), initial_value=NOBODY)
+        self.leader.on_update(self.on_leader)
+        self.controller: Any = server.gui.add_dropdown("controller", tuple(CONTROLLERS.available()))
+        self.controller.on_update(self.on_controller)
+        server.gui.add_button("Land it", icon=viser.Icon.PLANE_ARRIVAL).on_click(
+            lambda _: steering.land([name])
+        )
+        self.weights = WeightControls(server, fleet, name, steering)
+
+    def show(self, state: VehicleState) -> None:
+        """Show the present of the vehicle; choices follow what others have made of them."""
+        self.table.content = vehicle_table(state)
+        if self._steering is None or state.agent is None:
+            return
+        links = state.assigned
+        self.leader.value = links[0].leader if links else NOBODY
+        if state.agent.diagnostics.controller in self.controller.options:
+            self.controller.value = state.agent.diagnostics.controller
+
+    def on_leader(self, event: Any) -> None:
+        """Follow who was chosen; what this program itself has set asks for nothing."""
+        if event.client is None or self._steering is None:
+            return
+        chosen = self.leader.value
+        self._steering.follow_beside(self._name, None if chosen == NOBODY else chosen)
+
+    def on_controller(self, event: Any) -> None:
+        """Fly with what was chosen."""
+        if event.client is not None and self._steering is not None:
+            self._steering.tune(self._name, self.controller.value)
+
+
+class WeightControls:
+    """Sliders of the cascade's weights as factors of those that follow from the model, with undo."""
+
+    def __init__(self, server: viser.ViserServer, fleet: Fleet, name: str, steering: Steering) -> None:
+        self._fleet = fleet
+        self._name = name
+        self._steering = steering
+        self._history: list[dict[str, float]] = [dict.fromkeys(GROUPS, 0.0)]
+        with server.gui.add_folder("weights of the cascade, × default", expand_by_default=False):
+            self.sliders: dict[str, Any] = {
+                group: server.gui.add_slider(f"{group} [powers of 2]", -3.0, 3.0, 0.25, 0.0)
+                for group in GROUPS
+            }
+            self.apply = server.gui.add_button("Apply", icon=viser.Icon.CHECK)
+            self.undo = server.gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP)
+        self.apply.on_click(lambda _: self.on_apply())
+        self.undo.on_click(lambda _: self.on_undo())
+
+    def on_apply(self) -> None:
+        """Fly with the weights of the sliders."""
+        wanted = {group: float(slider.value) for group, slider in self.sliders.items()}
+        if self._fly_with(wanted):
+            self._history.append(wanted)
+
+    def on_undo(self) -> None:
+        """Fly with the weights before the last change."""
+        if len(self._history) < 2 or not self._fly_with(self._history[-2]):
+            return
+        self._history.pop()
+        for group, value in self._history[-1].items():
+            self.sliders[group].value = value
+
+    def _fly_with(self, powers: dict[str, float]) -> bool:
+        config = self._fleet.file.vehicles[self._name]
+        weights = weights_of(self._fleet.file, self._name, config.control.period_s, powers)
+        return self._steering.tune(self._name, "cascade", **weights)
+
+
+class Waypoints:
+    """Waypoints that are clicked on a horizontal plane of the scene, and flown by one vehicle."""
+
+    def __init__(self, server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
+        self._server = server
+        self._fleet = fleet
+        self._steering = steering
+        self.places: list[tuple[float, float, float]] = []
+        self._marks: list[Any] = []
+        names = tuple(fleet.file.vehicles)
+        self.vehicle = server.gui.add_dropdown("vehicle", names, initial_value=names[0])
+        low_m, high_m = fleet.file.volume.min_m[2], fleet.file.volume.max_m[2]
+        self.height = server.gui.add_slider(
+            "height [m]", max(0.3, low_m), high_m, 0.05, min(1.0, high_m), hint="of the next waypoints"
+        )
+        self.drawing = server.gui.add_checkbox("click waypoints in the scene", False)
+        self.drawing.on_update(lambda _: self._listen())
+        server.gui.add_button("Fly through them", icon=viser.Icon.ROUTE).on_click(lambda _: self.fly())
+        server.gui.add_button("Clear", icon=viser.Icon.TRASH).on_click(lambda _: self.clear())
+
+    def _listen(self) -> None:
+        if not self.drawing.value:
+            self._server.scene.remove_pointer_callback()
+            return
+
+        @self._server.scene.on_pointer_event("click")
+        def _(event: Any) -> None:
+            self.add(event.ray_origin, event.ray_direction)
+
+    def add(self, origin_m: Sequence[float], direction: Sequence[float]) -> None:
+        """Add where a ray from the camera meets the level of the slider."""
+        place = on_level(origin_m, direction, float(self.height.value))
+        if place is None:
+            return
+        self.places.append(place)
+        mark = self._server.scene.add_icosphere(
+            f"/waypoints/{len(self.places)}", 0.04, (230, 180, 30), position=place
+        )
+        self._marks.append(mark)
+
+    def clear(self) -> None:
+        """Forget the waypoints."""
+        for mark in self._marks:
+            mark.remove()
+        self.places, self._marks = [], []
+
+    def fly(self) -> None:
+        """Let the vehicle fly through the waypoints, from where it is."""
+        name = self.vehicle.value
+        state = self._fleet[name].state
+        place = None if state.agent is None else state.agent.position_m
+        if place is None or not self.places:
+            self._steering.ask("waypoints", self._none)
+            return
+        yaw_rad = 0.0 if state.agent is None else state.agent.set_point.yaw_rad
+        rows, time_s, before = [(0.0, *place, yaw_rad)], 0.0, place
+        for after in self.places:
+            time_s += max(PACE_S, math.dist(before, after) / SPEED_M_S)
+            rows.append((time_s, *after, yaw_rad))
+            before = after
+        self._steering.ask(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))
+
+    @staticmethod
+    def _none() -> None:
+        raise ValueError("click waypoints in the scene first")

@@ -1,0 +1,65 @@
+"""Formations by name: places of followers beside one leader."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from bus.messages import LeaderLink
+
+Place = tuple[float, float, float]
+
+
+def _line(count: int, spacing_m: float) -> list[Place]:
+    sides = (((index // 2) + 1) * (1 if index % 2 == 0 else -1) for index in range(count))
+    return [(0.0, spacing_m * side, 0.0) for side in sides]
+
+
+def _column(count: int, spacing_m: float) -> list[Place]:
+    return [(-spacing_m * (index + 1), 0.0, 0.0) for index in range(count)]
+
+
+def _wedge(count: int, spacing_m: float) -> list[Place]:
+    return [(-abs(y), y, 0.0) for _, y, _ in _line(count, spacing_m / math.sqrt(2.0))]
+
+
+def _ring(count: int, spacing_m: float) -> list[Place]:
+    """Leader in the middle, followers around it, neighbours and leader at least `spacing_m` apart."""
+    radius_m = max(spacing_m, spacing_m / (2.0 * math.sin(math.pi / count))) if count > 1 else spacing_m
+    angles = (2.0 * math.pi * index / count for index in range(count))
+    return [(radius_m * math.cos(angle), radius_m * math.sin(angle), 0.0) for angle in angles]
+
+
+SHAPES: Final[Mapping[str, Callable[[int, float], list[Place]]]] = {
+    "line": _line,
+    "column": _column,
+    "wedge": _wedge,
+    "ring": _ring,
+}
+
+
+def formation_links(
+    shape: str, leader: str, followers: Sequence[str], spacing_m: float
+) -> dict[str, LeaderLink]:
+    """Links of a formation.
+
+    Parameters
+    ----------
+    shape
+        One of `SHAPES`.
+    leader
+        Whom everybody follows.
+    followers
+        In the order in which places are given.
+    spacing_m
+        Distance between neighbours.
+
+    Returns
+    -------
+    dict
+        Link by follower; offsets turn with the leader's heading, x to its front, y to its left.
+    """
+    places = SHAPES[shape](len(followers), spacing_m)
+    return {
+        name: LeaderLink(leader=leader, offset_m=place, frame="heading")
+        for name, place in zip(followers, places, strict=True)
+    }

@@ -1,0 +1,85 @@
+"""Shapes of the scene as arrays, and offsets from dragged handles: no page, no bus."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bus.messages import LeaderLink, Plan
+
+Array = NDArray[np.float64]
+
+NOWHERE: Final = np.zeros((1, 2, 3))
+"""A line that is not there."""
+
+
+def heading_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
+    """Quaternion w, x, y, z of a heading."""
+    return (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
+
+
+def tilt_rad(quaternion_xyzw: Sequence[float]) -> float:
+    """Angle between the vertical and the vertical axis of a body."""
+    x, y, _, _ = quaternion_xyzw
+    return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+
+
+def polyline(points: Array) -> Array:
+    """Line through points as segments, shape (n - 1, 2, 3) [m]; a point where there are fewer than two."""
+    return np.stack((points[:-1], points[1:]), axis=1) if len(points) > 1 else NOWHERE
+
+
+def plan_segments(plan: Plan | None) -> Array:
+    """Line of a plan as segments, shape (stages - 1, 2, 3) [m]; a point without one."""
+    return NOWHERE if plan is None else polyline(plan.trajectory.to_numpy()[:, :3])
+
+
+def box_edges(low: Array, high: Array) -> Array:
+    """Edges of a box, shape (12, 2, 3) [m]."""
+    corners = [np.where([i & 1, i & 2, i & 4], high, low) for i in range(8)]
+    return np.array([(corners[i], corners[i | bit]) for bit in (1, 2, 4) for i in range(8) if not i & bit])
+
+
+def place_beside(
+    link: LeaderLink, leader_m: Sequence[float], leader_yaw_rad: float
+) -> tuple[float, float, float]:
+    """Where a follower keeps itself [m]: the leader's place plus the offset, turned if it turns."""
+    x, y, z = np.array(leader_m) + _turned(link.offset_m, leader_yaw_rad if link.frame == "heading" else 0.0)
+    return float(x), float(y), float(z)
+
+
+def link_to(
+    link: LeaderLink, place_m: Sequence[float], leader_m: Sequence[float], leader_yaw_rad: float
+) -> LeaderLink:
+    """Link whose follower keeps itself at a place [m]; the inverse of `place_beside`."""
+    away = np.array(place_m, dtype=float) - np.array(leader_m, dtype=float)
+    x, y, z = _turned(away, -leader_yaw_rad if link.frame == "heading" else 0.0)
+    return LeaderLink(
+        leader=link.leader,
+        offset_m=(round(float(x), 3), round(float(y), 3), round(float(z), 3)),
+        yaw_offset_rad=link.yaw_offset_rad,
+        frame=link.frame,
+        weight=link.weight,
+    )
+
+
+def on_level(
+    origin_m: Sequence[float], direction: Sequence[float], height_m: float
+) -> tuple[float, float, float] | None:
+    """Where a ray meets a horizontal plane [m]; None if it does not, or behind its origin."""
+    rise = float(direction[2])
+    if abs(rise) < 1e-9:
+        return None
+    distance = (height_m - float(origin_m[2])) / rise
+    if distance <= 0.0:
+        return None
+    x, y, _ = (float(a) + distance * float(b) for a, b in zip(origin_m, direction, strict=True))
+    return x, y, height_m
+
+
+def _turned(vector: Sequence[float] | Array, yaw_rad: float) -> Array:
+    x, y, z = (float(value) for value in vector)
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    return np.array([cos * x - sin * y, sin * x + cos * y, z])

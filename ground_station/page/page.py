@@ -1,0 +1,117 @@
+"""The page as a whole: builds its parts, and keeps them like the fleet."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import viser
+
+from bus import channels
+from ground_station.fleet import Fleet
+from ground_station.page.controls import (
+    VehicleControls,
+    Waypoints,
+    add_fleet_controls,
+    add_formation_controls,
+)
+from ground_station.page.history import History
+from ground_station.page.plots import Plots
+from ground_station.page.scene import FleetScene
+from ground_station.page.steering import Steering
+from ground_station.page.timeline import Timeline
+from ground_station.page.words import banner, event_list
+from ground_station.state import VehicleState
+
+TEXT_S: Final = 0.25
+PLOT_S: Final = 0.5
+NOTICE_S: Final = 6.0
+
+
+class FleetPage:
+    """A fleet in the browser.
+
+    Parameters
+    ----------
+    fleet
+        A running fleet.
+    server
+        Where browsers connect.
+    steers
+        False for a page that only watches.
+    """
+
+    def __init__(self, fleet: Fleet, server: viser.ViserServer, steers: bool = True) -> None:
+        self._fleet = fleet
+        self._server = server
+        self._applied = fleet.session.subscribe_all(channels.APPLIED)
+        self.histories = {name: History() for name in fleet.file.vehicles}
+        self.timeline = Timeline()
+        self.steering = Steering(fleet, self.notify) if steers else None
+        self._next_text_s = self._next_plot_s = 0.0
+        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        server.gui.set_panel_label(f"rcopterx {fleet.file.name}")
+        self.banner = server.gui.add_html("")
+        if self.steering is not None:
+            add_fleet_controls(server, self.steering)
+        self.scene = FleetScene(fleet, server, self.steering)
+        self._add_tabs(server)
+
+    def _add_tabs(self, server: viser.ViserServer) -> None:
+        names = list(self._fleet.file.vehicles)
+        tabs = server.gui.add_tab_group()
+        self.vehicles = {}
+        for name in names:
+            with tabs.add_tab(name):
+                self.vehicles[name] = VehicleControls(server, self._fleet, name, self.steering)
+        if self.steering is not None:
+            with tabs.add_tab("Formation"):
+                add_formation_controls(server, self._fleet, self.steering)
+            with tabs.add_tab("Path"):
+                self.waypoints = Waypoints(server, self._fleet, self.steering)
+        with tabs.add_tab("Plots"):
+            self.plots = Plots(server, names)
+        with tabs.add_tab("Events"):
+            self.events = server.gui.add_html("")
+
+    def notify(self, text: str, refused: bool) -> None:
+        """Show an answer to everybody who watches."""
+        for client in self._server.get_clients().values():
+            client.add_notification(
+                "Refused" if refused else "Done",
+                text,
+                color="red" if refused else "green",
+                auto_close_seconds=NOTICE_S,
+            )
+
+    def update(self, now_s: float) -> None:
+        """Show the present.
+
+        Parameters
+        ----------
+        now_s
+            Monotonic clock.
+        """
+        states = {vehicle.name: vehicle.state for vehicle in self._fleet}
+        for name, state in states.items():
+            self.histories[name].add(now_s, state, self._sticks(name))
+        self.timeline.compare(now_s, states)
+        self.scene.update(states, self.histories)
+        if now_s >= self._next_text_s:
+            self._next_text_s = now_s + TEXT_S
+            self._update_text(now_s, states)
+        if now_s >= self._next_plot_s:
+            self._next_plot_s = now_s + PLOT_S
+            self.plots.update(self.histories)
+
+    def _update_text(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
+        grounded = not any(state.airborne for state in states.values())
+        problems = self._fleet.problems() if grounded else []
+        with self._server.atomic():
+            self.banner.content = banner(self._fleet.file.name, states.values(), problems)
+            for name, state in states.items():
+                self.vehicles[name].show(state)
+            self.events.content = event_list(self.timeline.events, now_s)
+
+    def _sticks(self, name: str) -> tuple[float, ...] | None:
+        inbox = self._applied.inboxes.get(name)
+        received = None if inbox is None else inbox.latest()
+        return None if received is None else received.message.input

@@ -1,0 +1,202 @@
+"""The 3-D scene: vehicles with their tilt, trails, plans, references, followers' lines, and handles."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import viser
+
+from ground_station.fleet import Fleet
+from ground_station.page.geometry import (
+    NOWHERE,
+    Array,
+    box_edges,
+    heading_quaternion,
+    link_to,
+    place_beside,
+    plan_segments,
+    polyline,
+)
+from ground_station.page.history import History
+from ground_station.page.steering import Steering
+from ground_station.state import VehicleState
+
+COLOURS: Final = (
+    (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75),
+)  # fmt: skip
+GREY: Final = (150, 150, 150)
+DARK: Final = (60, 60, 60)
+ALARM: Final = (220, 30, 30)
+FUSELAGE_M: Final = (0.075, 0.035, 0.04)
+"""Half axes."""
+TAIL_M: Final = (0.14, 0.012, 0.012)
+ROTOR_M: Final = 0.11
+HANDLE_M: Final = 0.25
+TRAIL_S: Final = 5.0
+
+Point = tuple[float, float, float]
+
+
+def colour_of(index: int) -> tuple[int, int, int]:
+    """Colour of a vehicle by its place in the fleet file."""
+    return COLOURS[index % len(COLOURS)]
+
+
+class FleetScene:
+    """Keeps a browser scene like the fleet.
+
+    Parameters
+    ----------
+    fleet
+        A running fleet.
+    server
+        Where browsers connect.
+    steering
+        Takes what handles are dragged for; None for a page that only watches.
+    """
+
+    def __init__(self, fleet: Fleet, server: viser.ViserServer, steering: Steering | None) -> None:
+        self._server = server
+        volume = fleet.file.volume
+        low, high = np.array(volume.min_m), np.array(volume.max_m)
+        width, depth, _ = (float(value) for value in high - low)
+        server.scene.add_grid("/floor", width=width, height=depth, cell_size=0.2, section_size=1.0)
+        server.scene.add_line_segments("/volume", box_edges(low, high), GREY, thickness=0.006)
+        middle = (low + high) / 2
+        server.initial_camera.look_at = tuple(middle)
+        server.initial_camera.position = tuple(middle + width * np.array([-0.85, -0.6, 0.4]))
+        self.links = server.scene.add_line_segments("/links", NOWHERE, GREY, thickness=0.006)
+        self._vehicles = {
+            vehicle.name: VehicleShape(server, vehicle.name, colour_of(index), steering)
+            for index, vehicle in enumerate(fleet)
+        }
+
+    def __getitem__(self, name: str) -> "VehicleShape":
+        return self._vehicles[name]
+
+    def update(self, states: Mapping[str, VehicleState], histories: Mapping[str, History]) -> None:
+        """Show the present."""
+        with self._server.atomic():
+            for name, state in states.items():
+                self._vehicles[name].show(state, states, histories[name])
+            self.links.points = _links(states).astype(np.float32)
+
+
+class VehicleShape:
+    """One vehicle: body, rotor disc, name, trail, plan with its end, reference, and its handle.
+
+    The handle of a vehicle that leads is its set point; a follower's is its place beside its only leader.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, name: str, colour: tuple[int, int, int], steering: Steering | None
+    ) -> None:
+        self._name = name
+        self._steering = steering
+        self._dragged = False
+        self._state: VehicleState | None = None
+        self._leader: VehicleState | None = None
+        self.body = server.scene.add_frame(f"/{name}", show_axes=False, visible=False)
+        _add_helicopter(server, name, colour)
+        self.label = server.scene.add_label(f"/{name}/name", name, position=(0.0, 0.0, 0.16))
+        self.trail = server.scene.add_line_segments(f"/trail_{name}", NOWHERE, GREY, thickness=0.005)
+        self.plan = server.scene.add_line_segments(f"/plan_{name}", NOWHERE, colour, thickness=0.014)
+        self.plan_end = server.scene.add_icosphere(f"/plan_end_{name}", 0.03, colour, visible=False)
+        self.reference = server.scene.add_icosphere(
+            f"/reference_{name}", 0.05, colour, wireframe=True, subdivisions=1, visible=False
+        )
+        self.handle = server.scene.add_transform_controls(
+            f"/set_point_{name}", HANDLE_M, disable_rotations=True, visible=False
+        )
+        self.handle.on_update(self.on_drag)
+
+    def show(self, state: VehicleState, states: Mapping[str, VehicleState], history: History) -> None:
+        """Show the present of the vehicle."""
+        self._state = state
+        self._leader = states.get(state.assigned[0].leader) if len(state.assigned) == 1 else None
+        place = place_of(state)
+        self.body.visible = place is not None
+        if place is not None:
+            self.body.position = place
+            self.body.wxyz = _attitude(state)
+        self.label.text = (
+            f"{self._name} · {state.transmitter_state.upper()}" if state.alarming else self._name
+        )
+        self.trail.points = polyline(history.trail_m(TRAIL_S)).astype(np.float32)
+        plan = state.plan if state.airborne else None
+        self.plan.points = plan_segments(plan).astype(np.float32)
+        self.plan_end.visible = plan is not None
+        self.plan_end.position = tuple(self.plan.points[-1, 1])
+        self.reference.visible = plan is not None and plan.reference is not None
+        if plan is not None and plan.reference is not None:
+            self.reference.position = plan.reference[:3]
+        wanted = self._wanted()
+        self.handle.visible = self._steering is not None and wanted is not None
+        if wanted is not None and not self._dragged:
+            self.handle.position = wanted
+
+    def _wanted(self) -> Point | None:
+        """Where the handle belongs; None while there is nothing to drag."""
+        state = self._state
+        if state is None or state.agent is None or state.phase != "flying":
+            return None
+        if not state.assigned:
+            return state.agent.set_point.position_m
+        stands = None if self._leader is None else _stand(self._leader)
+        return None if stands is None else place_beside(state.assigned[0], *stands)
+
+    def on_drag(self, event: Any) -> None:
+        """Send the vehicle where its handle was let go."""
+        self._dragged = event.phase != "end"
+        state, steering = self._state, self._steering
+        if self._dragged or steering is None or state is None or state.agent is None:
+            return
+        x, y, z = (float(value) for value in self.handle.position)
+        if not state.assigned:
+            steering.go_to(self._name, (x, y, z), state.agent.set_point.yaw_rad)
+        elif self._leader is not None and (stands := _stand(self._leader)) is not None:
+            steering.follow(self._name, (link_to(state.assigned[0], (x, y, z), *stands),))
+
+
+def place_of(state: VehicleState) -> Point | None:
+    """Where the vehicle is, as its agent says."""
+    return None if state.agent is None else state.agent.position_m
+
+
+def _stand(leader: VehicleState) -> tuple[Point, float] | None:
+    """Place and heading of a leader."""
+    place = place_of(leader)
+    if place is None or leader.agent is None:
+        return None
+    return place, leader.agent.yaw_rad or 0.0
+
+
+def _attitude(state: VehicleState) -> tuple[float, float, float, float]:
+    """Quaternion w, x, y, z of the body: as seen, or its heading alone."""
+    if state.quaternion_xyzw is not None:
+        x, y, z, w = state.quaternion_xyzw
+        return (w, x, y, z)
+    return heading_quaternion(0.0 if state.agent is None else state.agent.yaw_rad or 0.0)
+
+
+def _links(states: Mapping[str, VehicleState]) -> Array:
+    """Lines from vehicles to their leaders, shape (n, 2, 3) [m]."""
+    places: dict[str, Sequence[float]] = {
+        name: place for name, state in states.items() if (place := place_of(state)) is not None
+    }
+    ends = [
+        (places[name], places[leader])
+        for name, state in states.items()
+        for leader in state.leaders
+        if name in places and leader in places
+    ]
+    return np.array(ends) if ends else NOWHERE
+
+
+def _add_helicopter(server: viser.ViserServer, name: str, colour: tuple[int, int, int]) -> None:
+    """Fuselage, tail and rotor of a vehicle, nose along x."""
+    scene = server.scene
+    scene.add_icosphere(f"/{name}/fuselage", 1.0, colour, scale=FUSELAGE_M)
+    scene.add_box(f"/{name}/tail", colour, TAIL_M, position=(-0.11, 0.0, 0.01))
+    scene.add_cylinder(f"/{name}/mast", 0.005, 0.06, DARK, position=(0.0, 0.0, 0.05))
+    scene.add_cylinder(f"/{name}/rotor", ROTOR_M, 0.004, DARK, opacity=0.3, position=(0.0, 0.0, 0.08))

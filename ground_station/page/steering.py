@@ -1,0 +1,152 @@
+"""What the page asks of a fleet: every control goes through here, and every answer is shown."""
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol
+
+from bus.messages import LeaderLink
+from ground_station.fleet import Fleet
+from ground_station.page.formations import formation_links
+from ground_station.state import VehicleState
+from ground_station.vehicle import FLIGHT_ERRORS
+
+KILL_REASON: Final = "ground station"
+
+
+class Notice(Protocol):
+    """Where answers go."""
+
+    def __call__(self, text: str, refused: bool) -> None:
+        """Show an answer."""
+        ...
+
+
+class Steering:
+    """Requests of the page's users, one of a kind at a time.
+
+    Parameters
+    ----------
+    fleet
+        A running fleet.
+    notice
+        Called with every answer.
+    """
+
+    def __init__(self, fleet: Fleet, notice: Notice) -> None:
+        self._fleet = fleet
+        self._notice = notice
+        self._busy: set[str] = set()
+        self._lock = threading.Lock()
+
+    def ask(self, what: str, request: Callable[[], object], done: str | None = None) -> bool:
+        """Do something, and show what came of it; never raises what may become of a request in flight.
+
+        Parameters
+        ----------
+        what
+            Names it; the same thing is not begun twice at a time.
+        request
+            Does it, and may return an answer in words.
+        done
+            Shown when it was done; by default the answer, or `what`.
+
+        Returns
+        -------
+        bool
+            Whether it was done.
+        """
+        with self._lock:
+            if what in self._busy:
+                return False
+            self._busy.add(what)
+        try:
+            answer = request()
+        except (*FLIGHT_ERRORS, ValueError) as error:
+            self._notice(str(error), refused=True)
+            return False
+        finally:
+            with self._lock:
+                self._busy.discard(what)
+        self._notice(done or (answer if isinstance(answer, str) and answer else what), refused=False)
+        return True
+
+    def take_off(self) -> None:
+        """Arm and take off with everybody who is ready."""
+        self.ask("take-off", self._take_off)
+
+    def _take_off(self) -> str:
+        behind = self._fleet.take_off()
+        return "; ".join(["all fly", *behind]) if not behind else f"flying; on the floor: {'; '.join(behind)}"
+
+    def land(self, names: Sequence[str] | None = None) -> None:
+        """Land some or all vehicles."""
+        self.ask(f"landing of {', '.join(names or ('all',))}", lambda: self._fleet.land(names), "landed")
+
+    def kill(self) -> None:
+        """Cut the motors of all vehicles now. Never waits for another request."""
+        self.ask(
+            "kill", lambda: self._fleet.kill(reason=KILL_REASON), "all motors are cut; reset to fly again"
+        )
+
+    def reset(self) -> None:
+        """Leave KILLED, for all vehicles that are killed."""
+
+        def reset() -> str:
+            killed = [one for one in self._fleet if one.state.transmitter_state == "killed"]
+            for vehicle in killed:
+                vehicle.reset()
+            return f"reset: {', '.join(one.name for one in killed)}" if killed else "nobody is killed"
+
+        self.ask("reset", reset)
+
+    def go_to(self, name: str, position_m: Sequence[float], yaw_rad: float) -> None:
+        """Give a vehicle a set point."""
+        place = ", ".join(f"{value:.2f}" for value in position_m)
+        self.ask(
+            f"set point of {name}",
+            lambda: self._fleet[name].go_to(position_m, yaw_rad),
+            f"{name}: on its way to {place} m",
+        )
+
+    def follow(self, name: str, links: Sequence[LeaderLink]) -> None:
+        """Give a vehicle leaders, or let it lead."""
+        vehicle = self._fleet[name]
+        self.ask(f"leaders of {name}", lambda: vehicle.follow(links) if links else vehicle.lead())
+
+    def follow_beside(self, name: str, leader: str | None) -> None:
+        """Let a vehicle follow another one from the place where it is now, or nobody."""
+        if leader is None:
+            self.follow(name, ())
+            return
+        own, other = _place(self._fleet[name].state), _place(self._fleet[leader].state)
+        if own is None or other is None:
+            self._notice(f"{name} or {leader} has not told where it is", refused=True)
+            return
+        x, y, z = (round(a - b, 3) for a, b in zip(own, other, strict=True))
+        self.follow(name, (LeaderLink(leader=leader, offset_m=(x, y, z)),))
+
+    def formation(self, shape: str, leader: str, spacing_m: float) -> None:
+        """Bring everybody who flies into a formation behind a vehicle that leads."""
+        flying = [vehicle.name for vehicle in self._fleet if vehicle.state.phase == "flying"]
+        if leader not in flying:
+            self._notice(f"{leader} does not fly", refused=True)
+            return
+        if self._fleet[leader].state.leaders:
+            self._notice(f"{leader} follows somebody; let it lead first", refused=True)
+            return
+        followers = [name for name in flying if name != leader]
+        for name, link in formation_links(shape, leader, followers, spacing_m).items():
+            self.follow(name, (link,))
+
+    def promote(self, name: str) -> None:
+        """Make a vehicle the leader of its formation."""
+        self.ask("promotion", lambda: "; ".join(self._fleet.promote(name)))
+
+    def tune(self, name: str, controller: str | None = None, **settings: object) -> bool:
+        """Change the controller of a vehicle, or settings of it."""
+        vehicle = self._fleet[name]
+        return self.ask(f"tuning of {name}", lambda: vehicle.tune(controller, **settings))  # type: ignore[arg-type]
+
+
+def _place(state: VehicleState) -> tuple[float, float, float] | None:
+    return None if state.agent is None else state.agent.position_m

@@ -1,0 +1,40 @@
+"""Weights of the cascade as factors of those that follow from a vehicle's model."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from agents.controllers.weights import default_input_weights, default_state_weights
+from deploy.fleet_file.schema import FleetFile
+from deploy.roles.vehicle_models import model_of
+
+_STATES: Final[Mapping[str, tuple[int, ...]]] = {
+    "position": (0, 1, 2),
+    "velocity": (4, 5, 6),
+    "heading": (3, 7),
+}
+EFFORT: Final = "sticks"
+GROUPS: Final = (*_STATES, EFFORT)
+"""Names of the factors."""
+
+
+def weights_of(
+    fleet: FleetFile, name: str, period_s: float, powers: Mapping[str, float]
+) -> dict[str, tuple[float, ...]]:
+    """Settings of the cascade.
+
+    Parameters
+    ----------
+    fleet, name
+        The vehicle in its fleet file.
+    period_s
+        Its control period.
+    powers
+        Of 2, by the names of `GROUPS`: the factors of the default weights.
+    """
+    model = model_of(fleet, name)
+    states = list(default_state_weights(model))
+    for group, indices in _STATES.items():
+        for index in indices:
+            states[index] *= 2.0 ** powers[group]
+    inputs = (weight * 2.0 ** powers[EFFORT] for weight in default_input_weights(model, period_s))
+    return {"state_weights": tuple(states), "input_weights": tuple(inputs)}

@@ -1,0 +1,114 @@
+"""What is known of a fleet, as HTML for the page; every number with its unit."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Final
+
+from ground_station.page.timeline import Event
+from ground_station.state import VehicleState
+
+EVENTS_SHOWN: Final = 30
+SILENT_S: Final = 0.5
+_ALARM: Final = "color:#fff;background:#c81e1e;border-radius:4px;padding:2px 6px;font-weight:600"
+_TABLE: Final = "font-size:0.8em;line-height:1.45;border-spacing:0;width:100%"
+_NAME: Final = "color:#777;padding:0 0.8em 0 0.6em;vertical-align:top;white-space:nowrap;width:1%"
+
+
+def banner(fleet_name: str, states: Iterable[VehicleState], problems: Sequence[str]) -> str:
+    """Name of the fleet, and below it what nobody may overlook.
+
+    Parameters
+    ----------
+    fleet_name
+        From the fleet file.
+    states
+        Of all vehicles.
+    problems
+        What blocks take-off.
+    """
+    alarms = [f"{state.name}: {told(state)}" for state in states if state.alarming]
+    lines = [f'<div style="{_ALARM};margin:3px 0">{escape(line)}</div>' for line in alarms]
+    lines += [f'<div style="color:#b45309">{escape(line)}</div>' for line in problems if line not in alarms]
+    return f'<div style="font-size:0.85em;padding:0 0.5em"><b>{escape(fleet_name)}</b>{"".join(lines)}</div>'
+
+
+def told(state: VehicleState) -> str:
+    """State of the transmitter with its reason, which may begin with the state."""
+    if state.transmitter is None:
+        return state.transmitter_state
+    reason = state.transmitter.reason.removeprefix(f"{state.transmitter_state}: ")
+    return f"{state.transmitter_state}: {reason}"
+
+
+def vehicle_table(state: VehicleState) -> str:
+    """Everything about one vehicle, a row each."""
+    rows = "".join(
+        f'<tr><td style="{_NAME}">{escape(name)}</td>'
+        f'<td style="{_ALARM if alarming else ""}">{escape(text)}</td></tr>'
+        for name, text, alarming in _rows(state)
+    )
+    return f'<table style="{_TABLE}">{rows}</table>'
+
+
+def event_list(events: Sequence[Event], now_s: float) -> str:
+    """Newest events first, with their age."""
+    rows = "".join(
+        f'<tr><td style="{_NAME}">{_ago(now_s - event.time_s)}</td>'
+        f'<td style="{_NAME}">{escape(event.vehicle)}</td>'
+        f'<td style="{_ALARM if event.alarming else ""}">{escape(event.text)}</td></tr>'
+        for event in list(events)[: -EVENTS_SHOWN - 1 : -1]
+    )
+    return f'<table style="{_TABLE}">{rows or "<tr><td>nothing has happened yet</td></tr>"}</table>'
+
+
+def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
+    agent, transmitter = state.agent, state.transmitter
+    silent = state.agent_age_s is None or state.agent_age_s > SILENT_S
+    yield "phase", state.phase + (" (agent does not respond)" if silent else ""), silent
+    if transmitter is not None:
+        yield "transmitter", told(state), state.alarming
+        yield "radio", f"{transmitter.link}, {transmitter.module}", False
+        yield "command age", _milliseconds(transmitter.command_age_s), False
+    yield "seen", _milliseconds(state.seen_age_s) + " ago", False
+    if agent is None:
+        return
+    values = agent.diagnostics
+    flown_by = f"{values.client} (external program)" if values.client else values.controller
+    yield "flown by", flown_by + _lowered(values.effort_factor), values.effort_factor > 1.0
+    yield "estimator", values.estimator, False
+    yield "follows", ", ".join(state.leaders) or "nobody", False
+    if agent.following_mode != "follow":
+        yield "leader lost", agent.following_mode, True
+    yield "position", _metres(agent.position_m), False
+    yield "heading", "-" if agent.yaw_rad is None else f"{math.degrees(agent.yaw_rad):.0f}°", False
+    yield "error", "-" if state.error_m is None else f"{1000 * state.error_m:.0f} mm", False
+    yield "horizon", f"{values.horizon} stages", False
+    yield "solver p50 / p99", f"{values.solve_ms_p50:.2f} / {values.solve_ms_p99:.2f} ms", False
+    yield "missed periods", f"{values.missed_ticks} of {values.ticks}", False
+    if agent.path_left_s > 0.0:
+        yield "trajectory", f"{agent.path_left_s:.0f} s left", False
+    counts = Counter(values.fallbacks) + Counter(values.rejected)
+    counts += Counter({} if transmitter is None else transmitter.rejected)
+    yield "fallbacks, rejections", _counted(counts), False
+
+
+def _lowered(effort_factor: float) -> str:
+    return "" if effort_factor == 1.0 else f", bandwidth lowered (effort × {effort_factor:g})"
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{kind} {count}" for kind, count in counts.items()) or "none"
+
+
+def _metres(place: Sequence[float] | None) -> str:
+    return "-" if place is None else ", ".join(f"{value:.2f}" for value in place) + " m"
+
+
+def _milliseconds(value_s: float | None) -> str:
+    return "-" if value_s is None else f"{1000 * value_s:.0f} ms"
+
+
+def _ago(age_s: float) -> str:
+    return f"{age_s:.0f} s" if age_s < 120.0 else f"{age_s / 60.0:.0f} min"

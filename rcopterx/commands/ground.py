@@ -1,0 +1,116 @@
+"""The web page of a running fleet: `ground`, and the one that `demo` opens."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
+from typing import Annotated
+
+import typer
+
+from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet
+
+UPDATE_S = 0.05
+PORT = 8080
+INSTALL = "pip install 'rcopterx[ground]'"
+END_S = 5.0
+
+
+def ground(
+    port: Annotated[
+        int,
+        typer.Option(
+            metavar="PORT",
+            min=1,
+            max=65535,
+            help="Port of the web page on this computer; the next free one if it is in use.",
+        ),
+    ] = PORT,
+    watch_only: Annotated[
+        bool, typer.Option("--watch-only", help="A page without any control, for a second browser.")
+    ] = False,
+    open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    fleet: RunningFleetOption = None,
+) -> None:
+    """Show and steer the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
+    if not installed():
+        typer.echo(f"error: the web page needs viser: {INSTALL}", err=True)
+        raise typer.Exit(EXIT_FAILED)
+    import viser
+
+    from deploy.roles.run import end_with_parent
+    from ground_station.page.page import FleetPage
+
+    end_with_parent()
+    with running_fleet(fleet) as running:
+        server = viser.ViserServer("127.0.0.1", port, label=f"rcopterx {running.file.name}", verbose=False)
+        try:
+            with suppress(KeyboardInterrupt):
+                page = FleetPage(running, server, steers=not watch_only)
+                address = f"http://127.0.0.1:{server.get_port()}"
+                typer.echo(f"{address}  (Ctrl-C ends the page, the fleet goes on)")
+                if open_browser:
+                    webbrowser.open(address)
+                while True:
+                    page.update(time.monotonic())
+                    time.sleep(UPDATE_S)
+        finally:
+            server.stop()
+
+
+def installed() -> bool:
+    """Whether what the page needs is there."""
+    return find_spec("viser") is not None
+
+
+@contextmanager
+def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
+    """Serve the page of a fleet that is up from a process of its own, as long as the block lasts.
+
+    Parameters
+    ----------
+    fleet
+        Fleet file, or name of a shipped one.
+    announce
+        Called from another thread with the address, or with what is missing.
+    """
+    if not installed():
+        announce(f"no web page: it needs viser: {INSTALL}")
+        yield
+        return
+    # Without a desktop a text browser would take the terminal.
+    desktop = ["--open"] if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") else []
+    page = subprocess.Popen(
+        [sys.executable, "-u", "-m", "rcopterx", "ground", "-f", fleet, *desktop],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"RCOPTERX_PARENT": str(os.getpid())},
+    )
+    reader = threading.Thread(target=_announce_lines, args=(page, announce), daemon=True)
+    reader.start()
+    try:
+        yield
+    finally:
+        page.terminate()
+        try:
+            page.wait(END_S)
+        except subprocess.TimeoutExpired:
+            page.kill()
+            page.wait()
+        reader.join(END_S)
+
+
+def _announce_lines(page: subprocess.Popen[str], announce: Callable[[str], object]) -> None:
+    assert page.stdout is not None
+    # The web server greets its user on the same stream.
+    for line in page.stdout:
+        if line.startswith(("http", "error")):
+            announce(f"web page: {line.partition('  (')[0].strip()}")

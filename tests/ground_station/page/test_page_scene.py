@@ -1,0 +1,215 @@
+"""Promises of the page: it shows what a (scripted) fleet says, and asks for what is done on it."""
+
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import viser
+from support.bus import free_port
+from support.scripted import ScriptedVehicle
+from support.waiting import wait_for
+
+from bus.messages import LeaderLink, SetPoint
+from bus.requests import Follow, GoTo, Tune
+from ground_station.fleet import Fleet
+from ground_station.page.page import FleetPage
+
+Vehicles = dict[str, ScriptedVehicle]
+BY_HAND = SimpleNamespace(client=object())
+
+
+@pytest.fixture
+def opened(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., FleetPage]]:
+    """Open pages; what they tell their users is in `notices`."""
+    server = viser.ViserServer("127.0.0.1", free_port(), verbose=False)
+    monkeypatch.setattr(FleetPage, "notify", lambda page, text, refused: notices.append((text, refused)))
+    notices.clear()
+    try:
+        yield lambda **options: FleetPage(fleet, server, **options)
+    finally:
+        server.stop()
+
+
+@pytest.fixture
+def page(opened: Callable[..., FleetPage]) -> FleetPage:
+    return opened()
+
+
+notices: list[tuple[str, bool]] = []
+
+
+def shown(page: FleetPage, fleet: Fleet, phase: str) -> None:
+    wait_for(lambda: all(vehicle.state.phase == phase for vehicle in fleet), f"not {phase}")
+    page.update(time.monotonic())
+
+
+def fly(vehicles: Vehicles) -> None:
+    for vehicle in vehicles.values():
+        vehicle.phase, vehicle.state = "flying", "armed"
+        vehicle.plan_at((0.0, 0.0, 1.0))
+
+
+def test_vehicles_are_where_their_agents_say_with_plans_references_and_lines_to_their_leaders(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    shown(page, fleet, "ground")
+    shape = page.scene["h1"]
+    assert shape.body.visible
+    assert tuple(shape.body.position) == pytest.approx((0.1, 0.2, 0.3))
+    assert not shape.handle.visible
+    vehicles["h2"].following = vehicles["h2"].assigned = (LeaderLink(leader="h1"),)
+    fly(vehicles)
+    wait_for(lambda: fleet["h2"].state.leaders and fleet["h1"].plan is not None, "no plan")
+    shown(page, fleet, "flying")
+    assert shape.handle.visible
+    assert shape.reference.visible
+    assert shape.plan.points.shape == (19, 2, 3)
+    assert tuple(shape.plan_end.position) == pytest.approx((0.0, 0.0, 1.0))
+    assert page.scene.links.points == pytest.approx(np.array([[[0.1, 0.2, 0.3], [0.1, 0.2, 0.3]]]))
+
+
+def test_a_leaders_handle_that_is_let_go_is_a_set_point(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    fly(vehicles)
+    vehicles["h1"].set_point = SetPoint(position_m=(0.5, 0.0, 1.0), yaw_rad=2.0)
+    wait_for(lambda: (agent := fleet["h1"].state.agent) and agent.set_point.yaw_rad == 2.0, "not known")
+    shown(page, fleet, "flying")
+    shape = page.scene["h1"]
+    assert tuple(shape.handle.position) == pytest.approx((0.5, 0.0, 1.0))
+    shape.on_drag(SimpleNamespace(phase="start"))
+    shape.handle.position = (0.1, -0.2, 1.3)
+    page.update(time.monotonic())
+    assert tuple(shape.handle.position) == pytest.approx((0.1, -0.2, 1.3)), "the hand holds it"
+    assert vehicles["h1"].requests == []
+    shape.on_drag(SimpleNamespace(phase="end"))
+    (request,) = vehicles["h1"].requests
+    assert isinstance(request, GoTo)
+    assert request.set_point.position_m == pytest.approx((0.1, -0.2, 1.3))
+    assert request.set_point.yaw_rad == 2.0
+    assert notices == [("h1: on its way to 0.10, -0.20, 1.30 m", False)]
+
+
+def test_a_followers_handle_is_its_place_beside_its_leader(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    link = LeaderLink(leader="h1", offset_m=(0.0, 1.0, 0.0))
+    vehicles["h2"].following = vehicles["h2"].assigned = (link,)
+    fly(vehicles)
+    wait_for(lambda: fleet["h2"].state.assigned, "not known")
+    shown(page, fleet, "flying")
+    shape = page.scene["h2"]
+    assert tuple(shape.handle.position) == pytest.approx((0.1, 1.2, 0.3))
+    shape.on_drag(SimpleNamespace(phase="start"))
+    shape.handle.position = (0.6, 1.2, 0.3)
+    shape.on_drag(SimpleNamespace(phase="end"))
+    (request,) = vehicles["h2"].requests
+    assert isinstance(request, Follow)
+    assert request.following[0].offset_m == pytest.approx((0.5, 1.0, 0.0))
+
+
+def test_a_page_that_only_watches_has_nothing_to_drag(
+    opened: Callable[..., FleetPage], fleet: Fleet, vehicles: Vehicles
+) -> None:
+    page = opened(steers=False)
+    fly(vehicles)
+    shown(page, fleet, "flying")
+    assert page.steering is None
+    assert not page.scene["h1"].handle.visible
+
+
+def test_a_refusal_is_shown_with_its_reason(page: FleetPage, vehicles: Vehicles) -> None:
+    assert page.steering is not None
+    vehicles["h1"].refusals["go_to"] = "outside"
+    page.steering.go_to("h1", (9.0, 0.0, 1.0), 0.0)
+    assert notices == [("h1: outside", True)]
+
+
+def test_kill_cuts_everybody_also_while_another_request_waits(page: FleetPage, vehicles: Vehicles) -> None:
+    assert page.steering is not None
+    page.steering.kill()
+    assert {vehicle.state for vehicle in vehicles.values()} == {"killed"}
+    page.steering.reset()
+    assert {vehicle.state for vehicle in vehicles.values()} == {"disarmed"}
+
+
+def test_take_off_and_landing_are_asked_of_everybody(page: FleetPage, vehicles: Vehicles) -> None:
+    assert page.steering is not None
+    page.steering.take_off()
+    assert {vehicle.phase for vehicle in vehicles.values()} == {"flying"}
+    page.steering.land()
+    assert {vehicle.phase for vehicle in vehicles.values()} == {"ground"}
+    assert [refused for _, refused in notices] == [False, False]
+
+
+def test_a_leader_that_is_chosen_is_followed_from_where_the_vehicle_is(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    fly(vehicles)
+    vehicles["h2"].position_m = (0.1, 1.2, 0.3)
+    wait_for(lambda: (agent := fleet["h2"].state.agent) and agent.position_m == (0.1, 1.2, 0.3), "not there")
+    controls = page.vehicles["h2"]
+    controls.leader.value = "h1"
+    controls.on_leader(BY_HAND)
+    (request,) = vehicles["h2"].requests
+    assert isinstance(request, Follow)
+    assert request.following[0].offset_m == pytest.approx((0.0, 1.0, 0.0))
+
+
+def test_what_others_choose_is_shown_and_asks_for_nothing(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h2"].following = vehicles["h2"].assigned = (LeaderLink(leader="h1"),)
+    fly(vehicles)
+    wait_for(lambda: fleet["h2"].state.assigned, "not known")
+    shown(page, fleet, "flying")
+    assert page.vehicles["h2"].leader.value == "h1"
+    page.vehicles["h2"].on_leader(SimpleNamespace(client=None))
+    assert vehicles["h2"].requests == []
+
+
+def test_a_formation_is_flown_by_all_that_fly(page: FleetPage, fleet: Fleet, vehicles: Vehicles) -> None:
+    assert page.steering is not None
+    page.steering.formation("line", "h1", 0.8)
+    assert notices == [("h1 does not fly", True)]
+    fly(vehicles)
+    wait_for(lambda: all(vehicle.state.phase == "flying" for vehicle in fleet), "not flying")
+    page.steering.formation("line", "h1", 0.8)
+    (request,) = vehicles["h2"].requests
+    assert isinstance(request, Follow)
+    assert request.following[0].offset_m == pytest.approx((0.0, 0.8, 0.0))
+
+
+def test_waypoints_are_flown_from_where_the_vehicle_is_and_none_is_a_refusal(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    page.waypoints.fly()
+    assert notices == [("click waypoints in the scene first", True)]
+    for x in (0.5, 1.0):
+        page.waypoints.add((x, 0.0, 3.0), (0.0, 0.0, -1.0))
+    assert page.waypoints.places == [(0.5, 0.0, 1.0), (1.0, 0.0, 1.0)]
+    page.waypoints.clear()
+    assert page.waypoints.places == []
+
+
+def test_weights_are_factors_of_the_defaults_and_undo_brings_the_last_ones_back(
+    page: FleetPage, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Tune] = []
+
+    def tune(name: str, controller: str | None = None, **settings: object) -> bool:
+        asked.append(Tune(controller=controller, controller_settings=settings))  # type: ignore[arg-type]
+        return True
+
+    monkeypatch.setattr(page.steering, "tune", tune)
+    weights = page.vehicles["h1"].weights
+    weights.on_undo()
+    assert asked == [], "there is nothing to undo"
+    weights.sliders["position"].value = 1.0
+    weights.on_apply()
+    weights.on_undo()
+    doubled, default = (np.array(one.controller_settings["state_weights"]) for one in asked)
+    assert doubled / default == pytest.approx([2, 2, 2, 1, 1, 1, 1, 1])
+    assert weights.sliders["position"].value == 0.0

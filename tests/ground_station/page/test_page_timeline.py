@@ -1,0 +1,57 @@
+"""Promises of the time line: what changes is told once, what harms catches the eye."""
+
+from dataclasses import replace
+
+from support.statuses import flying_status
+
+from bus.messages import LeaderLink, TransmitterStatus
+from ground_station.page.timeline import KEPT, Timeline, changes
+from ground_station.state import VehicleState
+
+ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="ready", ready=True)
+FLYING = VehicleState("h1", flying_status(), ARMED, 0.1, 0.1, 0.01)
+
+
+def told(after: VehicleState) -> list[tuple[str, bool]]:
+    return [(event.text, event.alarming) for event in changes(5.0, FLYING, after)]
+
+
+def test_nothing_is_told_of_a_vehicle_that_goes_on() -> None:
+    assert told(replace(FLYING, agent=flying_status(ticks=100), agent_age_s=0.2)) == []
+
+
+def test_a_phase_a_leader_and_a_controller_are_told() -> None:
+    link = LeaderLink(leader="h2")
+    agent = flying_status(phase="landing", assigned=(link,), controller="lqr", client="matlab")
+    assert told(replace(FLYING, agent=agent)) == [
+        ("flying → landing", False),
+        ("follows h2", False),
+        ("controller lqr", False),
+        ("flown by matlab", False),
+    ]
+
+
+def test_an_arbiter_that_intervenes_a_lost_leader_and_another_process_are_alarms() -> None:
+    holding = TransmitterStatus(state="hold", reason="no command", link="open", module="ready", ready=True)
+    agent = flying_status(following_mode="hold", process=7, missed_ticks=3)
+    assert told(replace(FLYING, agent=agent, transmitter=holding)) == [
+        ("transmitter hold: no command", True),
+        ("another process of its agent took over", True),
+        ("leader: hold", True),
+        ("3 control periods missed", True),
+    ]
+
+
+def test_fallbacks_are_told_by_how_many_there_are_more() -> None:
+    before = replace(FLYING, agent=flying_status(fallbacks={"shifted_plan": 2}))
+    after = replace(FLYING, agent=flying_status(fallbacks={"shifted_plan": 5, "not_converged": 9}))
+    assert [event.text for event in changes(1.0, before, after)] == ["shifted_plan × 3"]
+
+
+def test_the_time_line_keeps_the_newest_events_and_begins_without_any() -> None:
+    timeline = Timeline()
+    landing = replace(FLYING, agent=flying_status(phase="landing"))
+    for number in range(KEPT + 20):
+        timeline.compare(float(number), {"h1": landing if number % 2 else FLYING})
+    assert len(timeline.events) == KEPT
+    assert timeline.events[-1].time_s == KEPT + 19

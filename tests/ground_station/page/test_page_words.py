@@ -1,0 +1,37 @@
+"""Promises of the page's texts: alarms first, units everywhere, nothing from the bus is markup."""
+
+from dataclasses import replace
+
+from support.statuses import flying_status
+
+from bus.messages import TransmitterStatus
+from ground_station.page.timeline import Event
+from ground_station.page.words import banner, event_list, vehicle_table
+from ground_station.state import VehicleState
+
+ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="<b>", ready=True)
+AGENT = flying_status(position_m=(1.0, 2.0, 0.5), yaw_rad=3.14159265, solve_ms_p50=1.5, client="fly.m")
+STATE = VehicleState("h1", AGENT, ARMED, 0.1, 0.1, 0.01, seen_age_s=0.01)
+
+
+def test_a_table_has_units_and_escapes_what_others_say() -> None:
+    table = vehicle_table(STATE)
+    for text in ("armed: by h1", "1.00, 2.00, 0.50 m", "180°", "1.50 / 0.00 ms", "10 ms ago", "&lt;b&gt;"):
+        assert text in table, text
+    assert "fly.m (external program)" in table
+    assert "<b>" not in table
+
+
+def test_a_banner_tells_who_is_not_flown_by_its_agent_and_what_blocks_take_off() -> None:
+    held = TransmitterStatus(state="land", reason="land: no command", link="open", module="ready", ready=True)
+    shown = banner("lab", [STATE, replace(STATE, name="h2", transmitter=held)], ["h3: <no> pose"])
+    assert "h2: land: no command" in shown
+    assert "h3: &lt;no&gt; pose" in shown
+    assert "h1" not in shown
+
+
+def test_events_are_listed_newest_first() -> None:
+    shown = event_list([Event(1.0, "h1", "first"), Event(2.0, "h2", "second", True)], 300.0)
+    assert shown.index("second") < shown.index("first")
+    assert "5 min" in shown
+    assert "nothing has happened yet" in event_list([], 0.0)
