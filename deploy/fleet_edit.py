@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from deploy.fleet_file.reading import load_fleet, parse_fleet
-from deploy.fleet_file.schema import FleetError
+from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.fleet_file.shipped import shipped_fleets
 from deploy.roles.transmitters import calibration_of
 from deploy.roles.vehicle_models import model_of
@@ -48,19 +48,15 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
     """
     path = _own(path)
     present = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
-    document = _document(path)
-    table = _table(document, ("vehicles", vehicle, "transmitter", "calibration"))
-    lines = []
-    for channel in CHANNELS:
-        if getattr(present, channel) != getattr(calibration, channel):
-            lines += _set_channel(table, channel, present, calibration)
-    if not lines:
-        return []
-    changed = tomlkit.dumps(document)
-    if calibration_of(parse_fleet(changed).vehicles[vehicle], vehicle) != calibration:
-        raise FleetError(f"{path}: vehicles.{vehicle}.transmitter.calibration cannot be changed by a program")
-    _replace(path, changed)
-    return lines
+
+    def edit(table: Any) -> list[str]:
+        changed = [name for name in CHANNELS if getattr(present, name) != getattr(calibration, name)]
+        return [line for name in changed for line in _set_channel(table, name, present, calibration)]
+
+    def reads_back(file: FleetFile) -> bool:
+        return calibration_of(file.vehicles[vehicle], vehicle) == calibration
+
+    return _rewrite(path, ("vehicles", vehicle, "transmitter", "calibration"), True, edit, reads_back)
 
 
 def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
@@ -86,19 +82,50 @@ def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
         The file cannot be used, or comes with the package and belongs to everybody; nothing was written.
     """
     path = _own(path)
-    present = model_of(load_fleet(path), vehicle)
-    before, after = _plain(present), _plain(model)
+    before, after = _plain(model_of(load_fleet(path), vehicle)), _plain(model)
+
+    def edit(table: Any) -> list[str]:
+        new = not table
+        lines = _set_numbers(table, before, after, "")
+        if new:
+            table.add(tomlkit.nl())
+        return lines
+
+    def reads_back(file: FleetFile) -> bool:
+        return _plain(model_of(file, vehicle)) == after
+
+    return _rewrite(path, ("vehicles", vehicle, "model"), False, edit, reads_back)
+
+
+def _rewrite(
+    path: Path,
+    keys: Sequence[str],
+    inline: bool,
+    edit: Callable[[Any], list[str]],
+    reads_back: Callable[[FleetFile], bool],
+) -> list[str]:
+    """Edit one table of a fleet file.
+
+    Parameters
+    ----------
+    path
+        Of the user's own file.
+    keys
+        Of the table; made, inline or not, where there is none.
+    inline
+        Whether a table that is new stands on one line.
+    edit
+        Changes the table; returns a line for each change. Without any the file stays untouched.
+    reads_back
+        Whether the changed file says what it shall.
+    """
     document = _document(path)
-    table = _table(document, ("vehicles", vehicle, "model"), inline=False)
-    new = not table
-    lines = _set_numbers(table, before, after, "")
+    lines = edit(_table(document, keys, inline))
     if not lines:
         return []
-    if new:
-        table.add(tomlkit.nl())
     changed = tomlkit.dumps(document)
-    if _plain(model_of(parse_fleet(changed), vehicle)) != after:
-        raise FleetError(f"{path}: vehicles.{vehicle}.model cannot be changed by a program")
+    if not reads_back(parse_fleet(changed)):
+        raise FleetError(f"{path}: {'.'.join(keys)} cannot be changed by a program")
     _replace(path, changed)
     return lines
 
@@ -171,7 +198,7 @@ def _document(path: Path) -> tomlkit.TOMLDocument:
         raise FleetError(f"{path}: not TOML: {error}") from None
 
 
-def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool = True) -> Any:
+def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool) -> Any:
     """A table of a document, made where there is none."""
     table: Any = document
     for key in keys:
