@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rcopterx.commands.steer import Vehicles, known_vehicles
-from rcopterx.fleet_option import EXIT_FAILED, fleet_file, user_errors
+from rcopterx.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, user_errors
 
 COLUMNS = (
     "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "frequency up", "frequency down",
@@ -18,9 +18,7 @@ _NEARLY = 0.999
 
 
 def margins(
-    fleet: Annotated[
-        str, typer.Argument(metavar="FLEET", help="Fleet file (TOML), or the name of a shipped one.")
-    ],
+    fleet: FleetArgument,
     vehicles: Vehicles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON document.")] = False,
 ) -> None:
