@@ -16,6 +16,7 @@ import numpy as np
 
 from agents.controllers.step_guard import StepGuard
 from agents.estimators.estimator_guard import EstimatorGuard
+from agents.flight.bumpless_transfer import BumplessTransfer
 from agents.flight.fleet_clock import FleetClock, InputHistory
 from agents.flight.followed import LeaderPlan
 from agents.flight.guidance import Guidance, resting
@@ -29,15 +30,10 @@ from agents.references.trajectory import Trajectory
 from agents.references.turns import nearest_heading
 from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
 from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_THRUST, YAW, ZD_BODY, Array, Z
+from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
 BRIDGE_STAGES = 6
-LIFT_SPEED_M_S = 0.05
-"""Climb that a vehicle has when it is seen to have lifted."""
 BLIND_LIMIT_S = 0.3
-TRANSFER_DECAY = 0.8
-"""What is left, after a period, of the difference that another controller or estimator makes to the input."""
-TRANSFER_END = 1e-3
 CONTROLLER_REPLACED: Final = "controller_replaced"
 """Counted when the default controller takes the place of one that fails."""
 
@@ -142,8 +138,7 @@ class Pilot:
         self._lift_off = LiftOff(model)
         self._blind_s = 0.0
         self._flown_by_controller = False
-        self._transfer_pending = False
-        self._transfer = np.zeros(INPUT_SIZE)
+        self._transfer = BumplessTransfer(model)
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -253,7 +248,7 @@ class Pilot:
         """Fly with another controller from the next period on; it starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
         self.step_guard.failure = ""
-        self._transfer_pending = self._flown_by_controller
+        self._begin_transfer()
         self._flown_by_controller = False
 
     def use_defaults(self) -> None:
@@ -273,7 +268,11 @@ class Pilot:
     def use_estimator(self, estimator: Estimator) -> None:
         """Estimate with another estimator from now on; it starts from the present estimate."""
         self.estimator.use(estimator, self.clock.started)
-        self._transfer_pending = self._flown_by_controller
+        self._begin_transfer()
+
+    def _begin_transfer(self) -> None:
+        if self._flown_by_controller:
+            self._transfer.begin()
 
     def control(
         self, plans: Mapping[str, LeaderPlan], neighbours: Mapping[str, Neighbour] = _NOBODY
@@ -289,7 +288,7 @@ class Pilot:
 
         Returns
         -------
-        Flight
+        ControlOutput
             Finite and within the limits, always.
         """
         self.sequence += 1
@@ -314,7 +313,8 @@ class Pilot:
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan = step.plan
-        inputs = self._excited(self._transferred(step.inputs[: 1 + BRIDGE_STAGES]), time_s)
+        smoothed = self._transfer.smoothed(step.inputs[: 1 + BRIDGE_STAGES], self.input_history.newest)
+        inputs = self._excited(smoothed, time_s)
         self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
         return ControlOutput(
             inputs[0],
@@ -341,20 +341,9 @@ class Pilot:
         elif found.touching:
             self.fallbacks["cannot_avoid"] += 1
 
-    def _transferred(self, inputs: Array) -> Array:
-        """Inputs without the bump of a switch: their first difference fades away (control.md section 8)."""
-        if self._transfer_pending:
-            self._transfer_pending = False
-            self._transfer = self.input_history.newest - inputs[0]
-        if not self._transfer.any():
-            return inputs
-        fading = self._transfer * TRANSFER_DECAY ** np.arange(1, len(inputs) + 1)[:, None]
-        self._transfer = fading[0] if np.abs(fading[0]).max() > TRANSFER_END else np.zeros(INPUT_SIZE)
-        return np.clip(inputs + fading, self.model.u_min, self.model.u_max)
-
     def _excited(self, inputs: Array, time_s: float) -> Array:
         """Inputs with the excitation of an identification, within the limits."""
-        if self.exciter.left_s(time_s) == 0.0:
+        if not self.exciter.under_way:
             return inputs
         excited = self.exciter.added(inputs, time_s, self.controller.period_s)
         return np.clip(excited, self.model.u_min, self.model.u_max)
@@ -370,22 +359,13 @@ class Pilot:
         if self.guidance.phase is not Phase.TAKEOFF:
             self._lift_off.end()
         elif self._lift_off.lifted(float(self.estimate.motion[Z])):
-            self.estimator.take_over(self._lifted_estimate(time_s))
+            self.estimator.take_over(self._lift_off.estimate(self.estimate.motion, time_s))
             self.guidance.lifted(self.estimate, time_s)
             self._lift_off.end()
         elif self._lift_off.failed(time_s):
             self._lift_off.end()
             self.fallbacks["not_lifted"] += 1
             self.guidance.on_event(Event.NOT_LIFTED, self.estimate)
-
-    def _lifted_estimate(self, time_s: float) -> Estimate:
-        """Estimate of a vehicle that has just lifted: the thrust that acts carries its weight."""
-        motion = self.estimate.motion.copy()
-        motion[ZD_BODY] = LIFT_SPEED_M_S
-        actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
-        actuator[U_THRUST] = self._lift_off.acting_thrust(time_s)
-        disturbance[U_THRUST] = self.model.gravity_m_s2 - self.model.b[U_THRUST] * actuator[U_THRUST]
-        return Estimate(motion, actuator, disturbance)
 
     def _in_the_air(self, value: Array) -> bool:
         return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])

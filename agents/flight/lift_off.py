@@ -6,8 +6,11 @@ only when the vehicle has left the floor, and the thrust that lifted it tells wh
 
 from typing import Final
 
+import numpy as np
+
+from agents.interfaces import Estimate
 from vehicles.model import Model
-from vehicles.state import U_THRUST
+from vehicles.state import INPUT_SIZE, U_THRUST, ZD_BODY, Array
 
 SPOOL_UP_S: Final = 0.5
 SPOOL_UP_SHARE: Final = 0.85
@@ -22,6 +25,8 @@ PATIENCE_S: Final = 1.5
 """How long after that it may stand."""
 LIFTED_M: Final = 0.006
 """Twenty times the noise of a motion capture."""
+LIFT_SPEED_M_S: Final = 0.05
+"""Climb that a vehicle has when it is seen to have lifted."""
 
 
 class LiftOff:
@@ -34,6 +39,7 @@ class LiftOff:
     """
 
     def __init__(self, model: Model) -> None:
+        self._model = model
         self._hover = float(model.hover_input[U_THRUST])
         self._largest = min(LARGEST_SHARE * self._hover, float(model.u_max[U_THRUST]))
         self._lag_s = max(model.lag_s[U_THRUST], 1e-3)
@@ -68,6 +74,23 @@ class LiftOff:
         """Thrust after delay and lag: what has lifted the vehicle."""
         behind_s = self._delay_s + self._lag_s
         return self.thrust(time_s - behind_s)
+
+    def estimate(self, motion: Array, time_s: float) -> Estimate:
+        """Estimate of the vehicle that has just lifted: the thrust that acts carries its weight.
+
+        Parameters
+        ----------
+        motion
+            Where it was taken to stand, shape (8,).
+        time_s
+            Now.
+        """
+        climbing = motion.copy()
+        climbing[ZD_BODY] = LIFT_SPEED_M_S
+        actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
+        actuator[U_THRUST] = self.acting_thrust(time_s)
+        disturbance[U_THRUST] = self._model.gravity_m_s2 - self._model.b[U_THRUST] * actuator[U_THRUST]
+        return Estimate(climbing, actuator, disturbance)
 
     def lifted(self, height_m: float) -> bool:
         """Whether the vehicle has left the floor."""

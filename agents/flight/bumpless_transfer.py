@@ -1,0 +1,56 @@
+"""Another controller or estimator takes over without a bump of the sticks (control.md section 8)."""
+
+from typing import Final
+
+import numpy as np
+
+from vehicles.model import Model
+from vehicles.state import INPUT_SIZE, Array
+
+DECAY: Final = 0.8
+"""What is left, after a period, of the difference that another controller or estimator makes to the input."""
+END: Final = 1e-3
+"""A difference this small is dropped."""
+
+
+class BumplessTransfer:
+    """Lets the first difference that a change makes to the input fade away.
+
+    Parameters
+    ----------
+    model
+        The vehicle, whose limits are kept.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._pending = False
+        self._difference: Array = np.zeros(INPUT_SIZE)
+
+    def begin(self) -> None:
+        """The next inputs come from another controller or estimator."""
+        self._pending = True
+
+    def smoothed(self, inputs: Array, last_input: Array) -> Array:
+        """Inputs with what is left of the difference.
+
+        Parameters
+        ----------
+        inputs
+            Of this period and the following ones, shape (k, 4).
+        last_input
+            Input of the last period, shape (4,).
+
+        Returns
+        -------
+        Array
+            Shape (k, 4), within the limits.
+        """
+        if self._pending:
+            self._pending = False
+            self._difference = last_input - inputs[0]
+        if not self._difference.any():
+            return inputs
+        fading = self._difference * DECAY ** np.arange(1, len(inputs) + 1)[:, None]
+        self._difference = fading[0] if np.abs(fading[0]).max() > END else np.zeros(INPUT_SIZE)
+        return np.clip(inputs + fading, self._model.u_min, self._model.u_max)
