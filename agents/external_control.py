@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from agents.controllers.external import ExternalController
 from agents.phases import Phase
 from agents.pilot import Pilot
-from bus.messages import ControlTask, ExternalInput, FloatArray
+from bus.message import FloatArray
+from bus.messages import ControlTask, ExternalInput
 from bus.requests import TakeControl
 from bus.subscription import Inbox
 from vehicles.state import Array

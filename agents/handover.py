@@ -7,7 +7,7 @@ from agents.pilot import Pilot
 from agents.tuning.changes import Tuning
 from bus import channels
 from bus.intent import Intent
-from bus.messages import FloatArray
+from bus.message import FloatArray
 from bus.requests import Recall, RecallReply
 from bus.session import RequestFailedError, Session
 from vehicles.state import YAW

@@ -21,7 +21,8 @@ from agents.references.trajectory import COLUMNS, POSITION, YAW
 from agents.telemetry import in_message
 from agents.tuning.configuration import Configuration
 from bus.intent import FlownBy, Intent, OffsetMove
-from bus.messages import FloatArray, SetPoint
+from bus.message import FloatArray
+from bus.messages import SetPoint
 from vehicles.tuples import three
 
 _END_OF_TIME_S: Final = 1e9

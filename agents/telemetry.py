@@ -14,7 +14,8 @@ from agents.pilot import ControlOutput, Pilot
 from agents.settings import AgentSettings
 from agents.tuning.changes import Tuning
 from agents.tuning.guard import effort_factor
-from bus.messages import AgentStatus, Command, Diagnostics, FloatArray, LeaderLink, Plan, SetPoint, Setting
+from bus.message import FloatArray, Setting
+from bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, SetPoint
 from vehicles.state import YAW, Array, heading_matrix
 from vehicles.tuples import three
 

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from bus import channels
-from bus.messages import Command, FloatArray, Pose
+from bus.message import FloatArray
+from bus.messages import Command, Pose
 from bus.requests import Arm
 from bus.router import run_router
 from bus.session import BusAddress, Session

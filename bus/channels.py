@@ -22,7 +22,7 @@ from bus.keys import (
     request_key,
 )
 from bus.link_messages import Beat, RouterStatus
-from bus.messages import Message
+from bus.message import Message
 
 __all__ = [
     "AGENT_STATUS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH",

@@ -6,7 +6,7 @@ from typing import TypeVar
 import msgpack
 import msgspec
 
-from bus.messages import InvalidMessageError, Message
+from bus.message import InvalidMessageError, Message
 
 M = TypeVar("M", bound=Message)
 

@@ -4,20 +4,8 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from bus.messages import (
-    KNOT_COLUMNS,
-    MAX_KNOTS,
-    Count,
-    FloatArray,
-    Heading,
-    LeaderLink,
-    Message,
-    Name,
-    Place,
-    Seconds,
-    SetPoint,
-    Settings,
-)
+from bus.message import Count, FloatArray, Heading, Message, Name, Place, Seconds, Settings
+from bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 
 class OffsetMove(Struct, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Final
 
 from msgspec import Meta
 
-from bus.messages import Count, Message, Name, Seconds, Text
+from bus.message import Count, Message, Name, Seconds, Text
 
 MAX_REQUEST_BYTES: Final = 131072
 """Of the largest request, a trajectory."""

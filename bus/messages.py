@@ -5,112 +5,38 @@ programs understand each other. Numbers are finite, names are key-safe, arrays s
 holds what types cannot say. The table of channels is `bus.channels`, the coding `bus.codec`.
 """
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, field
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from bus.message import (
+    MAX_POSITION_M,
+    Count,
+    Eight,
+    FloatArray,
+    Four,
+    Heading,
+    InvalidMessageError,
+    Message,
+    Name,
+    Place,
+    Seconds,
+    Settings,
+    Stick,
+    Text,
+    Three,
+)
 
-SCHEMA_VERSION = 1
 MAX_STAGES = 200
 PLAN_COLUMNS = 12
 MAX_NEXT_INPUTS = 16
-MAX_POSITION_M = 100.0
-MAX_MAGNITUDE = 1e6
-"""Of any number of a trajectory, and of headings, which count turns; more would overflow in a controller."""
 MAX_KNOTS = 600
 KNOT_COLUMNS = 13
-MAX_SETTINGS = 40
 MAX_REMARKS = 8
 MAX_RATE_HZ = 2000.0
 """Of the motion capture."""
 
-Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
-Text = Annotated[str, Meta(max_length=400)]
-Count = Annotated[int, Meta(ge=0)]
-Seconds = Annotated[float, Meta(ge=0)]
 ArbiterState = Annotated[str, Meta(pattern="^(disarmed|armed|hold|land|descend|cut|killed)$")]
-Heading = Annotated[float, Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
-Stick = Annotated[float, Meta(ge=-1, le=1)]
-SettingName = Annotated[str, Meta(pattern=r"^[a-zA-Z][a-zA-Z0-9_]{0,40}$")]
-Setting = bool | int | float | Annotated[str, Meta(max_length=60)] | tuple[float, ...] | None
-Settings = Annotated[dict[SettingName, Setting], Meta(max_length=MAX_SETTINGS)]
-"""Settings of a controller or an estimator; its own type says what is allowed."""
-Three = tuple[float, float, float]
-Four = tuple[float, float, float, float]
-Eight = tuple[float, float, float, float, float, float, float, float]
-Coordinate = Annotated[float, Meta(ge=-MAX_POSITION_M, le=MAX_POSITION_M)]
-Place = tuple[Coordinate, Coordinate, Coordinate]
-
-
-class InvalidMessageError(ValueError):
-    """A message of valid types that makes no sense; says which field and what is allowed."""
-
-
-class FloatArray(Struct, frozen=True):
-    """A matrix of 64-bit floats as it travels: its shape and its little-endian bytes, row by row.
-
-    numpy is imported on first use: routers and `kill` start without it.
-    """
-
-    shape: tuple[int, int]
-    data: bytes
-
-    @classmethod
-    def of(cls, values: "NDArray[np.float64]") -> "FloatArray":
-        """Pack an array of shape (rows, columns)."""
-        import numpy as np
-
-        rows, columns = values.shape
-        return cls((rows, columns), np.ascontiguousarray(values, dtype="<f8").tobytes())
-
-    def to_numpy(self) -> "NDArray[np.float64]":
-        """Unpack into a read-only array of `shape`."""
-        import numpy as np
-
-        return np.frombuffer(self.data, dtype="<f8").reshape(self.shape)
-
-    def check(self, field: str, columns: int, max_rows: int, min_rows: int = 0) -> None:
-        """Refuse wrong shapes before any array is built, then values that are not finite or absurd.
-
-        Raises
-        ------
-        InvalidMessageError
-            Names `field` and what is allowed.
-        """
-        import numpy as np
-
-        rows, actual_columns = self.shape
-        if actual_columns != columns or not min_rows <= rows <= max_rows:
-            raise InvalidMessageError(
-                f"{field}: shape {self.shape}, allowed is ({min_rows}..{max_rows}, {columns})"
-            )
-        if len(self.data) != 8 * rows * columns:
-            raise InvalidMessageError(
-                f"{field}: {len(self.data)} bytes for shape {self.shape}, needs {8 * rows * columns}"
-            )
-        # The comparison is false for numbers that are not finite, too.
-        if not np.abs(self.to_numpy()).max(initial=0.0) <= MAX_MAGNITUDE:
-            raise InvalidMessageError(f"{field}: not all values are finite and at most {MAX_MAGNITUDE:g}")
-
-
-class Message(Struct, frozen=True, kw_only=True):
-    """What all messages share."""
-
-    MAX_BYTES: ClassVar[int] = 32768
-
-    schema_version: Annotated[int, Meta(ge=1)] = SCHEMA_VERSION
-
-    def check(self) -> None:
-        """Refuse contents that the types allow but the meaning forbids.
-
-        Raises
-        ------
-        InvalidMessageError
-            Names the field and what is allowed.
-        """
 
 
 class Pose(Message, frozen=True, kw_only=True):
@@ -348,8 +274,8 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
     pose_age_s: Seconds | None = None
     last_sequence: Count = 0
     bridging: bool = False
-    counters: dict[str, Count] = {}
-    rejected: dict[str, Count] = {}
+    counters: dict[str, Count] = field(default_factory=dict)
+    rejected: dict[str, Count] = field(default_factory=dict)
     realtime: bool = False
 
 
@@ -397,7 +323,7 @@ class TrackerStatus(Message, frozen=True, kw_only=True):
     period_s: Seconds = 0.0
     latency_s: Seconds = 0.0
     subjects: tuple[SubjectState, ...] = ()
-    counters: dict[str, Count] = {}
+    counters: dict[str, Count] = field(default_factory=dict)
     realtime: bool = False
     recording: Text = ""
     """The raw recording, or why it ended; empty without one."""
@@ -439,7 +365,7 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     """Vehicles of this host that take part; their agents are started again when they die."""
     absent: tuple[Name, ...]
     """Vehicles of this host that do not take part."""
-    restarts: dict[Text, Count] = {}
+    restarts: dict[Text, Count] = field(default_factory=dict)
     """How often each process was started again."""
     spare_ready: bool = False
     """A warm process waits to replace an agent."""

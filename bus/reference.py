@@ -15,9 +15,9 @@ import msgpack
 import msgspec
 from msgspec import inspect as types
 
-from bus import channels, messages
+from bus import channels
 from bus.channels import CHANNELS
-from bus.messages import FloatArray, Message
+from bus.message import SCHEMA_VERSION, FloatArray, Message
 from bus.requests import VERBS, Reply, Request
 
 UNITS: Final = {
@@ -99,7 +99,7 @@ def _head() -> str:
     fixed = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
     return _HEAD.format(
         units=", ".join(f"`{unit}`" for unit in fixed),
-        version=messages.SCHEMA_VERSION,
+        version=SCHEMA_VERSION,
         name="[a-z][a-z0-9_]{0,30}",
         size=Message.MAX_BYTES,
     )

@@ -18,7 +18,7 @@ from bus.channels import Channel
 from bus.codec import RejectedError, decode, encode
 from bus.endpoints import client_config, reason_of
 from bus.log_messages import AnsweredRequest
-from bus.messages import Message
+from bus.message import Message
 from bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from bus.subscription import Subscription, UnitSubscriptions
 

@@ -15,7 +15,7 @@ from zenoh.handlers import Callback
 
 from bus.channels import Channel
 from bus.codec import RejectedError, decode
-from bus.messages import Message
+from bus.message import Message
 
 M = TypeVar("M", bound=Message)
 

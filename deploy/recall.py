@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from bus import channels
-from bus.messages import Message
+from bus.message import Message
 from bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from bus.session import BusAddress, Session
 from bus.subscription import Inbox, Received

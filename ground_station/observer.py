@@ -9,7 +9,8 @@ import numpy as np
 from agents.following.peers import PeerStatuses
 from agents.phases import Phase
 from bus import channels
-from bus.messages import AgentStatus, Message, Plan
+from bus.message import Message
+from bus.messages import AgentStatus, Plan
 from bus.session import Session
 from bus.subscription import Inbox
 from deploy.fleet_file.schema import FleetFile

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from bus.channels import CHANNELS, Channel
 from bus.codec import RejectedError, decode
-from bus.messages import Message
+from bus.message import Message
 from bus.session import Heard, Session
 
 M = TypeVar("M", bound=Message)

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from agents.references.paths import FlightPath
-from bus.messages import FloatArray, LeaderLink, Plan, SetPoint, Setting
+from bus.message import FloatArray, Setting
+from bus.messages import LeaderLink, Plan, SetPoint
 from bus.requests import (
     Arm,
     Disarm,

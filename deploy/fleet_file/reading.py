@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect
 
-from bus.messages import Name
+from bus.message import Name
 from deploy.fleet_file.consistency import check_consistency
 from deploy.fleet_file.schema import FleetError, FleetFile, GatewayConfig, HostConfig, VehicleConfig
 from deploy.fleet_file.snapshot import SUFFIX, read_snapshot

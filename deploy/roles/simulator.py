@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from bus.messages import Four
+from bus.message import Four
 from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.roles.addresses import bus_address
 from deploy.roles.priorities import Priority

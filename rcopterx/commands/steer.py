@@ -9,7 +9,7 @@ import typer
 from rcopterx.fleet_option import RunningFleetOption, running_fleet
 
 if TYPE_CHECKING:
-    from bus.messages import Setting
+    from bus.message import Setting
 
 Vehicles = Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.")]
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]

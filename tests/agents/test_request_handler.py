@@ -10,7 +10,8 @@ from agents.following.links import followed_leader, present_link
 from agents.phases import Phase
 from agents.references.path_shapes import through
 from agents.tuning.guard import effort_factor
-from bus.messages import FloatArray, LeaderLink, SetPoint, Setting
+from bus.message import FloatArray, Setting
+from bus.messages import LeaderLink, SetPoint
 from bus.requests import (
     Disarm,
     Excite,

@@ -6,7 +6,8 @@ import pytest
 from benchmarks.restart import _deviation_mm, _difference, _flown_again_ms, _summary
 from bus import channels
 from bus.codec import encode
-from bus.messages import Applied, LaboratoryState, LaboratoryVehicle, Message, Pose
+from bus.message import Message
+from bus.messages import Applied, LaboratoryState, LaboratoryVehicle, Pose
 from ground_station.recorder import Record, Recording
 from ground_station.waiting import NotReachedError
 

@@ -7,7 +7,7 @@ import pytest
 
 from bus import channels, intent, link_messages, log_messages, messages, requests
 from bus.channels import CHANNELS, Channel
-from bus.messages import Message
+from bus.message import SCHEMA_VERSION, InvalidMessageError, Message
 from bus.requests import VERBS, Reply, Request, verb_of
 from transmitter_gateway.inputs import State
 
@@ -42,12 +42,12 @@ def test_every_message_travels_on_a_channel() -> None:
 @rows
 def test_every_message_type_states_its_schema_version(channel: Channel[Message]) -> None:
     fields = {field.name: field.default for field in msgspec.structs.fields(channel.message)}
-    assert fields["schema_version"] == messages.SCHEMA_VERSION
+    assert fields["schema_version"] == SCHEMA_VERSION
 
 
 @rows
 def test_the_encoding_names_topic_and_version(channel: Channel[Message]) -> None:
-    assert channel.encoding == f"application/msgpack;rcopterx.{channel.topic}.v{messages.SCHEMA_VERSION}"
+    assert channel.encoding == f"application/msgpack;rcopterx.{channel.topic}.v{SCHEMA_VERSION}"
 
 
 @rows
@@ -90,7 +90,7 @@ def test_every_verb_has_a_server_and_a_reply(verb: requests.Verb) -> None:
 
 
 def test_a_type_outside_the_table_is_no_request() -> None:
-    with pytest.raises(messages.InvalidMessageError, match="Request is not a request of the table"):
+    with pytest.raises(InvalidMessageError, match="Request is not a request of the table"):
         verb_of(Request)
 
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from support.messages import MESSAGE_TYPES, valid_messages, wire_maps
 
 from bus.codec import MAX_DEPTH, RejectedError, decode, encode
+from bus.message import FloatArray, Message
 from bus.messages import (
     MAX_NEXT_INPUTS,
     MAX_STAGES,
@@ -20,9 +21,7 @@ from bus.messages import (
     AgentStatus,
     Applied,
     Command,
-    FloatArray,
     Kill,
-    Message,
     Plan,
     Pose,
 )

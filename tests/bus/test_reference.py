@@ -10,7 +10,8 @@ from support.messages import MESSAGE_TYPES
 import bus
 from bus.channels import CHANNELS
 from bus.codec import decode
-from bus.messages import Command, Message
+from bus.message import Message
+from bus.messages import Command
 from bus.reference import EXAMPLE, reference
 from bus.requests import VERBS
 

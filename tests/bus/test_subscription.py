@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from bus import channels
 from bus.codec import encode
-from bus.messages import Command, FloatArray, Kill, Pose
+from bus.message import FloatArray
+from bus.messages import Command, Kill, Pose
 from bus.subscription import Inbox
 
 

@@ -9,15 +9,8 @@ from support.statuses import flying_status
 
 from bus import channels
 from bus.codec import encode
-from bus.messages import (
-    Applied,
-    FloatArray,
-    LaboratoryState,
-    LaboratoryVehicle,
-    LeaderLink,
-    Plan,
-    Pose,
-)
+from bus.message import FloatArray
+from bus.messages import Applied, LaboratoryState, LaboratoryVehicle, LeaderLink, Plan, Pose
 from experiments import checks
 from experiments.checks import Check
 from ground_station.recorder import Record, Recording

@@ -11,13 +11,12 @@ from support.statuses import flying_status
 from bus import channels
 from bus.channels import Channel
 from bus.codec import encode
+from bus.message import FloatArray, Message
 from bus.messages import (
     Applied,
-    FloatArray,
     LaboratoryState,
     LaboratoryVehicle,
     LeaderLink,
-    Message,
     Plan,
     Pose,
     TransmitterStatus,

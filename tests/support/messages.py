@@ -10,7 +10,8 @@ from hypothesis.extra.numpy import arrays
 from msgspec import inspect
 
 from bus import channels, requests
-from bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, FloatArray, Message, Pose
+from bus.message import FloatArray, Message
+from bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, Pose
 
 MESSAGE_TYPES: tuple[type[Message], ...] = (
     *(channel.message for channel in channels.CHANNELS),

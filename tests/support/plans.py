@@ -5,7 +5,8 @@ import numpy as np
 from agents.references.trajectory import COLUMNS
 from bus import channels
 from bus.codec import encode
-from bus.messages import FloatArray, LeaderLink, Plan
+from bus.message import FloatArray
+from bus.messages import LeaderLink, Plan
 from bus.subscription import Inbox
 
 

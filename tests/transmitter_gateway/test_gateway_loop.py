@@ -11,7 +11,8 @@ import pytest
 
 from bus.codec import encode
 from bus.keys import EVERY_FLEET, FLEET_UNIT
-from bus.messages import Command, FloatArray, Kill, Message, Pose, TransmitterStatus
+from bus.message import FloatArray, Message
+from bus.messages import Command, Kill, Pose, TransmitterStatus
 from bus.session import BusAddress, Incoming, NobodyServesError
 from bus.subscription import Inbox
 from simulator.radio import RadioLink, RadioPty

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from agents.references.path_shapes import circle, figure_eight, spiral, through
 from agents.references.paths import MAX_KNOTS, FlightPath, PathError, begun_from, path_problem, run_in_time_s
 from agents.references.set_points import PathReference
-from bus.messages import FloatArray, InvalidMessageError
+from bus.message import FloatArray, InvalidMessageError
 from bus.requests import Fly
 from vehicles.types import COAXIAL_LAG
 

@@ -8,7 +8,8 @@ import pytest
 from integration_support import Flying, Truth, fly_to
 
 from bus import channels
-from bus.messages import Command, FloatArray
+from bus.message import FloatArray
+from bus.messages import Command
 from bus.session import Session
 from deploy.roles.addresses import bus_address
 
