@@ -22,7 +22,7 @@ from bus.keys import (
     request_key,
 )
 from bus.link_messages import Beat, RouterStatus
-from bus.message import Message
+from bus.message import SCHEMA_VERSION, Message
 
 __all__ = [
     "AGENT_STATUS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH",
@@ -79,7 +79,7 @@ class Channel(Generic[M]):
     @property
     def encoding(self) -> str:
         """Zenoh encoding with schema, for instance `application/msgpack;rcopterx.plan.v1`."""
-        return f"application/msgpack;{ROOT}.{self.topic}.v{messages.SCHEMA_VERSION}"
+        return f"application/msgpack;{ROOT}.{self.topic}.v{SCHEMA_VERSION}"
 
 
 POSE: Final = Channel(
