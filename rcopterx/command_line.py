@@ -26,7 +26,6 @@ app = typer.Typer(
     help="Formation flight of miniature helicopters with distributed model predictive control. "
     "Lengths are metres, times seconds, angles on the command line degrees.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 

@@ -6,6 +6,8 @@ imported before a fleet is wanted.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from glob import escape, glob
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,11 +23,38 @@ EXIT_FAILED = 1
 EXIT_USAGE = 2
 ROUTER_S = 3.0
 
+
+def fleets_beginning(incomplete: str) -> list[str]:
+    """Shipped fleets and fleet files whose names begin like this, for completion."""
+    from deploy.fleet_file.shipped import shipped_fleets
+
+    files = [name for name in glob(f"{escape(incomplete)}*") if name.endswith(".toml") or Path(name).is_dir()]
+    return [name for name in shipped_fleets() if name.startswith(incomplete)] + sorted(files)
+
+
+def vehicles_beginning(incomplete: str) -> list[str]:
+    """Vehicles of the fleets that are up on this computer whose names begin like this, for completion."""
+    names = {name for running in running_fleets() for name in running.vehicles}
+    return sorted(name for name in names if name.startswith(incomplete))
+
+
 FleetArgument = Annotated[
-    str, typer.Argument(metavar="FLEET", help="Fleet file (TOML), or the name of a shipped one.")
+    str,
+    typer.Argument(
+        metavar="FLEET",
+        help="Fleet file (TOML), or the name of a shipped one.",
+        autocompletion=fleets_beginning,
+    ),
 ]
 FleetOption = Annotated[
-    str, typer.Option("--fleet", "-f", metavar="FLEET", help="Fleet file (TOML), or name of a shipped one.")
+    str,
+    typer.Option(
+        "--fleet",
+        "-f",
+        metavar="FLEET",
+        help="Fleet file (TOML), or name of a shipped one.",
+        autocompletion=fleets_beginning,
+    ),
 ]
 RunningFleetOption = Annotated[
     str | None,
@@ -34,6 +63,7 @@ RunningFleetOption = Annotated[
         "-f",
         metavar="FLEET",
         help="Fleet file (TOML), or name of a shipped one. Default: the fleet that is up on this computer.",
+        autocompletion=fleets_beginning,
     ),
 ]
 HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]

@@ -6,13 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.fleet_option import RunningFleetOption, running_fleet
+from rcopterx.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
 
 if TYPE_CHECKING:
     from bus.message import Setting
 
-Vehicles = Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.")]
-Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
+Vehicles = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[VEHICLE]...", help="Default: all vehicles.", autocompletion=vehicles_beginning),
+]
+Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE", autocompletion=vehicles_beginning)]
 
 
 def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
@@ -25,7 +28,9 @@ def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
 
 def disarm(
-    vehicles: Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...")] = None,
+    vehicles: Annotated[
+        list[str] | None, typer.Argument(metavar="[VEHICLE]...", autocompletion=vehicles_beginning)
+    ] = None,
     everybody: Annotated[bool, typer.Option("--all", help="All vehicles.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
@@ -78,7 +83,7 @@ def goto(
 
 def follow(
     vehicle: Vehicle,
-    leader: Annotated[str, typer.Argument(metavar="LEADER")],
+    leader: Annotated[str, typer.Argument(metavar="LEADER", autocompletion=vehicles_beginning)],
     offset: Annotated[str, typer.Option(metavar="X,Y,Z", help="Offset from the leader in metres.")] = "0,0,0",
     yaw: Annotated[float, typer.Option(metavar="DEG", help="Relative heading in degrees.")] = 0.0,
     frame: Annotated[
@@ -104,8 +109,8 @@ def lead(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
 
 
 def swap(
-    first: Annotated[str, typer.Argument(metavar="VEHICLE")],
-    second: Annotated[str, typer.Argument(metavar="VEHICLE")],
+    first: Vehicle,
+    second: Vehicle,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Let two vehicles change roles, for instance leader and follower; all keep their places in space."""
