@@ -170,7 +170,7 @@ def _structure_lines(structures: dict[str, type]) -> Iterator[str]:
 def _section(kind: type, base: type, structures: dict[str, type]) -> Iterator[str]:
     """Heading, purpose and fields of one type, without the fields of its base."""
     yield f"### {kind.__name__}"
-    yield _one_line(kind.__doc__ or "")
+    yield one_line(kind.__doc__ or "")
     yield ""
     inherited = set(getattr(base, "__struct_fields__", ()))
     documents = _field_documents(kind)
@@ -212,7 +212,7 @@ def _type(kind: Any, structures: dict[str, type]) -> str:
         case types.BoolType():
             return "boolean"
         case types.IntType() | types.FloatType():
-            return ("integer" if isinstance(kind, types.IntType) else "float") + _bounds(kind)
+            return ("integer" if isinstance(kind, types.IntType) else "float") + bounds(kind)
         case types.StrType():
             return _text(kind)
         case types.BytesType():
@@ -243,7 +243,8 @@ def _text(kind: types.StrType) -> str:
     return "name" if "[" in kind.pattern else " or ".join(f"`{word}`" for word in words)
 
 
-def _bounds(kind: types.IntType | types.FloatType) -> str:
+def bounds(kind: types.IntType | types.FloatType) -> str:
+    """Limits of a number, to be put after its type; empty if there are none."""
     low, high = kind.ge if kind.gt is None else kind.gt, kind.le
     strict = "" if kind.gt is None else "above "
     if low is not None and high is not None:
@@ -263,11 +264,12 @@ def _field_documents(kind: type) -> dict[str, str]:
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         if issubclass(base, msgspec.Struct) and base.__module__.startswith("bus."):
-            found |= dict(_documented(ast.parse(inspect.getsource(base)).body[0]))
+            found |= dict(documented(ast.parse(inspect.getsource(base)).body[0]))
     return found
 
 
-def _documented(node: ast.stmt) -> Iterable[tuple[str, str]]:
+def documented(node: ast.stmt) -> Iterable[tuple[str, str]]:
+    """Fields of a class, and the strings that stand below them in its source."""
     body = node.body if isinstance(node, ast.ClassDef) else []
     for field, below in pairwise(body):
         if (
@@ -276,10 +278,11 @@ def _documented(node: ast.stmt) -> Iterable[tuple[str, str]]:
             and isinstance(below, ast.Expr)
             and isinstance(below.value, ast.Constant)
         ):
-            yield field.target.id, _one_line(str(below.value.value))
+            yield field.target.id, one_line(str(below.value.value))
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
+    """Text of a docstring without its line breaks."""
     return " ".join(inspect.cleandoc(text).split())
 
 

@@ -46,6 +46,7 @@ class Conditions:
     angle_noise_rad: float = 0.0
     """Measurement noise of yaw, roll and pitch, root mean square."""
     volume_min_m: Three = (-2.5, -2.5, -0.1)
+    """Lower corner of the flight volume."""
     volume_max_m: Three = (2.5, 2.5, 3.0)
     """Corners of the flight volume. Leaving it is flagged and has no other effect."""
     coaxial_plant: str = "first_order"

@@ -146,9 +146,13 @@ class Calibration:
     """
 
     pitch: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(ELEVATOR))
+    """Channel of u_x."""
     roll: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(AILERON))
+    """Channel of u_y."""
     throttle: ThrottleCalibration = field(default_factory=ThrottleCalibration)
+    """Channel of u_z."""
     yaw: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(RUDDER, slew_per_s=8.0))
+    """Channel of u_psi."""
 
     def __post_init__(self) -> None:
         taken: dict[int, str] = {}

@@ -84,6 +84,7 @@ class Model:
     """
 
     kind: str
+    """Name of the type of vehicle."""
     input_gain: Four
     """b_x, b_y, b_z [m/s^2 per unit], b_psi [rad/s^2 per unit]."""
     damping: Four
@@ -96,9 +97,13 @@ class Model:
     hover_thrust: float
     """Thrust input at which the vehicle was measured to hover."""
     input_min: Four
+    """Lowest sticks."""
     input_max: Four
+    """Highest sticks."""
     state_min: Seven
+    """Lowest positions, velocities and yaw rate to plan with; positions are those of the volume."""
     state_max: Seven
+    """Highest ones."""
     state_scale: tuple[float, ...]
     """Diagonal of D_x, equation (5): eleven entries, integral states included."""
     input_scale: Four
@@ -108,6 +113,7 @@ class Model:
     input_shift: Four
     """s_u, equation (5)."""
     gravity_m_s2: float = GRAVITY_M_S2
+    """Gravity."""
     integrator_gain: float = 2.0
     """k_i of equation (1)."""
     tilt: TiltModel | None = None

@@ -63,6 +63,7 @@ class TiltModel:
     frequency_rad_s: float
     """Natural frequency; with a bar that of the fast mode, sqrt(K_b / I)."""
     damping_ratio: float
+    """Of that mode."""
     servo_lag_s: float = 0.02
     """First-order lag from the stick to the demand."""
     bar_time_constant_s: float | None = None

@@ -62,9 +62,13 @@ class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     horizon: Horizon = 50
     """Number of stages N."""
     input_min: FourFloats | None = None
+    """Lowest pitch, roll, thrust and yaw."""
     input_max: FourFloats | None = None
+    """Highest ones."""
     state_min: SevenFloats | None = None
+    """Lowest x, y, z, xd_B, yd_B, zd_B, psid."""
     state_max: SevenFloats | None = None
+    """Highest ones."""
 
     def limits(self, model: Model) -> Limits:
         """Resolve the bounds for a vehicle.

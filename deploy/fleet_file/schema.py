@@ -33,7 +33,9 @@ class VolumeConfig(Table, frozen=True, kw_only=True):
     """Flight volume in the inertial frame."""
 
     min_m: Three = (-1.2, -1.2, 0.0)
+    """Lowest x, y, z; a volume may begin above the floor, which is at z = 0 then."""
     max_m: Three = (1.2, 1.2, 2.0)
+    """Highest x, y, z. Set points outside are refused, vehicles outside are brought down."""
 
 
 class TrackerConfig(Table, frozen=True, kw_only=True):
@@ -59,9 +61,13 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """The fake laboratory. Leave this table out to fly hardware."""
 
     host: Name = DEFAULT_HOST
+    """Host that runs the simulator and therefore all transmitter gateways."""
     rate_hz: Annotated[float, Meta(ge=20, le=400)] = 50.0
+    """Frame rate of the simulated Tracker."""
     profile: Literal["tracker1", "tracker2", "tracker3"] = "tracker3"
+    """Generation of the Tracker that is emulated."""
     seed: Annotated[int, Meta(ge=0)] = 0
+    """The same seed draws the same vehicles, noise and wind."""
     conditions: str = "helicopter"
     """Name of a preset: `ideal`, `laboratory`, `helicopter` or `helicopters`."""
     condition_overrides: dict[str, Any] = {}
@@ -76,6 +82,7 @@ class HostConfig(Table, frozen=True, kw_only=True):
     address: str = "127.0.0.1"
     """Where other hosts reach it."""
     router_port: Annotated[int, Meta(ge=1, le=65535)] = 7447
+    """TCP port of the bus router."""
 
 
 class BusConfig(Table, frozen=True, kw_only=True):
@@ -91,6 +98,7 @@ class GatewayConfig(Table, frozen=True, kw_only=True):
     """A transmitter gateway process."""
 
     host: Name = DEFAULT_HOST
+    """Host the radio modules are plugged into."""
 
 
 class TransmitterConfig(Table, frozen=True, kw_only=True):
@@ -99,8 +107,11 @@ class TransmitterConfig(Table, frozen=True, kw_only=True):
     port: Text
     """Serial device; with a `[simulator]` a relative path is created in the fleet's run directory."""
     gateway: Name = "transmitters"
+    """Gateway that serves it."""
     protocol: Literal["multi", "dsm2_serial", "dsmp", "ppm"] = "multi"
+    """What the radio module speaks."""
     model_match: Annotated[int, Meta(ge=0, le=63)] = 0
+    """Number that binds a receiver to this transmitter; every vehicle needs its own."""
     low_power: bool = False
     """Ask the radio for low power."""
     settings: dict[str, Any] = field(default_factory=dict)
@@ -113,12 +124,17 @@ class ControlConfig(Table, frozen=True, kw_only=True):
     """Controller and estimator of a vehicle."""
 
     controller: str = "cascade"
+    """Name of a controller: of the package, or of one that was installed."""
     estimator: str = "extended_kalman"
+    """Name of an estimator."""
     horizon: Annotated[int, Meta(ge=2, le=200)] = 50
+    """Number of stages N."""
     period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.02
+    """Control period; a whole multiple of the Tracker's frame period."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the controller: weights, constraints, options."""
     estimator_settings: dict[str, Any] = field(default_factory=dict)
+    """Settings of the estimator."""
     leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.002
     """How long after its own pose a follower waits for the leader's plan of the same frame."""
 
@@ -127,10 +143,15 @@ class LeaderConfig(Table, frozen=True, kw_only=True):
     """Whom a vehicle follows from the start."""
 
     leader: Name
+    """Vehicle to follow."""
     offset_m: Three
+    """Place beside the leader: x, y, z."""
     yaw_offset_rad: float = 0.0
+    """Heading relative to the leader's."""
     frame: Literal["inertial", "heading"] = "inertial"
+    """Whether the offset keeps its direction in the room or turns with the leader."""
     weight: Positive = 1.0
+    """Share of this leader where there are several."""
 
 
 class LeaderLostConfig(Table, frozen=True, kw_only=True):
@@ -146,13 +167,19 @@ class VehicleConfig(Table, frozen=True, kw_only=True):
     """One vehicle."""
 
     transmitter: TransmitterConfig
+    """Its radio."""
     type: str = "coaxial"
+    """`coaxial`, `coaxial_lag` or `quadrotor`: where its model comes from."""
     host: Name = DEFAULT_HOST
+    """Host that runs its agent."""
     subject: Text
     """Name of the vehicle's subject in the Tracker."""
     control: ControlConfig = field(default_factory=ControlConfig)
+    """Its controller and estimator."""
     follow: list[LeaderConfig] = field(default_factory=list)
+    """Whom it follows from the start; nobody: it leads."""
     leader_lost: LeaderLostConfig = field(default_factory=LeaderLostConfig)
+    """What it does when its leaders are lost."""
     successors: list[Name] = field(default_factory=list)
     """Who leads the followers of this vehicle when it is lost, the first one first; then the others that may,
     in the order of the file."""
@@ -164,16 +191,20 @@ class AvoidanceConfig(Table, frozen=True, kw_only=True):
     """Vehicles keep clear of each other's plans."""
 
     enabled: bool = True
+    """Whether they do."""
     horizontal_m: Annotated[float, Meta(gt=0, le=5)] = 0.35
     """Half axes of the ellipsoid around a vehicle that no other one enters; rotor wash makes it tall."""
     vertical_m: Annotated[float, Meta(gt=0, le=5)] = 0.6
+    """The same in height."""
 
 
 class SafetyConfig(Table, frozen=True, kw_only=True):
     """Limits the transmitter gateway enforces by itself."""
 
     geofence: bool = True
+    """Whether the flight volume is a fence."""
     settings: dict[str, Any] = field(default_factory=dict)
+    """Limits of the arbiter that differ from the defaults."""
 
 
 class LogConfig(Table, frozen=True, kw_only=True):
@@ -193,16 +224,27 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """The whole fleet."""
 
     name: Name
+    """Name of the fleet, part of all keys on the bus."""
     hosts: dict[Name, HostConfig] = field(default_factory=lambda: {DEFAULT_HOST: HostConfig()})
+    """Computers by name. Default: one, `main`, that reaches itself."""
     bus: BusConfig = field(default_factory=BusConfig)
+    """How processes talk."""
     volume: VolumeConfig = field(default_factory=VolumeConfig)
+    """Where it flies."""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
+    """The motion capture."""
     simulator: SimulatorConfig | None = None
+    """The fake laboratory; without this table the fleet flies hardware."""
     gateways: dict[Name, GatewayConfig] = field(default_factory=lambda: {"transmitters": GatewayConfig()})
+    """Transmitter gateways by name. Default: one, `transmitters`, on `main`."""
     avoidance: AvoidanceConfig = field(default_factory=AvoidanceConfig)
+    """Keeping clear of each other."""
     safety: SafetyConfig = field(default_factory=SafetyConfig)
+    """Limits of the arbiters."""
     log: LogConfig = field(default_factory=LogConfig)
+    """The flight log."""
     vehicles: dict[Name, VehicleConfig]
+    """Vehicles by name."""
 
     def endpoint(self, host: str) -> str:
         """Zenoh endpoint at which other hosts reach the router of a host."""

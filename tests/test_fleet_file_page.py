@@ -1,0 +1,53 @@
+"""Promises of the fleet-file reference: complete, up to date, and its example is a valid file."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import deploy
+from deploy.fleet_file.reading import parse_fleet
+from deploy.fleet_file.reference import EXAMPLE, meanings_of, reference, sections
+
+PAGE = Path(deploy.__file__).parents[1] / "docs" / "fleet_file.md"
+ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
+
+
+def test_the_page_is_what_the_types_say_now() -> None:
+    command = "python -m deploy.fleet_file.reference > docs/fleet_file.md"
+    assert PAGE.read_text(encoding="utf-8") == reference(), f"run: {command}"
+
+
+def test_every_key_has_a_type_a_default_and_a_meaning() -> None:
+    rows = [line for line in reference().splitlines() if line.startswith("| `")]
+    assert len(rows) > 150
+    for row in rows:
+        assert ROW.match(row), f"say below the field what it means: {row}"
+
+
+@pytest.mark.parametrize(
+    ("key", "cells"),
+    [
+        ("router_port", "| `router_port` | integer, 1 to 65535 |  | `7447` | TCP port of the bus router. |"),
+        ("max_m", "| `max_m` | list of 3: number | m | `[1.2, 1.2, 2.0]` | Highest x, y, z."),
+        ("then", '| `then` | `hold` or `land` or `promote` |  | `"hold"` | Keep the place;'),
+        ("subject", "| `subject` | text |  | **needed** | Name of the vehicle's subject"),
+        ("gain_us", "| `gain_us` | number | µs | `400.0` | Pulse width per unit of input"),
+        ("braking_m_s2", "| `braking_m_s2` | list of 3: number | m/s² | `[2.0, 2.0, 2.0]` | Deceleration"),
+    ],
+)
+def test_types_units_defaults_limits_and_meanings_come_from_the_source(key: str, cells: str) -> None:
+    found = [line for line in reference().splitlines() if line.startswith(f"| `{key}` |")]
+    assert any(line.startswith(cells) for line in found), found
+
+
+def test_parameters_that_share_an_entry_of_a_docstring_share_its_meaning() -> None:
+    (calibration,) = (section for section in sections() if section.path.endswith(".throttle"))
+    meanings = meanings_of(calibration.kind)
+    assert meanings["us0"] == meanings["us1"] == "Pulse widths [us] at thrust 0, `u_hover` and 1."
+
+
+def test_every_link_leads_to_a_page_and_the_example_is_a_valid_file() -> None:
+    for page in re.findall(r"\]\(([\w-]+\.md)", reference()):
+        assert (PAGE.parent / page).exists(), page
+    assert list(parse_fleet(EXAMPLE).vehicles) == ["h1", "h2"]
