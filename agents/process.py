@@ -7,25 +7,10 @@ import threading
 import time
 
 from agents.alarm import AlarmTimeLimit
-from agents.external_control import ExternalControl
-from agents.flight.guidance import Guidance
-from agents.following.leader_changes import LeaderChanges
-from agents.following.leader_plans import LeaderPlans
-from agents.following.links import followed_leader
-from agents.following.lost_leaders import LostLeaders
-from agents.following.peers import PeerStatuses
-from agents.formation.limit_scaling import LimitScaling
-from agents.formation.placement import Room
-from agents.handover import Handover
-from agents.observation import Observation
-from agents.pacing import Pacing, SolveTimer
+from agents.assembly import assemble
 from agents.pilot import ControlOutput, Pilot
-from agents.request_handler import RequestHandler
-from agents.separation.traffic import Traffic
 from agents.settings import AgentSettings
-from agents.telemetry import DiagnosticsCollector, command_message, plan_message, status_message
-from agents.tuning.changes import Tuning
-from agents.tuning.guard import OscillationGuard
+from agents.telemetry import command_message, plan_message, status_message
 from bus import channels
 from bus.messages import AgentStatus
 from bus.realtime import request_realtime, settle
@@ -37,88 +22,27 @@ ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
 
 
-def build_pilot(settings: AgentSettings) -> Pilot:
-    """Pilot with the controller, the estimator and the leaders of the settings.
-
-    Raises
-    ------
-    ValueError
-        Unknown controller or estimator, or a setting it does not accept.
-    """
-    configuration = settings.configuration
-    model, period_s, scale = settings.model, settings.period_s, settings.limit_scale
-    controller = configuration.controller_for(model, period_s, scale)
-    estimator = configuration.estimator_for(model, period_s)
-    default_controller, default_estimator = controller, estimator
-    plain = configuration.with_default_controller()
-    if plain != configuration:
-        default_controller = plain.controller_for(model, period_s, scale)
-    plain = configuration.with_default_estimator()
-    if plain != configuration:
-        default_estimator = plain.estimator_for(model, period_s)
-    return Pilot(
-        model,
-        controller,
-        estimator,
-        Guidance([followed_leader(link) for link in settings.following]),
-        settings.separation,
-        default_controller,
-        default_estimator,
-    )
-
-
 class Agent:
     """One vehicle's agent on the bus."""
 
     def __init__(self, settings: AgentSettings, pilot: Pilot, session: Session, realtime: bool) -> None:
-        vehicle, clock = settings.vehicle, session.clock
-        self._settings, self._pilot, self._session, self._clock = settings, pilot, session, clock
-        self._pacing, self._solve = Pacing(settings.period_s), SolveTimer()
-        poses = session.subscribe(channels.POSE, vehicle, depth=16)
-        applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
-        self._observation = Observation(pilot, self._pacing, poses, applied, clock)
-        self._plans = LeaderPlans(vehicle, lambda name: session.subscribe(channels.PLAN, name))
-        self._plans.keep(link.leader for link in settings.following)
-        # Statuses are looked up when they are needed; they wake nobody.
-        statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
-        self._peers = PeerStatuses(vehicle, statuses.inboxes, clock)
-        self._traffic = Traffic(
-            vehicle, settings.separation, lambda name: session.subscribe(channels.PLAN, name, waking=False)
-        )
-        self._tuning = Tuning(
-            settings.configuration, pilot, settings.period_s, settings.limit_scale, session.wake
-        )
-        self._external = ExternalControl(
-            vehicle, pilot, session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8),
-            lambda task: session.publish(channels.CONTROL_TASK, vehicle, task),
-        )  # fmt: skip
-        room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
-        self._changes = LeaderChanges(
-            vehicle, settings.vehicles, room, pilot, self._plans, self._peers, clock
-        )
-        self._lost = LostLeaders(vehicle, settings.succession, pilot, self._plans, self._peers, clock)
-        self._guard = OscillationGuard(pilot, self._tuning)
-        self._limit_scaling = LimitScaling(vehicle, settings.models)
-        self._requests = RequestHandler(
-            settings, pilot, room, self._changes, self._peers, self._tuning, self._external
-        )
-        self._diagnostics = DiagnosticsCollector(
-            pilot, self._tuning, self._pacing, self._solve,
-            (pilot, self._observation, self._plans, self._traffic, self._external, self._lost, self._changes,
-             self._guard),
-            realtime,
-        )  # fmt: skip
+        self._settings, self._pilot, self._session, self._clock = settings, pilot, session, session.clock
+        parts = assemble(settings, pilot, session, realtime)
+        self._observation, self._handover, self._requests = parts.observation, parts.handover, parts.requests
+        self._plans, self._peers, self._traffic = parts.plans, parts.peers, parts.traffic
+        self._changes, self._lost, self._limit_scaling = parts.changes, parts.lost, parts.limit_scaling
+        self._tuning, self._external, self._guard = parts.tuning, parts.external, parts.guard
+        self._pacing, self._solve, self._diagnostics = parts.pacing, parts.solve, parts.diagnostics
         # Sequences continue over restarts because they start from the wall clock.
         self._first_sequence = time.time_ns() // 1_000_000
         self._control_by_s: float | None = None
-        self._report_at_s = clock() + REPORT_PERIOD_S
+        self._report_at_s = self._clock() + REPORT_PERIOD_S
         self._said: AgentStatus | None = None
         self._remarked: set[str] = set()
-        self._handover = Handover(session, vehicle, pilot, self._tuning)
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
-        self._answer_from_s = clock() + ORIENTATION_S
-        session.serve(vehicle, self._requests.verbs)
-        session.announce(vehicle, "agent")
+        self._answer_from_s = self._clock() + ORIENTATION_S
+        session.serve(settings.vehicle, self._requests.verbs)
+        session.announce(settings.vehicle, "agent")
 
     def step(self) -> None:
         """Everything that is due now: read, decide, control, publish."""
@@ -231,7 +155,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
     settings
         The vehicle's settings.
     pilot
-        Its pilot, built by `build_pilot` from the same settings; a spare process has it ready.
+        Its pilot, built from the same settings; a spare process has it ready.
 
     Raises
     ------

@@ -14,8 +14,8 @@ import numpy as np
 
 from experiments.formation import FOLLOWERS, SETTLED_S, SLOT_S, events, formation, sequence
 from experiments.knowledge import Knowledge
-from experiments.record import rms
-from experiments.rig import Progress, Rig, total_fallbacks
+from experiments.record import rms, total_fallbacks
+from experiments.rig import Progress, Rig
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE
 from simulator.conditions import Conditions

@@ -16,8 +16,8 @@ from agents.controllers.registry import CONTROLLERS
 from bus.messages import LeaderLink
 from experiments.events import Event, Follow, GoTo
 from experiments.formation_figure import draw_formation
-from experiments.record import FlightRecord, rms
-from experiments.rig import Progress, Rig, RigOptions, RigVehicle, total_fallbacks
+from experiments.record import FlightRecord, rms, total_fallbacks
+from experiments.rig import Progress, Rig, RigOptions, RigVehicle
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
 from simulator.conditions import PRESETS, Conditions

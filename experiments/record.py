@@ -132,3 +132,11 @@ class FlightRecord:
 def rms(values: Array) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def total_fallbacks(record: FlightRecord) -> Counter[str]:
+    """Fallbacks of all vehicles together."""
+    total: Counter[str] = Counter()
+    for vehicle in record.vehicles.values():
+        total.update(vehicle.fallbacks)
+    return total

@@ -6,13 +6,14 @@ as on the bus. Same vehicles, conditions, events and seed, same flight.
 """
 
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
+from agents.assembly import build_pilot
 from agents.flight.followed import LeaderPlan
 from agents.following.links import target_link
 from agents.formation.limit_scaling import limit_scale_of, turn_limits_of
@@ -20,7 +21,6 @@ from agents.formation.topology import leaders_of, places
 from agents.identification.recording import FlightLog
 from agents.interfaces import LimitScale, Measurement
 from agents.pilot import ControlOutput, Pilot, StampedMeasurement
-from agents.process import build_pilot
 from agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from agents.separation.ellipsoid_scales import ellipsoid_scale
 from agents.settings import AgentSettings
@@ -393,11 +393,3 @@ def flying_order(leaders: Mapping[str, Sequence[str]]) -> list[str]:
     for name in leaders:
         visit(name)
     return order
-
-
-def total_fallbacks(record: FlightRecord) -> Counter[str]:
-    """Fallbacks of all vehicles together."""
-    total: Counter[str] = Counter()
-    for vehicle in record.vehicles.values():
-        total.update(vehicle.fallbacks)
-    return total

@@ -14,8 +14,8 @@ import numpy as np
 
 from agents.separation.avoidance import SeparationEllipsoid
 from experiments.events import GoTo
-from experiments.record import FlightRecord
-from experiments.rig import Progress, Rig, RigOptions, total_fallbacks
+from experiments.record import FlightRecord, total_fallbacks
+from experiments.rig import Progress, Rig, RigOptions
 from experiments.runner import Options, Result, Tell, Work, run_all
 from experiments.schemes import CASCADE
 from simulator.conditions import Conditions

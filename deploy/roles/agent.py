@@ -1,9 +1,10 @@
 """The role of a vehicle's agent: its settings and its pilot from the fleet file."""
 
+from agents.assembly import build_pilot
 from agents.formation.limit_scaling import limit_scale_of
 from agents.formation.succession import Succession
 from agents.pilot import Pilot
-from agents.process import build_pilot, run_agent
+from agents.process import run_agent
 from agents.separation.avoidance import SeparationEllipsoid
 from agents.settings import AgentSettings
 from deploy.fleet_file.schema import FleetError, FleetFile

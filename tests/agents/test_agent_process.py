@@ -9,9 +9,10 @@ from agent_bench import FOLLOWING, HOVER, Bench, Join, settings_of
 from support.bus import raw_session
 from support.plans import plan_of
 
+from agents.assembly import build_pilot
 from agents.interfaces import LimitScale
 from agents.pilot import BLIND_LIMIT_S
-from agents.process import Agent, build_pilot
+from agents.process import Agent
 from agents.references.trajectory import hold
 from bus import channels
 from bus.codec import encode

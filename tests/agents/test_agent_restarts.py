@@ -11,7 +11,8 @@ from agent_bench import FOLLOWING, Bench, Join
 from support.bus import answering
 from support.waiting import wait_for
 
-from agents.process import Agent, build_pilot
+from agents.assembly import build_pilot
+from agents.process import Agent
 from bus import channels
 from bus.intent import Intent
 from bus.messages import SetPoint

@@ -6,9 +6,9 @@ import pytest
 from agent_bench import HOVER, settings_of
 from pilot_bench import seen
 
+from agents.assembly import build_pilot
 from agents.handover import Handover
 from agents.pilot import Pilot
-from agents.process import build_pilot
 from agents.tuning.changes import Tuning
 from agents.tuning.configuration import Configuration
 from bus.codec import decode, encode

@@ -10,14 +10,13 @@ from agents.formation.limit_scaling import LEADER_LIMIT_SCALE
 from agents.formation.topology import places
 from bus.messages import LeaderLink
 from experiments.events import Event, Follow, GoTo, Lead, Switch
-from experiments.record import FlightRecord, rms
+from experiments.record import FlightRecord, rms, total_fallbacks
 from experiments.rig import (
     Rig,
     RigError,
     RigOptions,
     RigVehicle,
     flying_order,
-    total_fallbacks,
 )
 from experiments.schemes import NO_HURRY
 from simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions

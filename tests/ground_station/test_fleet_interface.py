@@ -12,14 +12,12 @@ from support.bus import own_address
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus import channels
 from bus.messages import LeaderLink
 from bus.requests import Arm, Follow, GoTo, Land, TakeOff
 from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
 from deploy.fleet_file.reading import parse_fleet
 from ground_station.fleet import Fleet
 from ground_station.live_table import COLUMNS, fleet_table
-from ground_station.recorder import Recorder
 from ground_station.status import fleet_status
 from ground_station.vehicle import RefusedError, lines_of
 from ground_station.waiting import NotReachedError
@@ -282,29 +280,6 @@ def test_a_kill_is_repeated_until_the_arbiters_confirm_it(fleet: Fleet, vehicles
     vehicles["h2"].stuck.clear()
     fleet.kill(timeout_s=10.0)
     assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "killed"]
-
-
-def test_a_recording_holds_what_travelled_between_start_and_stop(fleet: Fleet, vehicles: Vehicles) -> None:
-    recorder = Recorder(fleet.session)
-    assert len(recorder.stop()) == 0
-    recorder.start()
-    wait_for(lambda: len(recorder._records) > 30, "nothing is recorded")
-    recording = recorder.stop()
-    messages = recording.messages(channels.AGENT_STATUS, "h1")
-    assert messages
-    assert all(message.phase == "ground" for message, _ in messages)
-    times = [arrived_s for _, arrived_s in messages]
-    assert times == sorted(times)
-    assert not recording.rejected
-
-
-def test_a_recorder_with_a_limit_keeps_the_newest(fleet: Fleet) -> None:
-    recorder = Recorder(fleet.session, kept=5)
-    recorder.start()
-    wait_for(lambda: len(recorder._records) == 5, "nothing is recorded")
-    first = recorder._records[0]
-    wait_for(lambda: recorder._records[0] is not first, "the oldest is kept")
-    assert len(recorder.stop()) == 5
 
 
 def rendered(fleet: Fleet) -> str:

@@ -1,0 +1,132 @@
+"""What an agent is made of, and who of it knows whom."""
+
+from dataclasses import dataclass
+
+from agents.external_control import ExternalControl
+from agents.flight.guidance import Guidance
+from agents.following.leader_changes import LeaderChanges
+from agents.following.leader_plans import LeaderPlans
+from agents.following.links import followed_leader
+from agents.following.lost_leaders import LostLeaders
+from agents.following.peers import PeerStatuses
+from agents.formation.limit_scaling import LimitScaling
+from agents.formation.placement import Room
+from agents.handover import Handover
+from agents.observation import Observation
+from agents.pacing import Pacing, SolveTimer
+from agents.pilot import Pilot
+from agents.request_handler import RequestHandler
+from agents.separation.traffic import Traffic
+from agents.settings import AgentSettings
+from agents.telemetry import DiagnosticsCollector
+from agents.tuning.changes import Tuning
+from agents.tuning.guard import OscillationGuard
+from bus import channels
+from bus.session import Session
+
+
+@dataclass(frozen=True)
+class AgentParts:
+    """Parts of an agent beside its pilot; what each does is told where it is defined."""
+
+    observation: Observation
+    handover: Handover
+    requests: RequestHandler
+    plans: LeaderPlans
+    peers: PeerStatuses
+    traffic: Traffic
+    changes: LeaderChanges
+    lost: LostLeaders
+    limit_scaling: LimitScaling
+    tuning: Tuning
+    external: ExternalControl
+    guard: OscillationGuard
+    pacing: Pacing
+    solve: SolveTimer
+    diagnostics: DiagnosticsCollector
+
+
+def build_pilot(settings: AgentSettings) -> Pilot:
+    """Pilot with the controller, the estimator and the leaders of the settings.
+
+    Raises
+    ------
+    ValueError
+        Unknown controller or estimator, or a setting it does not accept.
+    """
+    configuration = settings.configuration
+    model, period_s, scale = settings.model, settings.period_s, settings.limit_scale
+    controller = configuration.controller_for(model, period_s, scale)
+    estimator = configuration.estimator_for(model, period_s)
+    default_controller, default_estimator = controller, estimator
+    plain = configuration.with_default_controller()
+    if plain != configuration:
+        default_controller = plain.controller_for(model, period_s, scale)
+    plain = configuration.with_default_estimator()
+    if plain != configuration:
+        default_estimator = plain.estimator_for(model, period_s)
+    return Pilot(
+        model,
+        controller,
+        estimator,
+        Guidance([followed_leader(link) for link in settings.following]),
+        settings.separation,
+        default_controller,
+        default_estimator,
+    )
+
+
+def assemble(settings: AgentSettings, pilot: Pilot, session: Session, realtime: bool) -> AgentParts:
+    """Parts of an agent, subscribed to what they need.
+
+    Parameters
+    ----------
+    settings, pilot
+        The vehicle's, the pilot built from the settings.
+    session
+        The agent's.
+    realtime
+        Whether the process runs in a real-time scheduling class.
+    """
+    vehicle, clock = settings.vehicle, session.clock
+    pacing, solve = Pacing(settings.period_s), SolveTimer()
+    poses = session.subscribe(channels.POSE, vehicle, depth=16)
+    applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
+    observation = Observation(pilot, pacing, poses, applied, clock)
+    plans = LeaderPlans(vehicle, lambda name: session.subscribe(channels.PLAN, name))
+    plans.keep(link.leader for link in settings.following)
+    # Statuses are looked up when they are needed; they wake nobody.
+    statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
+    peers = PeerStatuses(vehicle, statuses.inboxes, clock)
+    traffic = Traffic(
+        vehicle, settings.separation, lambda name: session.subscribe(channels.PLAN, name, waking=False)
+    )
+    tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.limit_scale, session.wake)
+    external = ExternalControl(
+        vehicle,
+        pilot,
+        session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8),
+        lambda task: session.publish(channels.CONTROL_TASK, vehicle, task),
+    )
+    room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
+    changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, plans, peers, clock)
+    lost = LostLeaders(vehicle, settings.succession, pilot, plans, peers, clock)
+    guard = OscillationGuard(pilot, tuning)
+    counted = (pilot, observation, plans, traffic, external, lost, changes, guard)
+    return AgentParts(
+        observation=observation,
+        handover=Handover(session, vehicle, pilot, tuning),
+        requests=RequestHandler(settings, pilot, room, changes, peers, tuning, external),
+        plans=plans,
+        peers=peers,
+        traffic=traffic,
+        changes=changes,
+        lost=lost,
+        limit_scaling=LimitScaling(vehicle, settings.models),
+        tuning=tuning,
+        external=external,
+        guard=guard,
+        pacing=pacing,
+        solve=solve,
+        diagnostics=DiagnosticsCollector(pilot, tuning, pacing, solve, counted, realtime),
+    )

@@ -1,0 +1,33 @@
+"""Promises of the recorder in a script: it keeps what travels, all of it or the newest."""
+
+from support.scripted import ScriptedVehicle
+from support.waiting import wait_for
+
+from bus import channels
+from ground_station.fleet import Fleet
+from ground_station.recorder import Recorder
+
+
+def test_a_recording_holds_what_travelled_between_start_and_stop(
+    fleet: Fleet, vehicles: dict[str, ScriptedVehicle]
+) -> None:
+    recorder = Recorder(fleet.session)
+    assert len(recorder.stop()) == 0
+    recorder.start()
+    wait_for(lambda: len(recorder._records) > 30, "nothing is recorded")
+    recording = recorder.stop()
+    messages = recording.messages(channels.AGENT_STATUS, "h1")
+    assert messages
+    assert all(message.phase == "ground" for message, _ in messages)
+    times = [arrived_s for _, arrived_s in messages]
+    assert times == sorted(times)
+    assert not recording.rejected
+
+
+def test_a_recorder_with_a_limit_keeps_the_newest(fleet: Fleet) -> None:
+    recorder = Recorder(fleet.session, kept=5)
+    recorder.start()
+    wait_for(lambda: len(recorder._records) == 5, "nothing is recorded")
+    first = recorder._records[0]
+    wait_for(lambda: recorder._records[0] is not first, "the oldest is kept")
+    assert len(recorder.stop()) == 5
