@@ -8,8 +8,8 @@ ARGS ?=
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
-	@echo "make test      unit tests, then fleets of real processes (about twenty minutes)"
-	@echo "make campaign  long flights that vary what make test flies once"
+	@echo "make test      unit tests, then fleets of real processes (about eight minutes)"
+	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make clean     remove the virtual environment and caches"
 
@@ -32,14 +32,15 @@ demo: $(VENV)/.ground
 
 test: $(VENV)/.test
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/python -m pytest -n 2 -m "not integration and not campaign"
-	$(BIN)/python -m pytest -m "integration and not campaign"
+	$(BIN)/python -m pytest -n 2 --durations=10 -m "not integration and not campaign"
+	$(BIN)/python -m pytest --durations=10 -m "integration and not campaign"
 else
 	$(BIN)/python -m pytest -m "not campaign" $(ARGS)
 endif
 
 campaign: $(VENV)/.test
 	$(BIN)/python -m pytest -m campaign $(ARGS)
+	$(BIN)/python -m pytest -n 2 -m "hypothesis and not integration" --hypothesis-profile=search
 
 lint: $(VENV)/.test
 	$(BIN)/ruff format --check .

@@ -11,9 +11,12 @@ from support.bus import router
 
 from bus.session import BusAddress, Session
 
-# A busy machine is no fault of what is tested.
-settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any_machine")
+# A busy machine is no fault of what is tested, and every change is judged by the same examples.
+# `make campaign` looks for new ones with --hypothesis-profile=search.
+COMMON: dict[str, Any] = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("repeatable", derandomize=True, max_examples=60, **COMMON)
+settings.register_profile("search", max_examples=300, **COMMON)
+settings.load_profile("repeatable")
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Promises of the message reference: complete, up to date, and its example is a valid message."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -18,17 +19,23 @@ from bus.requests import VERBS
 PAGE = Path(bus.__file__).parents[1] / "docs" / "messages.md"
 
 
+@cache
+def printed() -> str:
+    """The whole reference; every test reads it and none changes it."""
+    return reference()
+
+
 def section(text: str, title: str) -> str:
     return text.split(f"\n### {title}\n", 1)[1].split("\n##", 1)[0]
 
 
 def test_the_page_is_what_the_tables_say_now() -> None:
-    assert PAGE.read_text(encoding="utf-8") == reference(), "run: python -m bus.reference > docs/messages.md"
+    assert PAGE.read_text(encoding="utf-8") == printed(), "run: python -m bus.reference > docs/messages.md"
 
 
 @pytest.mark.parametrize("message_type", MESSAGE_TYPES, ids=lambda kind: kind.__name__)
 def test_every_field_of_every_message_is_listed(message_type: type[Message]) -> None:
-    listed = section(reference(), message_type.__name__)
+    listed = section(printed(), message_type.__name__)
     shared = {"schema_version", "source"} if message_type.__name__ != "Kill" else {"schema_version"}
     for field in msgspec.structs.fields(message_type):
         if field.name not in shared:
@@ -36,7 +43,7 @@ def test_every_field_of_every_message_is_listed(message_type: type[Message]) -> 
 
 
 def test_every_channel_and_verb_is_listed() -> None:
-    text = reference()
+    text = printed()
     for channel in CHANNELS:
         assert f"| {channel.unit} / {channel.topic} |" in text
     for verb in VERBS:
@@ -44,7 +51,7 @@ def test_every_channel_and_verb_is_listed() -> None:
 
 
 def test_units_types_and_meanings_come_from_the_fields() -> None:
-    text = reference()
+    text = printed()
     assert "| `period_s` | float, 0.0005 to 1 | s |" in section(text, "Pose")
     assert "| `velocity_m_s` | 3 times float or nil | m/s | `nil` |" in section(text, "AgentStatus")
     assert "| `solve_ms_p99` | float, from 0 | ms |" in section(text, "Diagnostics")
@@ -52,13 +59,13 @@ def test_units_types_and_meanings_come_from_the_fields() -> None:
 
 
 def test_every_link_of_the_page_leads_to_a_heading() -> None:
-    text = reference()
+    text = printed()
     headings = {line.removeprefix("### ").lower() for line in text.splitlines() if line.startswith("### ")}
     assert set(re.findall(r"\]\(#(\w+)\)", text)) <= headings
 
 
 def test_the_printed_example_is_a_valid_command() -> None:
-    block = reference().split("bytes of MessagePack:\n\n```\n")[1].split("```")[0]
+    block = printed().split("bytes of MessagePack:\n\n```\n")[1].split("```")[0]
     command = decode(bytes.fromhex(block), Command)
     assert command.source == EXAMPLE["source"]
     assert command.input == tuple(EXAMPLE["input"])

@@ -9,9 +9,13 @@ from experiments.record import rms
 from simulator.conditions import LABORATORY
 
 SHAPES = shapes()
+EACH_TIME = ("chain_heading", "several_leaders")
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize(
+    "name",
+    [name if name in EACH_TIME else pytest.param(name, marks=pytest.mark.campaign) for name in SHAPES],
+)
 def test_every_follower_stays_beside_its_leaders(name: str) -> None:
     errors = fly_shape(SHAPES[name], LABORATORY, 0, quick=True)
     assert errors.keys() == {vehicle for vehicle, own in SHAPES[name].items() if own}

@@ -33,6 +33,7 @@ def test_an_identified_helicopter_hovers_better_than_its_type() -> None:
     assert after[2] < 0.005
 
 
+@pytest.mark.campaign
 def test_a_vehicle_that_gusts_blow_out_of_its_box_is_not_identified() -> None:
     storm = replace(HELICOPTERS, turbulence_rms=(3.0, 3.0, 0.5, 0.5))
     with pytest.raises(NotIdentifiedError, match=r"h1, seed 2: .* m from its place"):

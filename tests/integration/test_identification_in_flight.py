@@ -25,7 +25,7 @@ def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> N
     )
     flying = launch(text)
     fleet, truth = flying.fleet, Truth(flying)
-    fleet.take_off(height_m=1.0)
+    fleet.take_off(height_m=1.0, timeout_s=40)
     truth.start_watch()
     command = (sys.executable, "-m", "rcopterx", "identify", "h1", "-f", str(flying.path))
     done = subprocess.run(

@@ -12,7 +12,7 @@ from ground_station.recorder import Recorder, Recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
-BUMPLESS = 0.05
+BUMPLESS = 0.02
 """Largest step of a stick between two commands around a change of leaders, in undisturbed flight."""
 PLACE_M = 0.08
 HOME_M = (0.0, 0.0, 0.8)
@@ -31,7 +31,7 @@ def flying(flown: tuple[Flying, Truth]) -> Flying:
     """The fleet, in formation and at rest."""
     flying, truth = flown
     if not flying.fleet.state_of("h1").airborne:
-        flying.fleet.take_off(height_m=0.8)
+        flying.fleet.take_off(height_m=0.8, timeout_s=40)
     flying.fleet["h1"].go_to(HOME_M)
     flying.fleet.wait_until(lambda: at(truth, "h1", HOME_M, 0.02), 15, "h1 is not at home", ["h1"])
     flying.fleet.wait_for_formation()

@@ -39,7 +39,7 @@ def start(launch: Launch, then: dict[str, str]) -> tuple[Flying, Truth]:
     text = fleet_text(free_port(), hosts, vehicles=vehicles(then), control=control)
     flying = launch(text)
     truth = Truth(flying)
-    flying.fleet.take_off(height_m=0.8)
+    flying.fleet.take_off(height_m=0.8, timeout_s=40)
     wait_for_stances(flying, {"h2": "follow", "h3": "follow"})
     flying.fleet.wait_until(
         lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",), 5, "no leader"
@@ -115,7 +115,7 @@ def recover(flying: Flying, names: tuple[str, ...]) -> None:
         "not down",
         names,
     )
-    flying.fleet.take_off(names, height_m=0.8)
+    flying.fleet.take_off(names, height_m=0.8, timeout_s=40)
     flying.fleet.wait_until(
         lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",),
         10,

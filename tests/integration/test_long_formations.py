@@ -44,7 +44,7 @@ def test_a_chain_of_five_follows_its_head_and_tells_the_whole_line(launch: Launc
     )
     flying = launch(text)
     fleet = flying.fleet
-    fleet.take_off(height_m=0.8)
+    fleet.take_off(height_m=0.8, timeout_s=40)
     fleet.wait_for_formation()
     plan = fleet["h5"].plan
     assert plan is not None

@@ -18,7 +18,7 @@ def test_a_fleet_flies_without_a_vehicle_whose_radio_is_missing(launch: Callable
         10,
         "h3 is ready",
     )
-    behind = flying.fleet.take_off(height_m=0.8)
+    behind = flying.fleet.take_off(height_m=0.8, timeout_s=40)
     assert len(behind) == 1
     assert behind[0].startswith("h3: transmitter not ready")
     assert min(truth.height_m(name) for name in ("h1", "h2")) > 0.5

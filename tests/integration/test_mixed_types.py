@@ -40,7 +40,7 @@ def test_helicopters_and_a_quadrotor_fly_one_formation_and_either_type_leads(lau
     assert {name: model.kind for name, model in models.items()} == {
         "h1": "coaxial", "q1": "quadrotor", "h2": "coaxial",
     }  # fmt: skip
-    fleet.take_off(NAMES, height_m=0.7)
+    fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
     fleet.wait_for_formation()
     recorder = Recorder(fleet.session)
     recorder.start()

@@ -58,7 +58,7 @@ def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
     flying = launch(trio_text(RADIOS))
     assert {v.transmitter.protocol for v in load_fleet(flying.path).vehicles.values()} == set(RADIOS.values())
     truth = Truth(flying)
-    flying.fleet.take_off(height_m=0.7)
+    flying.fleet.take_off(height_m=0.7, timeout_s=40)
     truth.start_watch()
     places = {"h1": (0.5, 0.1, 0.9), "h2": (-0.5, 0.5, 0.9), "h3": (-0.3, -0.5, 0.9)}
     for name, place in places.items():
@@ -87,8 +87,8 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
 ) -> None:
     flying = launch(trio_text())
     truth = Truth(flying)
-    flying.fleet.take_off(["h1", "h3"], height_m=0.8)
-    flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M)
+    flying.fleet.take_off(["h1", "h3"], height_m=0.8, timeout_s=40)
+    flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M, timeout_s=40)
     truth.start_watch()
     inject_faults(flying.fleet.session, BreakRadio("h2", condition))
 
@@ -116,7 +116,7 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
         "the radio is not found again",
     )
     flying.fleet.wait_until(lambda: flying.fleet.state_of("h2").phase == "ground", 10, "agent unaware")
-    flying.fleet.take_off(["h2"], height_m=0.5)
+    flying.fleet.take_off(["h2"], height_m=0.5, timeout_s=40)
 
 
 @pytest.mark.campaign
@@ -128,7 +128,7 @@ def test_hover_trim_is_measured_in_flight_and_written_to_the_file(launch: Launch
     refused = subprocess.run([*words, "--fleet", str(copy)], capture_output=True, text=True, check=False)
     assert refused.returncode == 1
     assert "hover first" in refused.stderr
-    flying.fleet.take_off(["h2"], height_m=0.8)
+    flying.fleet.take_off(["h2"], height_m=0.8, timeout_s=40)
     flying.fleet.wait_for_arrival(["h2"])
     in_flight = subprocess.run(
         [*words[:5], "--pitch", "reversed", "--fleet", str(copy)], capture_output=True, text=True, check=False

@@ -16,7 +16,7 @@ def test_trio_flies_spread_over_two_hosts_with_a_router_each(launch: Callable[..
     assert "agent-h1" in flying.launchers["second"].supervisor.running()
     assert "transmitters" in flying.launchers["main"].supervisor.running()
     truth = Truth(flying)
-    flying.fleet.take_off(height_m=0.6)
+    flying.fleet.take_off(height_m=0.6, timeout_s=40)
     truth.start_watch()
     flying.fleet["h1"].go_to((0.2, 0.0, 0.7))
     flying.fleet.wait_until(lambda: at(truth, "h1", (0.2, 0.0, 0.7)), 15, "h1 does not obey")

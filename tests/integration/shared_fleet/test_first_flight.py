@@ -32,7 +32,7 @@ def test_trio_takes_off_flies_in_formation_and_lands(flying: Flying, truth: Trut
     assert len(figures.pose_to_command_ms()) > 20
     assert len(figures.frame_to_radio_ms()) > 20
     land_gently(flying, truth)
-    flying.fleet.take_off(height_m=0.6)
+    flying.fleet.take_off(height_m=0.6, timeout_s=40)
     assert min(truth.height_m(name) for name in NAMES) > 0.3
 
 

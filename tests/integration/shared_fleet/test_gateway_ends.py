@@ -50,11 +50,10 @@ def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(flying: Flying
         "not taken over",
         NAMES,
     )
-    asked_s = time.monotonic()
     fly_to(flying, truth, (0.2, 0.1, 0.9))
     truth.assert_nobody_touched_down()
     for name in NAMES:
-        assert min(log.throttles(name, killed_s, asked_s)) > THROTTLE_LOW_US + 100
+        assert min(log.throttles(name, killed_s)) > THROTTLE_LOW_US + 100
 
 
 @pytest.mark.campaign
@@ -71,7 +70,7 @@ def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
     flying.fleet.wait_until(
         lambda: all(flying.fleet.state_of(name).phase == "ground" for name in NAMES), 5, "agents unaware"
     )
-    flying.fleet.take_off(height_m=0.6)
+    flying.fleet.take_off(height_m=0.6, timeout_s=40)
     flying.fleet.wait_until(lambda: all(truth.height_m(name) > 0.4 for name in NAMES), 10, "not flying again")
 
 
@@ -105,7 +104,7 @@ def test_exception_in_the_gateway_brings_everybody_down_and_ends_on_throttle_low
         subprocess.Popen([sys.executable, program, flying.path], stderr=said) as gateway,
     ):
         try:
-            flying.fleet.take_off(height_m=0.5)
+            flying.fleet.take_off(height_m=0.5, timeout_s=40)
             gateway.send_signal(signal.SIGUSR2)
             assert gateway.wait(20) == 1
         finally:
@@ -178,7 +177,7 @@ def test_key_on_the_gateways_terminal_kills_and_is_explained(flying: Flying) -> 
     flying.fleet.land()
     with gateway_on_a_terminal(flying) as (terminal, process):
         read_until(terminal, "space or k")
-        flying.fleet.take_off(["h1"], height_m=0.3)
+        flying.fleet.take_off(["h1"], height_m=0.3, timeout_s=40)
         os.write(terminal, b"x")
         os.write(terminal, b" ")
         flying.fleet.wait_until(lambda: all_states(flying, "killed"), 5, "not killed", NAMES)

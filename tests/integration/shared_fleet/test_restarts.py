@@ -68,7 +68,7 @@ def test_killed_laboratory_is_found_again_and_the_fleet_takes_off_anew(flying: F
     fleet.wait_until(
         lambda: all(fleet.state_of(name).phase == "ground" for name in NAMES), 20, "agents unaware", NAMES
     )
-    fleet.take_off(height_m=0.6)
+    fleet.take_off(height_m=0.6, timeout_s=40)
     fleet.wait_until(lambda: all(truth.height_m(name) > 0.3 for name in NAMES), 10, "not flying")
 
 

@@ -26,7 +26,7 @@ def test_a_climb_without_frames_for_a_moment_ends_at_the_height_that_was_asked_f
 
     thread = threading.Thread(target=interrupt)
     thread.start()
-    fleet.take_off(["h1"], height_m=1.0)
+    fleet.take_off(["h1"], height_m=1.0, timeout_s=40)
     thread.join()
     assert len(interrupted) == 1
     assert interrupted[0] < 0.9
