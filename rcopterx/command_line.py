@@ -1,6 +1,7 @@
 """All commands of `rcopterx` but the fast way of `kill`, see `rcopterx.cli`."""
 
 from collections.abc import Callable
+from typing import Annotated
 
 import typer
 
@@ -46,6 +47,29 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
         roles.router, roles.recorder, roles.simulator, roles.tracker, roles.transmitters, roles.agent,
     ),
 }  # fmt: skip
+
+
+def _tell_version(wanted: bool) -> None:
+    if not wanted:
+        return
+    from flight_log.provenance import provenance
+
+    origin = provenance()
+    known = f" (commit {origin['commit']})" if origin["commit"] else ""
+    typer.echo(f"rcopterx {origin['rcopterx']}{known}, Python {origin['python']}")
+    raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_tell_version, is_eager=True, help="Tell version and commit."),
+    ] = False,
+) -> None:
+    pass
+
+
 WITH_COORDINATES = (steer.goto,)
 """A coordinate may be negative; unknown options are not looked for, so that -0.5 is a number."""
 for panel, commands in COMMANDS.items():

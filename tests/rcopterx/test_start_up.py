@@ -4,9 +4,11 @@ import subprocess
 import sys
 
 import pytest
+from typer.testing import CliRunner
 
 from agents.identification.excitation import BASE_HZ
 from agents.references.path_shapes import HEADINGS
+from rcopterx.command_line import app
 
 NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib"}
 
@@ -40,3 +42,12 @@ def test_help_texts_that_are_not_computed_agree_with_the_code() -> None:
     assert heading.help == f"One of {', '.join(HEADINGS)}."
     (seconds,) = identify.identify.__annotations__["seconds"].__metadata__
     assert seconds.min == pytest.approx(1 / BASE_HZ)
+
+
+def test_the_version_is_told_with_its_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    origin = {"rcopterx": "1.2.3", "commit": "abc123+", "python": "3.11.7"}
+    monkeypatch.setattr("flight_log.provenance.provenance", lambda: origin)
+    told = CliRunner().invoke(app, ["--version"])
+    assert (told.exit_code, told.stdout) == (0, "rcopterx 1.2.3 (commit abc123+), Python 3.11.7\n")
+    origin["commit"] = ""
+    assert CliRunner().invoke(app, ["--version"]).stdout == "rcopterx 1.2.3, Python 3.11.7\n"
