@@ -4,13 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: help demo test campaign lint clean
+.PHONY: help demo test campaign lint docs clean
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
 	@echo "make test      unit tests, then fleets of real processes (about eight minutes)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make lint      formatting, types, allowed imports"
+	@echo "make docs      the documentation site, in build/site"
 	@echo "make clean     remove the virtual environment and caches"
 
 $(VENV)/.base: pyproject.toml
@@ -47,6 +48,14 @@ lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+$(VENV)/.docs: $(VENV)/.base
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	@touch $@
+
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "open build/site/index.html"
 
 clean:
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info build dist

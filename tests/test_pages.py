@@ -43,3 +43,20 @@ def test_the_architecture_names_every_folder_and_every_part_of_an_agent() -> Non
             assert f"`{part.name}/`" in ARCHITECTURE
         elif part.suffix == ".py" and part.stem != "__init__":
             assert f"`{part.stem}`" in ARCHITECTURE
+
+
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES], ids=lambda path: path.name
+)
+def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), target
+
+
+def test_the_documentation_site_has_every_page_once() -> None:
+    named = re.findall(r"([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(named) == [page.name for page in PAGES]
