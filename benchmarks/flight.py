@@ -7,7 +7,7 @@ import numpy as np
 from agents.controllers.registry import CONTROLLERS
 from agents.interfaces import Estimate
 from agents.references.trajectory import Trajectory, hold
-from vehicles.model import Model, motion_derivative
+from vehicles.model import Model, input_behind_gyro, motion_derivative
 from vehicles.state import Array
 
 SET_POINTS = (
@@ -81,6 +81,7 @@ def record_flight(model: Model, period_s: float, steps: int, seed: int) -> list[
         disturbance = memory * disturbance + TURBULENCE * np.sqrt(1 - memory**2) * rng.normal(size=4)
         h = period_s / SUBSTEPS
         for _ in range(SUBSTEPS):
-            actuator = last + (actuator - last) * np.exp(-h / np.array(model.lag_s))
+            followed = input_behind_gyro(model, motion, actuator, last)
+            actuator = followed + (actuator - followed) * np.exp(-h / np.array(model.lag_s))
             motion = motion + h * motion_derivative(model, motion, actuator, disturbance)
     return moments

@@ -20,7 +20,16 @@ from transmitter_gateway.calibration import Calibration
 from vehicles.model import Model
 
 DIGITS = 4
-FITTED = ("input_gain", "damping", "lag_s", "delay_s", "hover_thrust", "tilt", "uncertainty")
+FITTED = (
+    "input_gain",
+    "damping",
+    "lag_s",
+    "delay_s",
+    "hover_thrust",
+    "thrust_coupling",
+    "tilt",
+    "uncertainty",
+)
 CHANNELS = ("pitch", "roll", "throttle", "yaw")
 
 

@@ -79,8 +79,8 @@ def exact_model(parameters: HelicopterParameters) -> Model:
     """The model that a perfect identification of a simulated helicopter would find.
 
     Where the structure of the model is simpler than the vehicle it gets the mean: the servos and inertias of
-    pitch and roll, the lags of the two rotors in proportion to their thrust. Trim, markers and battery are
-    not in it; they are estimated in flight.
+    pitch and roll, the lags of the two rotors in proportion to their thrust, and for yaw to their torque.
+    Trim, markers and battery are not in it; they are estimated in flight.
 
     Parameters
     ----------
@@ -112,17 +112,28 @@ def exact_model(parameters: HelicopterParameters) -> Model:
     rotor_lag_s = (
         thrust_upper_n * parameters.rotor_lag_upper_s + thrust_lower_n * parameters.rotor_lag_lower_s
     ) / (thrust_upper_n + thrust_lower_n)
-    pitch_lag_s, roll_lag_s, _, yaw_lag_s = COAXIAL.lag_s
+    torque_upper = parameters.torque_upper * parameters.thrust_lower
+    torque_lower = parameters.torque_lower * parameters.thrust_upper
+    yaw_lag_s = (
+        torque_upper * parameters.rotor_lag_upper_s + torque_lower * parameters.rotor_lag_lower_s
+    ) / (torque_upper + torque_lower)
+    yaw_gain = parameters.yaw_rate_gain_rad_s * parameters.yaw_gyro_gain_per_s
+    # Yaw acceleration of either rotor's drag per unit of thrust stick; in hover they cancel.
+    drag = parameters.torque_upper * speed_upper**2 * parameters.thrust_gain_m_s2
+    drag_rad_s2 = drag / (parameters.inertia_kg_m2[2] * GRAVITY_M_S2)
+    slower_s = parameters.rotor_lag_upper_s - parameters.rotor_lag_lower_s
+    pitch_lag_s, roll_lag_s, _, _ = COAXIAL.lag_s
     return replace(
         COAXIAL,
         input_gain=(
             plateau_m_s2 * parameters.swash_gain_rad[0],
             plateau_m_s2 * parameters.swash_gain_rad[1],
             parameters.thrust_gain_m_s2,
-            parameters.yaw_rate_gain_rad_s * parameters.yaw_gyro_gain_per_s,
+            yaw_gain,
         ),
         damping=(-parameters.drag_per_s[0], -parameters.drag_per_s[1], 0.0, -parameters.yaw_gyro_gain_per_s),
         lag_s=(pitch_lag_s, roll_lag_s, rotor_lag_s, yaw_lag_s),
+        thrust_coupling=drag_rad_s2 * slower_s / (yaw_gain * rotor_lag_s),
         tilt=tilt,
         uncertainty=IDENTIFIED,
     )

@@ -88,7 +88,7 @@ class Model:
     input_gain: Four
     """b_x, b_y, b_z [m/s^2 per unit], b_psi [rad/s^2 per unit]."""
     damping: Four
-    """k_x, k_y, k_z, k_psi [1/s], negative for a stable vehicle."""
+    """k_x, k_y, k_z, k_psi [1/s], negative for a stable vehicle; of motions slower than the lags."""
     lag_s: Four
     """First-order actuator lag of each input; with a tilt model those of pitch and roll are the equivalent
     for controllers that know nothing slower than a lag."""
@@ -116,6 +116,12 @@ class Model:
     """Gravity."""
     integrator_gain: float = 2.0
     """k_i of equation (1)."""
+    yaw_gyro: bool = False
+    """Whether a rate gyro damps the yaw: it corrects the yaw stick, so that its damping passes the yaw's lag
+    instead of acting at once."""
+    thrust_coupling: float = 0.0
+    """Yaw stick per thrust stick that the rotors have not followed yet: of two rotors that turn against each
+    other one is faster, and its torque comes first."""
     tilt: TiltModel | None = None
     """How pitch and roll sticks become acceleration; None for a first-order lag, `lag_s`."""
     uncertainty: Uncertainty = UNIDENTIFIED
@@ -133,6 +139,8 @@ class Model:
         for name in ("lag_s", "delay_s"):
             if np.min(getattr(self, name)) < 0:
                 raise ValueError(f"{name}: must not be below 0, got {getattr(self, name)}")
+        if self.yaw_behind_rotors and not self.lag_s[U_YAW] > 0:
+            raise ValueError(f"lag_s: a yaw of rotors needs a lag above 0, got {self.lag_s[U_YAW]}")
         for name in ("state_scale", "state_shift"):
             if len(getattr(self, name)) != STATE_SIZE:
                 raise ValueError(f"{name}: {len(getattr(self, name))} numbers, {STATE_SIZE} are needed")
@@ -154,8 +162,26 @@ class Model:
 
     @cached_property
     def k(self) -> Array:
-        """Damping, shape (4,)."""
+        """Damping of motions slower than the lags, shape (4,)."""
         return np.array(self.damping)
+
+    @cached_property
+    def direct_damping(self) -> Four:
+        """The part of the damping that acts at once, without passing a lag [1/s]."""
+        k_x, k_y, k_z, k_yaw = self.damping
+        return k_x, k_y, k_z, 0.0 if self.yaw_gyro else k_yaw
+
+    @cached_property
+    def yaw_behind_rotors(self) -> bool:
+        """Whether anything but the yaw stick itself passes the yaw's lag."""
+        return self.yaw_gyro or self.thrust_coupling != 0.0
+
+    @cached_property
+    def rate_feedback(self) -> Four:
+        """What on-board electronics subtract from each stick per unit of velocity, ahead of the lag: the gyro
+        [s/m, s/rad]."""
+        gyro = -self.damping[U_YAW] / self.input_gain[U_YAW] if self.yaw_gyro else 0.0
+        return 0.0, 0.0, 0.0, gyro
 
     @cached_property
     def u_min(self) -> Array:
@@ -196,7 +222,7 @@ def motion_derivative(model: Model, motion: Array, actuator: Array, disturbance:
     """
     c, s = np.cos(motion[YAW]), np.sin(motion[YAW])
     xd, yd, zd, yaw_rate = motion[XD_BODY : YAW_RATE + 1]
-    b, k = model.input_gain, model.damping
+    b, k = model.input_gain, model.direct_damping
     derivative = np.empty(MOTION_SIZE)
     derivative[X] = c * xd - s * yd
     derivative[Y] = s * xd + c * yd
@@ -209,3 +235,27 @@ def motion_derivative(model: Model, motion: Array, actuator: Array, disturbance:
     )
     derivative[YAW_RATE] = b[U_YAW] * actuator[U_YAW] + k[U_YAW] * yaw_rate + disturbance[3]
     return derivative
+
+
+def input_behind_gyro(model: Model, motion: Array, actuator: Array, applied_input: Array) -> Array:
+    """Input that the actuators follow: the one that acts, with what gyro and thrust make of the yaw stick.
+
+    Parameters
+    ----------
+    model
+        Vehicle parameters.
+    motion
+        Motion state, shape (8,).
+    actuator
+        Inputs after their lag, shape (4,).
+    applied_input
+        Input, shape (4,).
+
+    Returns
+    -------
+    Array
+        Shape (4,).
+    """
+    followed = applied_input - np.array(model.rate_feedback) * motion[XD_BODY:]
+    followed[U_YAW] += model.thrust_coupling * (applied_input[U_THRUST] - actuator[U_THRUST])
+    return followed

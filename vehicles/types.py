@@ -31,7 +31,9 @@ COAXIAL_LAG: Final = Model(
 COAXIAL: Final = replace(
     COAXIAL_LAG,
     kind="coaxial",
-    lag_s=(0.12, 0.12, 0.11, 0.11),
+    lag_s=(0.12, 0.12, 0.11, 0.12),
+    yaw_gyro=True,
+    thrust_coupling=2.4,
     tilt=TiltModel(
         frequency_rad_s=12.7,
         damping_ratio=0.25,

@@ -29,7 +29,7 @@ from agents.controllers.chain import ChainParameters
 from agents.controllers.chain_qp import ChainQP
 from agents.controllers.clearance import Clearances, clearances
 from agents.controllers.disturbance_observer import DisturbanceObserver
-from agents.controllers.roll_out import lag_poles
+from agents.controllers.roll_out import first_order, lag_poles
 from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from agents.controllers.weights import default_input_weights, default_state_weights
 from agents.interfaces import Estimate, LimitScale, Obstacle
@@ -102,7 +102,8 @@ class CascadeController(GuardedController):
         super().__init__(model, period_s, settings.horizon, settings.limits(model))
         self._settings = settings
         self._observer = DisturbanceObserver(model, period_s)
-        self._decay = 1.0 + period_s * model.k
+        self._decay = 1.0 + period_s * (np.array(model.direct_damping) if settings.actuator_lag else model.k)
+        self._poles = lag_poles(model, period_s)
         self._levels = 3 if settings.actuator_lag else 2
         self._steady_chain = steady = self._parameters(_STEADY, (True, False))
         self._steady = self.workspace(steady, settings.max_iterations)
@@ -167,12 +168,12 @@ class CascadeController(GuardedController):
         weights = np.array(default_state_weights(self._model) if state is None else state)
         effort = np.array(default_input_weights(self._model, self._period_s) if inputs is None else inputs)
         effort[[U_PITCH, U_ROLL, U_YAW]] *= self._settings.effort_factor
-        poles = lag_poles(self._model, self._period_s)
         return ChainParameters(
             stages=self._horizon,
             period_s=self._period_s,
             gain=self._model.b[axes],
-            pole=poles[axes] if self._settings.actuator_lag else None,
+            pole=self._poles[axes] if self._settings.actuator_lag else None,
+            rate_feedback=np.array(self._model.rate_feedback)[axes],
             position_weights=weights[:4][axes],
             velocity_weights=weights[4:][axes],
             input_weights=effort[axes],
@@ -211,6 +212,7 @@ class CascadeController(GuardedController):
             self._share_of(_HORIZONTAL),
         )
         inputs = np.concatenate((horizontal.inputs, steady.inputs), axis=1)
+        inputs[:, U_YAW] -= self._thrust_turns(float(estimate.actuator[U_THRUST]), steady.inputs[:, 0])
         np.maximum(inputs, self._limits.input_min, out=inputs)
         np.minimum(inputs, self._limits.input_max, out=inputs)
         return Solution(
@@ -219,6 +221,15 @@ class CascadeController(GuardedController):
             horizontal.iterations + steady.iterations,
             early=not (horizontal.solved and steady.solved),
         )
+
+    def _thrust_turns(self, actuator: float, thrust: Array) -> Array:
+        """What a plan of thrust sticks turns the vehicle by, as yaw sticks."""
+        coupling = self._model.thrust_coupling
+        if coupling == 0.0 or not self._settings.actuator_lag:
+            return np.zeros(len(thrust))
+        pole = float(self._poles[U_THRUST])
+        followed = first_order(pole, actuator, (1.0 - pole) * thrust[:-1])
+        return np.asarray(coupling * (thrust - followed))
 
     def _clearances(self, estimate: Estimate, reference: Trajectory) -> Clearances | None:
         """Separation constraints around the previous plan; None while nobody is near."""

@@ -165,6 +165,7 @@ def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0
         b[m:] = np.diag(period * parameters.gain)
     else:
         a[m : 2 * m, 2 * m :] = np.diag(period * parameters.gain)
+        a[2 * m :, m : 2 * m] = -np.diag((1 - parameters.pole) * parameters.rate_feedback)
         a[2 * m :, 2 * m :] = np.diag(parameters.pole)
         b[2 * m :] = np.diag(1 - parameters.pole)
     q = np.zeros(size)
@@ -242,6 +243,7 @@ def chain_reference(
         rows[:-1, 2 * m :] = actuator[:-1]
         return rows, np.concatenate((position[-1], velocity[-1]))
     rows[:-1, 2 * m :] = (actuator[1:] - parameters.pole * actuator[:-1]) / (1 - parameters.pole)
+    rows[:-1, 2 * m :] += parameters.rate_feedback * velocity[:-1]
     return rows, np.concatenate((position[-1], velocity[-1], actuator[-1]))
 
 

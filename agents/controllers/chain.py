@@ -2,7 +2,8 @@
 
     position_{i+1} = position_i + T_s E_i velocity_i
     velocity_{i+1} = F_i velocity_i + T_s (b actuator_i + disturbance)
-    actuator_{i+1} = pole actuator_i + (1 - pole) input_i        (without lag: actuator_i = input_i)
+    actuator_{i+1} = pole actuator_i + (1 - pole) (input_i - feedback velocity_i)
+                                                                 (without lag: actuator_i = input_i)
 
 with E_i orthogonal and one or two axes: yaw, the vertical and, along a known heading plan, the horizontal
 motion are all of this form (control.md section 6). Positions determine everything else: velocities are their
@@ -35,6 +36,8 @@ class ChainParameters:
         b, shape (m,).
     pole
         Discrete actuator pole, shape (m,); None for no lag.
+    rate_feedback
+        What is subtracted from the inputs per velocity, ahead of the lag, shape (m,); zero for no lag.
     position_weights, velocity_weights, input_weights
         Diagonals of the stage cost, shape (m,).
     soft_weight
@@ -51,6 +54,7 @@ class ChainParameters:
     period_s: float
     gain: Array
     pole: Array | None
+    rate_feedback: Array
     position_weights: Array
     velocity_weights: Array
     input_weights: Array
@@ -182,6 +186,7 @@ class Chain:
             inputs[:, :, m:] = actuator[1:]
             inputs[:, :, :m] = 0.0
             inputs[:, :, :-m] -= pole[:, None] * actuator[:-1]
+            inputs[:, :, : 2 * m] += self.parameters.rate_feedback[:, None] * velocity[: stages - 1]
         self._first_turns = turn[:2].copy()
         self._first_transition = transition[0].copy()
         self._terminal_cost = terminal_cost

@@ -14,7 +14,7 @@ from agents.controllers.roll_out import lag_poles, predict
 from agents.controllers.settings import Limits
 from agents.interfaces import Estimate
 from agents.references.trajectory import Trajectory
-from vehicles.model import Model, motion_derivative
+from vehicles.model import Model, input_behind_gyro, motion_derivative
 from vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array, heading_matrix
 
 TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
@@ -77,8 +77,9 @@ class FeedbackController(GuardedController):
             command[:] = self._law(motion, sample, trim)
             trim = self._integrated(trim, motion, sample, command)
             rate = motion_derivative(self._model, motion, actuator, estimate.disturbance)
+            followed = input_behind_gyro(self._model, motion, actuator, command)
+            actuator = self._pole * actuator + (1.0 - self._pole) * followed
             motion = motion + self._period_s * rate
-            actuator = self._pole * actuator + (1.0 - self._pole) * command
         return inputs
 
     def _law(self, motion: Array, sample: Array, trim: Array) -> Array:

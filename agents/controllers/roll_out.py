@@ -56,7 +56,10 @@ def predict(model: Model, estimate: Estimate, inputs: Array, period_s: float) ->
         [first_order(p, s, (1 - p) * u) for p, s, u in zip(poles, estimate.actuator, coast.T, strict=True)]
     )
     push = period_s * (model.b * actuator + disturbance)
-    yaw_rate = first_order(1 + period_s * k[U_YAW], motion[YAW_RATE], push[:, U_YAW])
+    if model.yaw_behind_rotors:
+        yaw_rate = _yaw_behind_rotors(model, estimate, coast, actuator[:-1, U_THRUST], period_s)
+    else:
+        yaw_rate = first_order(1 + period_s * k[U_YAW], motion[YAW_RATE], push[:, U_YAW])
     climb = push[:, U_THRUST] - period_s * model.gravity_m_s2
     vertical = first_order(1 + period_s * k[U_THRUST], motion[ZD_BODY], climb)
     yaw = motion[YAW] + period_s * np.concatenate(([0.0], np.cumsum(yaw_rate)))
@@ -69,6 +72,23 @@ def predict(model: Model, estimate: Estimate, inputs: Array, period_s: float) ->
         body[i] = xd, yd
         xd, yd = decay_x * xd + w * yd + push_x, decay_y * yd - w * xd + push_y
     return trajectory_from_body(motion, yaw, yaw_rate, body, vertical, period_s, len(inputs) + 1)
+
+
+def _yaw_behind_rotors(
+    model: Model, estimate: Estimate, inputs: Array, thrust_actuator: Array, period_s: float
+) -> Array:
+    """Yaw rates under sticks and what gyro and thrust make of them, one more than inputs."""
+    pole = float(lag_poles(model, period_s)[U_YAW])
+    gain, gyro, disturbance = model.input_gain[U_YAW], model.rate_feedback[U_YAW], estimate.disturbance[U_YAW]
+    rate, actuator = float(estimate.motion[YAW_RATE]), float(estimate.actuator[U_YAW])
+    rates = [rate]
+    sticks = inputs[:, U_YAW] + model.thrust_coupling * (inputs[:, U_THRUST] - thrust_actuator)
+    for stick in sticks.tolist():
+        torque = stick - gyro * rate
+        rate += period_s * (gain * actuator + float(disturbance))
+        actuator = pole * actuator + (1.0 - pole) * torque
+        rates.append(rate)
+    return np.array(rates)
 
 
 def trajectory_from_body(

@@ -10,7 +10,7 @@ from agents.estimators.settings import EstimatorSettings, Positive
 from agents.flight.prediction import actuator_response
 from agents.interfaces import Estimate
 from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, Array
+from vehicles.state import INPUT_SIZE, YAW, Array
 
 _UNKNOWN_ACCELERATION: Final = np.array([0.5, 0.5, 1.0, 3.0])
 """Deviation of the accelerations that this estimator knows nothing of [m/s^2, rad/s^2]."""
@@ -69,7 +69,9 @@ class FiniteDifferenceEstimator(PoseEstimator):
         self._elapsed_s = 0.0
 
     def _move(self, applied_input: Array, period_s: float) -> None:
-        self._actuator = actuator_response(self._model, self._actuator, applied_input, period_s)
+        self._actuator = actuator_response(
+            self._model, self._actuator, applied_input, float(self._rates[YAW]), period_s
+        )
         self._pose = self._pose + period_s * self._rates
         self._elapsed_s += period_s
 

@@ -7,7 +7,7 @@ from agents.estimators.settings import EstimatorSettings, FourPositive, Positive
 from agents.flight.prediction import actuator_response
 from agents.interfaces import Estimate
 from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, Array
+from vehicles.state import INPUT_SIZE, YAW, Array
 
 
 class KalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
@@ -86,7 +86,9 @@ class KalmanEstimator(PoseEstimator):
     def _move(self, applied_input: Array, period_s: float) -> None:
         if period_s != self._prepared_s:
             self._prepare(period_s)
-        self._actuator = actuator_response(self._model, self._actuator, applied_input, period_s)
+        self._actuator = actuator_response(
+            self._model, self._actuator, applied_input, float(self._state[YAW, 1]), period_s
+        )
         self._state = self._state @ self._transition.T
         self._covariance = self._transition @ self._covariance @ self._transition.T + self._process
 

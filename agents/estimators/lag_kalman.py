@@ -141,7 +141,7 @@ class LagKalmanEstimator(PoseEstimator):
 
     def _move(self, applied_input: Array, period_s: float) -> None:
         if self._standing:
-            self._actuator = actuator_response(self._model, self._actuator, applied_input, period_s)
+            self._actuator = actuator_response(self._model, self._actuator, applied_input, 0.0, period_s)
             self._standing = not self._thrust_carries()
             return
         start = self._motion

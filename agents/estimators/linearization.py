@@ -1,25 +1,42 @@
 """Analytic Jacobian of the model prediction over one period, for the extended Kalman filter.
 
 In the body frame every axis is a linear chain: disturbance and lagged input push the velocity, the velocity
-moves the position. The chains depend on the period alone and are discretised exactly once; per step only
+moves the position. A gyro feeds the yaw rate back, and a thrust that turns the vehicle joins the chains of
+height and yaw. The chains depend on the period alone and are discretised exactly once; per step only
 the heading, the turning of the body frame and the displacement enter. Products of yaw rate and period beyond
 the first order are left out (under 1 % at the yaw rates of indoor helicopters).
 """
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from scipy.linalg import expm
 
 from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, Array, X, Y, Z
+from vehicles.state import (
+    INPUT_SIZE,
+    MOTION_SIZE,
+    U_YAW,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    ZD_BODY,
+    Array,
+    X,
+    Y,
+    Z,
+)
 
 ACTUATOR: Final = MOTION_SIZE
 DISTURBANCE: Final = MOTION_SIZE + INPUT_SIZE
 SIZE: Final = MOTION_SIZE + 2 * INPUT_SIZE
 _VELOCITIES: Final = (XD_BODY, YD_BODY, ZD_BODY, YAW_RATE)
 _POSITIONS: Final = (X, Y, Z, YAW)
+_COUPLED: Final = (2, 3)
+"""Axes of height and yaw."""
 
 
 class Linearization:
@@ -35,10 +52,10 @@ class Linearization:
 
     def __init__(self, model: Model, period_s: float) -> None:
         constant = np.eye(SIZE)
-        for axis in range(INPUT_SIZE):
-            chain = _axis_chain(model, axis, period_s)
-            states = [_POSITIONS[axis], _VELOCITIES[axis], ACTUATOR + axis, DISTURBANCE + axis]
-            constant[np.ix_(states, states)] = chain
+        together = ((0,), (1,), _COUPLED) if model.thrust_coupling else ((0,), (1,), (2,), (3,))
+        for axes in together:
+            states = _states(axes)
+            constant[np.ix_(states, states)] = _transition(model, axes, period_s)
         self._constant = constant
         self._forward, self._left = constant[X].copy(), constant[Y].copy()
         self._forward[X] = self._left[Y] = 0.0
@@ -74,17 +91,31 @@ class Linearization:
         return jacobian
 
 
-def _axis_chain(model: Model, axis: int, period_s: float) -> Array:
-    """Exact transition of (position, velocity, actuator, disturbance) of one axis, shape (4, 4)."""
-    b, k, lag_s = model.input_gain[axis], model.damping[axis], model.lag_s[axis]
-    continuous = np.zeros((4, 4))
-    continuous[0, 1] = 1.0
-    continuous[1, 1] = k
-    continuous[1, 3] = 1.0
-    if lag_s > 0.0:
-        continuous[1, 2] = b
-        continuous[2, 2] = -1.0 / lag_s
+def _states(axes: Sequence[int]) -> list[int]:
+    """Positions, velocities, actuators and disturbances of axes, in this order."""
+    positions, velocities = [_POSITIONS[axis] for axis in axes], [_VELOCITIES[axis] for axis in axes]
+    return positions + velocities + [ACTUATOR + axis for axis in axes] + [DISTURBANCE + axis for axis in axes]
+
+
+def _transition(model: Model, axes: Sequence[int], period_s: float) -> Array:
+    """Exact transition of axes, in the order of `_states`."""
+    count = len(axes)
+    continuous = np.zeros((4 * count, 4 * count))
+    without_lag = []
+    for place, axis in enumerate(axes):
+        position, velocity, actuator, disturbance = range(place, 4 * count, count)
+        continuous[position, velocity] = 1.0
+        continuous[velocity, velocity] = model.direct_damping[axis]
+        continuous[velocity, disturbance] = 1.0
+        lag_s = model.lag_s[axis]
+        if lag_s == 0.0:
+            without_lag.append(actuator)
+            continue
+        continuous[velocity, actuator] = model.input_gain[axis]
+        continuous[actuator, velocity] = -model.rate_feedback[axis] / lag_s
+        continuous[actuator, actuator] = -1.0 / lag_s
+    if tuple(axes) == _COUPLED:
+        continuous[5, 4] = -model.thrust_coupling / model.lag_s[U_YAW]
     transition: Array = expm(period_s * continuous)
-    if lag_s == 0.0:
-        transition[2, 2] = 0.0
+    transition[without_lag, without_lag] = 0.0
     return transition

@@ -13,7 +13,8 @@ import numpy as np
 from agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
 from agents.interfaces import Estimate, TiltEstimate
 from vehicles.model import Model
-from vehicles.state import XD_BODY, YAW, ZD_BODY, Array, heading_matrix
+from vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
+from vehicles.tuples import Four
 
 _LONGEST_STEP_S: Final = 0.0201
 """Beyond one 50 Hz period Runge-Kutta steps are split, which keeps positions exact to micrometres."""
@@ -22,9 +23,10 @@ _LONGEST_STEP_S: Final = 0.0201
 def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: float) -> Estimate:
     """Predict a vehicle through a period during which one input acts.
 
-    Actuators follow their exact exponential response, the motion (1) is integrated by classical Runge-Kutta
-    steps of at most 20 ms, and the estimated disturbance is taken to last. Where the tilt is known, the
-    horizontal motion follows the tilt model instead, and the wind fades.
+    Actuators follow their exact exponential response, that of yaw to what gyro and thrust make of its stick
+    in the middle of a step. The motion (1) is integrated by classical Runge-Kutta steps of at most 20 ms, and
+    the estimated disturbance is taken to last. Where the tilt is known, the horizontal motion follows the
+    tilt model instead, and the wind fades.
 
     Parameters
     ----------
@@ -47,13 +49,18 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     motion: list[float] = estimate.motion.tolist()
     actuator: list[float] = estimate.actuator.tolist()
     disturbance: list[float] = estimate.disturbance.tolist()
-    target: list[float] = applied_input.tolist()
+    sticks: list[float] = applied_input.tolist()
     for _ in range(steps):
-        push = _push(model, actuator, target, disturbance, 0.0)
-        push_middle = _push(model, actuator, target, disturbance, 0.5 * step_s)
-        push_end = _push(model, actuator, target, disturbance, step_s)
-        motion = _runge_kutta(model, motion, (push, push_middle, push_end), step_s)
-        actuator = _after_lag(model, actuator, target, step_s)
+        now, middle, end = (
+            _after(model, motion, actuator, sticks, disturbance, share * step_s) for share in (0.0, 0.5, 1.0)
+        )
+        pushes = (
+            _push(model, now, disturbance),
+            _push(model, middle, disturbance),
+            _push(model, end, disturbance),
+        )
+        motion = _runge_kutta(model, motion, pushes, step_s)
+        actuator = end
     predicted = Estimate(np.array(motion), np.array(actuator), estimate.disturbance)
     if estimate.tilt is None or model.tilt is None:
         return predicted
@@ -86,8 +93,10 @@ def _with_tilt(
     return replace(end, motion=motion, tilt=after)
 
 
-def actuator_response(model: Model, actuator: Array, applied_input: Array, period_s: float) -> Array:
-    """Exact response of the actuator lags.
+def actuator_response(
+    model: Model, actuator: Array, applied_input: Array, yaw_rate_rad_s: float, period_s: float
+) -> Array:
+    """Exact response of the actuator lags at a constant yaw rate.
 
     Parameters
     ----------
@@ -97,6 +106,8 @@ def actuator_response(model: Model, actuator: Array, applied_input: Array, perio
         Actuator states at the start of the period, shape (4,).
     applied_input
         Input that acts during the period, shape (4,).
+    yaw_rate_rad_s
+        What a gyro measures.
     period_s
         Length of the period.
 
@@ -105,7 +116,43 @@ def actuator_response(model: Model, actuator: Array, applied_input: Array, perio
     Array
         Actuator states at its end, shape (4,).
     """
-    return np.array(_after_lag(model, actuator.tolist(), applied_input.tolist(), period_s))
+    turning = [*[0.0] * YAW_RATE, yaw_rate_rad_s]
+    steady = [0.0, 0.0, float(actuator[U_THRUST]), 0.0]
+    followed = _followed(model, turning, steady, applied_input.tolist(), [0.0] * INPUT_SIZE, period_s)
+    return np.array(_after_lag(model, actuator.tolist(), followed, period_s))
+
+
+def _after(
+    model: Model,
+    motion: list[float],
+    actuator: list[float],
+    sticks: list[float],
+    disturbance: list[float],
+    time_s: float,
+) -> list[float]:
+    """Actuators some time into a step."""
+    followed = sticks
+    if model.yaw_behind_rotors:
+        followed = _followed(model, motion, actuator, sticks, disturbance, time_s)
+    return _after_lag(model, actuator, followed, time_s)
+
+
+def _followed(
+    model: Model,
+    motion: list[float],
+    actuator: list[float],
+    sticks: list[float],
+    disturbance: list[float],
+    time_s: float,
+) -> list[float]:
+    """Sticks with what gyro and thrust make of that of yaw in the middle of a time
+    (`vehicles.model.input_behind_gyro`)."""
+    pitch, roll, thrust, yaw = sticks
+    half_s = 0.5 * time_s
+    yaw_rate = motion[YAW_RATE] + half_s * (model.input_gain[U_YAW] * actuator[U_YAW] + disturbance[U_YAW])
+    ahead = thrust - _after_lag(model, actuator, sticks, half_s)[U_THRUST]
+    yaw += model.thrust_coupling * ahead - model.rate_feedback[U_YAW] * yaw_rate
+    return [pitch, roll, thrust, yaw]
 
 
 def _after_lag(model: Model, actuator: list[float], target: list[float], time_s: float) -> list[float]:
@@ -115,19 +162,15 @@ def _after_lag(model: Model, actuator: list[float], target: list[float], time_s:
     ]
 
 
-def _push(
-    model: Model, actuator: list[float], target: list[float], disturbance: list[float], time_s: float
-) -> tuple[float, float, float, float]:
-    """Acceleration by inputs, disturbance and gravity some time into a period."""
-    pitch, roll, thrust, yaw = _after_lag(model, actuator, target, time_s)
+def _push(model: Model, actuator: list[float], disturbance: list[float]) -> Four:
+    """Acceleration by actuators, disturbance and gravity."""
+    pitch, roll, thrust, yaw = actuator
     b_x, b_y, b_z, b_yaw = model.input_gain
     d_x, d_y, d_z, d_yaw = disturbance
     return b_x * pitch + d_x, b_y * roll + d_y, b_z * thrust - model.gravity_m_s2 + d_z, b_yaw * yaw + d_yaw
 
 
-def _derivative(
-    damping: tuple[float, float, float, float], motion: list[float], push: tuple[float, float, float, float]
-) -> tuple[float, ...]:
+def _derivative(damping: Four, motion: list[float], push: Four) -> tuple[float, ...]:
     """Equation (1) with the input terms summed up in `push`."""
     _, _, _, yaw, xd, yd, zd, yaw_rate = motion
     k_x, k_y, k_z, k_yaw = damping
@@ -144,12 +187,10 @@ def _derivative(
     )
 
 
-def _runge_kutta(
-    model: Model, motion: list[float], pushes: tuple[tuple[float, float, float, float], ...], step_s: float
-) -> list[float]:
+def _runge_kutta(model: Model, motion: list[float], pushes: tuple[Four, ...], step_s: float) -> list[float]:
     start, middle, end = pushes
     half_s, sixth_s = 0.5 * step_s, step_s / 6
-    k = model.damping
+    k = model.direct_damping
     f1 = _derivative(k, motion, start)
     f2 = _derivative(k, [m + half_s * f for m, f in zip(motion, f1, strict=True)], middle)
     f3 = _derivative(k, [m + half_s * f for m, f in zip(motion, f2, strict=True)], middle)

@@ -18,13 +18,13 @@ from agents.flight.linear import Complex
 from agents.identification.motions import Motion, Offsets, heading, horizontal, vertical
 from agents.identification.parameters import (
     FREQUENCY,
-    HEADING,
     PITCH_GAIN,
     ROLL_GAIN,
     THRUST_GAIN,
     VERTICAL,
     Candidate,
     Parameter,
+    heading_parameters,
     horizontal_parameters,
 )
 from agents.identification.recording import FlightRecording
@@ -140,7 +140,7 @@ def identify(recording: FlightRecording, model: Model) -> Identification:
     start, fits = Candidate(model), []
     with_tilt = recording.tilt is not None
     candidate = start
-    for fit in (_horizontal_fit(candidate, with_tilt), _VERTICAL_FIT, _HEADING_FIT):
+    for fit in (_horizontal_fit(candidate, with_tilt), _VERTICAL_FIT, _heading_fit(model)):
         fits.append(fit.run(candidate, fitted))
         candidate = fits[-1].candidate
     numbers = tuple(number for found in fits for number in found.numbers(start))
@@ -320,7 +320,12 @@ def _horizontal_fit(start: Candidate, with_tilt: bool) -> _Fit:
 _VERTICAL_FIT: Final = _Fit(
     VERTICAL, lambda candidate, flight: vertical(candidate.model, flight), _axis_innovations
 )
-_HEADING_FIT: Final = _Fit(HEADING, lambda candidate, flight: heading(candidate.model, flight), _far_errors)
+
+
+def _heading_fit(model: Model) -> _Fit:
+    return _Fit(
+        heading_parameters(model), lambda candidate, flight: heading(candidate.model, flight), _far_errors
+    )
 
 
 def _finished(

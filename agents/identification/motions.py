@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.signal import lfilter
 
 from agents.flight.lateral import WIND_CORRELATION_S, LateralSystem
 from agents.flight.linear import Complex, as_complex
@@ -91,9 +92,20 @@ def vertical(model: Model, recording: FlightRecording) -> Motion:
 
 
 def heading(model: Model, recording: FlightRecording) -> Motion:
-    """Heading."""
+    """Heading; the thrust that the rotors have not followed yet counts as yaw stick, too."""
     system = _single_axis(model, U_YAW, YAW_NOISE_RAD, YAW_WIND_RAD_S2, _YAW_DRIFT)
-    return _of_single_axis(model, recording, system, recording.inputs[:, U_YAW], recording.yaw_rad)
+    stick = recording.inputs[:, U_YAW]
+    if model.thrust_coupling:
+        stick = stick + model.thrust_coupling * _not_followed(model, recording)
+    return _of_single_axis(model, recording, system, stick, recording.yaw_rad)
+
+
+def _not_followed(model: Model, recording: FlightRecording) -> Array:
+    """Thrust stick less what the rotors have followed, mean of each period; they start settled."""
+    thrust, periods = recording.inputs[:, U_THRUST], recording.period_s / max(model.lag_s[U_THRUST], 1e-3)
+    pole = np.exp(-periods)
+    changes = np.diff(thrust, prepend=thrust[0])
+    return np.asarray((1.0 - pole) / periods * lfilter([1.0], [1.0, -pole], changes))
 
 
 def _of_single_axis(
@@ -140,7 +152,8 @@ def _single_axis(model: Model, axis: int, noise: float, wind: float, drift: floa
     lag_s = max(model.lag_s[axis], 1e-3)
     a = np.zeros((5, 5), complex)
     a[0, 1] = 1.0
-    a[1, 1:] = model.damping[axis], model.input_gain[axis], 1.0, 1.0
+    a[1, 1:] = model.direct_damping[axis], model.input_gain[axis], 1.0, 1.0
+    a[2, 1] = -model.rate_feedback[axis] / lag_s
     a[2, 2], a[3, 3] = -1.0 / lag_s, -1.0 / WIND_CORRELATION_S
     b = np.zeros(5, complex)
     b[2] = 1.0 / lag_s

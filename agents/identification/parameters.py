@@ -142,11 +142,24 @@ _BODY: Final = (
 )
 
 VERTICAL: Final = (THRUST_GAIN, _of_four("thrust lag", "lag_s", U_THRUST, "s", 0.4))
-HEADING: Final = (
+_HEADING: Final = (
     YAW_GAIN,
     _of_four("yaw damping", "damping", U_YAW, "1/s", 0.25, -1.0),
     _of_four("yaw lag", "lag_s", U_YAW, "s", 0.3),
 )
+_COUPLING: Final = Parameter(
+    "thrust coupling",
+    "",
+    1.0,
+    False,
+    lambda candidate: candidate.model.thrust_coupling,
+    lambda candidate, value: _with_model(candidate, {"thrust_coupling": value}),
+)
+
+
+def heading_parameters(model: Model) -> tuple[Parameter, ...]:
+    """What can be fitted of the heading of a model."""
+    return (*_HEADING, _COUPLING) if model.yaw_gyro else _HEADING
 
 
 def horizontal_parameters(model: Model, with_tilt: bool) -> tuple[Parameter, ...]:

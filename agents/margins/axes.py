@@ -147,9 +147,11 @@ def lag_loop(
 
 def _chain(model: Model, period_s: float, axis: int, levels: int) -> Dynamics:
     """Position, velocity and actuator as the cascade discretises them (control.md section 6)."""
-    gain, damping, lag_s = model.input_gain[axis], model.damping[axis], model.lag_s[axis]
+    gain, lag_s = model.input_gain[axis], model.lag_s[axis]
+    damping = (model.damping if levels == 2 else model.direct_damping)[axis]
     pole = float(np.exp(-period_s / lag_s)) if lag_s > 0.0 else 0.0
     a = np.array([[1.0, period_s, 0.0], [0.0, 1.0 + period_s * damping, period_s * gain], [0.0, 0.0, pole]])
+    a[2, 1] = -(1.0 - pole) * model.rate_feedback[axis]
     b = np.array([0.0, 0.0, 1.0 - pole]) if levels == 3 else np.array([0.0, period_s * gain])
     return a[:levels, :levels], b
 
@@ -159,13 +161,14 @@ def _filtered_lag(
     model: Model, period_s: float, axis: int, estimator: ExtendedKalmanSettings
 ) -> FeedbackLoop:
     """Plant and filter of `lag_loop`, without feedback yet: position, velocity, actuator, disturbance."""
-    gain, damping = model.input_gain[axis], model.damping[axis]
+    gain, damping = model.input_gain[axis], model.direct_damping[axis]
 
     @lru_cache(maxsize=64)
     def step(frequency: float, time_s: float) -> Dynamics:
         lag_s = max(model.lag_s[axis] / frequency, _LEAST_LAG_S)
         a = np.zeros((4, 4))
         a[0, 1], a[1, 1], a[1, 2], a[1, 3], a[2, 2] = 1.0, damping, gain, 1.0, -1.0 / lag_s
+        a[2, 1] = -model.rate_feedback[axis] / lag_s
         return zero_order_hold(a, np.array([0.0, 0.0, 1.0 / lag_s, 0.0]), time_s)
 
     def plant_step(frequency: float, time_s: float) -> Dynamics:

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agents.flight.prediction import predict
+from agents.interfaces import Estimate
 from experiments.knowledge import LATE_S, exact_model, known_model
 from experiments.rig import Rig
 from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES
@@ -12,10 +14,11 @@ from simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
 from simulator.helicopter import Helicopter, helicopter_of
 from simulator.plant import Pose
 from vehicles.model import IDENTIFIED, UNIDENTIFIED
-from vehicles.state import heading_matrix
+from vehicles.state import YAW_RATE, heading_matrix
 from vehicles.types import COAXIAL, COAXIAL_LAG
 
 STEP_S = 0.001
+PERIOD_S = 0.02
 
 
 @pytest.mark.parametrize("seed", [0, 3, 7])
@@ -43,6 +46,27 @@ def test_exact_model_foretells_the_flight_of_a_drawn_helicopter(seed: int) -> No
             foretold.append(velocity)
             flown.append(plant.state[3:5])
     assert np.abs(np.array(flown) - foretold).max() < 0.08 * np.abs(flown).max()
+
+
+@pytest.mark.parametrize("seed", [0, 3, 7])
+def test_exact_model_foretells_how_thrust_and_yaw_stick_turn_a_drawn_helicopter(seed: int) -> None:
+    drawn = replace(helicopter_of("h1", HELICOPTERS, seed), trim=(0.0, 0.0, 0.0, 0.0))
+    model, calm = exact_model(drawn), replace(IDEAL, transport_delay_s=0.0)
+    hover = model.hover_input
+    plant = Helicopter("h1", COAXIAL, calm, 0, Pose((0.0, 0.0, 5.0)), drawn)
+    plant.set_input(tuple(hover.tolist()))
+    plant.advance(1.0)
+    foretold = Estimate(np.array(plant.motion), hover, np.zeros(4))
+    rates = []
+    for step in range(40):
+        stick = hover + np.array([0.0, 0.0, 0.05, 0.02 if step >= 20 else 0.0])
+        plant.set_input(tuple(stick.tolist()))
+        plant.advance(PERIOD_S)
+        foretold = predict(model, foretold, stick, PERIOD_S)
+        rates.append((plant.motion[YAW_RATE], foretold.motion[YAW_RATE]))
+    flown, expected = np.array(rates).T
+    assert np.abs(flown).max() > 0.2
+    assert np.abs(flown - expected).max() < 0.12 * np.abs(flown).max()
 
 
 def test_pilots_know_the_type_the_truth_or_something_wrong() -> None:

@@ -14,6 +14,7 @@ from vehicles.types import COAXIAL_LAG
         ({"input_gain": (2.0, 2.0, 0.0, 111.0)}, "input_gain: must be above 0"),
         ({"gravity_m_s2": 0.0}, "gravity_m_s2: must be above 0"),
         ({"lag_s": (0.1, -0.1, 0.1, 0.1)}, "lag_s: must not be below 0"),
+        ({"yaw_gyro": True, "lag_s": (0.1, 0.1, 0.1, 0.0)}, "lag_s: a yaw of rotors needs a lag"),
         ({"delay_s": -0.02}, "delay_s: must not be below 0"),
         ({"damping": (math.nan, 0.0, 0.0, 0.0)}, "damping: every number must be finite"),
         ({"input_min": (0.0, 0.0, 1.0, 0.0)}, "input_max: .* must be above input_min"),

@@ -1,5 +1,7 @@
 """The yaw-first cascade: exact following, limits, switches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from agents.controllers.cascade import CascadeController, CascadeSettings
 from agents.controllers.roll_out import predict
 from agents.interfaces import ControlStep, Estimate, LimitScale
 from agents.references.trajectory import Trajectory, hold
+from vehicles.model import Model
 from vehicles.state import Array, heading_matrix
 from vehicles.types import COAXIAL_LAG
 
@@ -19,13 +22,25 @@ def state(motion: Array | None = None, disturbance: Array | None = None) -> Esti
     return Estimate(at, HOVER.copy(), np.zeros(4) if disturbance is None else disturbance)
 
 
-def make(**settings: object) -> CascadeController:
-    return CascadeController(COAXIAL_LAG, PERIOD_S, CascadeSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
+def make(model: Model = COAXIAL_LAG, **settings: object) -> CascadeController:
+    return CascadeController(model, PERIOD_S, CascadeSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
 
 
 def first_step(controller: CascadeController, start: Estimate, target: Array) -> ControlStep:
     controller.reset(start, HOVER)
     return controller.step(start, hold(target[:3], float(target[3]), PERIOD_S, controller.horizon), HOVER)
+
+
+def test_a_plan_behind_a_gyro_is_what_the_discrete_model_does_under_its_inputs() -> None:
+    """With turning and climbing, and sticks within their range: beyond it the thrust turns the vehicle."""
+    model = replace(COAXIAL_LAG, yaw_gyro=True, thrust_coupling=2.0)
+    start = state(np.array([0.1, -0.2, 1.0, 0.4, 0.3, -0.2, 0.0, 0.3]), np.array([0.1, -0.1, 0.2, 0.3]))
+    result = first_step(make(model, horizon=60), start, np.array([0.6, 0.3, 1.02, 0.6]))
+    assert np.abs(result.inputs[:, 3]).max() < 0.4
+    expected = predict(model, start, result.inputs, PERIOD_S)
+    assert result.plan.samples[:, :4] == pytest.approx(expected.samples[:, :4], abs=2e-4)
+    ignored = predict(replace(model, thrust_coupling=0.0), start, result.inputs, PERIOD_S)
+    assert np.abs(ignored.samples[:, 3] - expected.samples[:, 3]).max() > 0.02
 
 
 @pytest.mark.parametrize("lag", [True, False])

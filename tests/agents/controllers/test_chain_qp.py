@@ -52,18 +52,20 @@ class Case:
             b[2:] = np.diag(t * p.gain)
         else:
             a[2:4, 4:] = np.diag(t * p.gain)
+            a[4:, 2:4] = -np.diag((1 - p.pole) * p.rate_feedback)
             a[4:, 4:] = np.diag(p.pole)
             b[4:] = np.diag(1 - p.pole)
         return a, b
 
 
-def case(stages: int, lag: bool, yaw_rate: float = 1.5) -> Case:
+def case(stages: int, lag: bool, yaw_rate: float = 1.5, rate_feedback: float = 0.05) -> Case:
     pole = np.exp(-PERIOD_S / np.array([0.06, 0.05])) if lag else None
     parameters = ChainParameters(
         stages,
         PERIOD_S,
         np.array([2.0, 2.1]),
         pole,
+        np.full(2, rate_feedback),
         np.full(2, 800.0),
         np.ones(2),
         np.full(2, 1.5),
@@ -242,7 +244,7 @@ def test_multipliers_of_a_farther_set_point_do_not_bend_the_solution_of_a_nearer
 
 def test_cruise_along_a_speed_bound_is_solved_as_from_scratch() -> None:
     """Nearly all stages lie on the bound, and noise makes the guess of the active ones wrong."""
-    problem = case(40, lag=True, yaw_rate=0.0)
+    problem = case(40, lag=True, yaw_rate=0.0, rate_feedback=0.0)
     far = problem.target(np.zeros(2))
     far.rows[:, :2] = far.terminal[:2] = (6.0, -4.0)
     far.lower[:2], far.upper[:2] = -10.0, 10.0

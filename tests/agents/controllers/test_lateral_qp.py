@@ -17,7 +17,16 @@ PERIOD_S = 0.02
 STAGES = 20
 SYSTEM = LateralSystem(COAXIAL, PERIOD_S)
 PARAMETERS = ChainParameters(
-    STAGES, PERIOD_S, COAXIAL.b[:2], None, np.full(2, 100.0), np.ones(2), np.full(2, 3.0), 1e4, (True, True)
+    STAGES,
+    PERIOD_S,
+    COAXIAL.b[:2],
+    None,
+    np.zeros(2),
+    np.full(2, 100.0),
+    np.ones(2),
+    np.full(2, 3.0),
+    1e4,
+    (True, True),
 )
 LOWER, UPPER = np.array([-1.2, -1.2, -1, -1.3, -1, -1]), np.array([1.2, 1.2, 1, 1.3, 1, 1])
 

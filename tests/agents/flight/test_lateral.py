@@ -71,7 +71,10 @@ def test_the_model_predicts_the_simulated_helicopter_of_its_size(yaw_rad: float)
     motion = np.zeros(8)
     motion[3] = yaw_rad
     estimate = Estimate(
-        motion, np.zeros(4), np.zeros(4), TiltEstimate(np.zeros(6), np.zeros(2), np.zeros(2), np.zeros(2))
+        motion,
+        COAXIAL.hover_input,
+        np.zeros(4),
+        TiltEstimate(np.zeros(6), np.zeros(2), np.zeros(2), np.zeros(2)),
     )
     for _ in range(25):
         estimate = predict(COAXIAL, estimate, np.array([*stick, COAXIAL.hover_input[2], 0.0]), PERIOD_S)

@@ -22,8 +22,10 @@ def other_helicopter() -> Model:
     return replace(
         COAXIAL,
         input_gain=(2.4, 1.8, 16.5, 90.0),
-        lag_s=(*COAXIAL.lag_s[:2], 0.13, COAXIAL.lag_s[3]),
+        damping=(*COAXIAL.damping[:3], -4.2),
+        lag_s=(*COAXIAL.lag_s[:2], 0.13, 0.14),
         delay_s=0.04,
+        thrust_coupling=3.5,
         tilt=tilt,
     )
 
@@ -51,6 +53,10 @@ def test_parameters_of_a_vehicle_are_found(found: Identification) -> None:
     assert tilt.damping_ratio == pytest.approx(0.4, rel=0.1)
     assert found.model.delay_s == pytest.approx(0.04, abs=0.005)
     assert found.model.lag_s[2] == pytest.approx(0.13, rel=0.1)
+    assert found.model.input_gain[3] == pytest.approx(90.0, rel=0.1)
+    assert found.model.damping[3] == pytest.approx(-4.2, rel=0.1)
+    assert found.model.lag_s[3] == pytest.approx(0.14, rel=0.1)
+    assert found.model.thrust_coupling == pytest.approx(3.5, rel=0.1)
 
 
 def test_offsets_of_the_flight_are_told_apart_from_its_model(found: Identification) -> None:

@@ -17,7 +17,7 @@ from agents.interfaces import Measurement
 from agents.margins.axes import lag_loop, tilt_loop
 from agents.margins.loop import FeedbackLoop, Perturbation
 from vehicles.model import Model
-from vehicles.state import Array, heading_matrix
+from vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
 from vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
@@ -68,9 +68,9 @@ def test_a_delay_of_a_period_is_the_same_from_above_and_below() -> None:
 
 def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
     parameters = ChainParameters(
-        stages=20, period_s=PERIOD_S, gain=EVEN.b[:2], pole=None, position_weights=np.full(2, 100.0),
-        velocity_weights=np.ones(2), input_weights=np.full(2, 10.0), soft_weight=1e5,
-        position_bounded=(True, True),
+        stages=20, period_s=PERIOD_S, gain=EVEN.b[:2], pole=None, rate_feedback=np.zeros(2),
+        position_weights=np.full(2, 100.0), velocity_weights=np.ones(2),
+        input_weights=np.full(2, 10.0), soft_weight=1e5, position_bounded=(True, True),
     )  # fmt: skip
     gain = LateralChain(parameters, LateralSystem(EVEN, PERIOD_S)).gain
     loop = tilt_loop(EVEN, PERIOD_S, (100.0, 1.0, 10.0 / 4.0))
@@ -78,7 +78,8 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
     assert loop.feedback[:known] == pytest.approx(gain[0, 0::2] + 1j * gain[1, 0::2], rel=1e-6, abs=1e-9)
 
 
-def test_height_has_the_feedback_of_the_cascade() -> None:
+@pytest.mark.parametrize("axis", [U_THRUST, U_YAW])
+def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
     controller = CascadeController(COAXIAL, PERIOD_S, CascadeSettings(horizon=20))
     steady = controller._steady_chain
     cost = riccati_cost(steady, controller._decay[2:])
@@ -87,12 +88,14 @@ def test_height_has_the_feedback_of_the_cascade() -> None:
     a[2:4, 2:4] = np.diag(controller._decay[2:])
     assert steady.pole is not None
     a[2:4, 4:], a[4:, 4:] = PERIOD_S * np.diag(steady.gain), np.diag(steady.pole)
+    a[4:, 2:4] = -np.diag((1.0 - steady.pole) * steady.rate_feedback)
     b = np.vstack((np.zeros((4, 2)), np.diag(1.0 - steady.pole)))
     gain = np.linalg.solve(np.diag(steady.input_weights) + b.T @ cost @ b, b.T @ cost @ a)
-    weights = steady.position_weights[0], steady.velocity_weights[0], steady.input_weights[0]
-    loop = lag_loop(COAXIAL, PERIOD_S, 2, weights)
-    assert loop.feedback[:3] == pytest.approx(gain[0, 0::2], rel=1e-6)
-    assert loop.feedback[3] * COAXIAL.input_gain[2] == pytest.approx(1.0 + loop.feedback[2])
+    at = axis - U_THRUST
+    weights = steady.position_weights[at], steady.velocity_weights[at], steady.input_weights[at]
+    loop = lag_loop(COAXIAL, PERIOD_S, axis, weights)
+    assert loop.feedback[:3] == pytest.approx(gain[at, at::2], rel=1e-6)
+    assert loop.feedback[3] * COAXIAL.input_gain[axis] == pytest.approx(1.0 + loop.feedback[2])
 
 
 @pytest.mark.parametrize("model", [EVEN, replace(EVEN, tilt=replace(EVEN.tilt, bar_time_constant_s=None))])
