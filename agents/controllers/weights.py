@@ -26,7 +26,7 @@ DEMAND_FLOOR: Final = 2.4
 the type is known, against 100 of the position."""
 GAIN_EXPONENT: Final = 2.7
 LEAST_DEMAND_FLOOR: Final = 0.12
-YAW_FLOOR: Final = 100.0
+YAW_FLOOR: Final = 150.0
 """Of a yaw stick that asks rotors with a lag for a torque: a loop faster than they are would oscillate."""
 STEP: Final = 1.5
 """Ratio of the weights of the row."""
