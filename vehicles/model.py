@@ -256,6 +256,9 @@ def input_behind_gyro(model: Model, motion: Array, actuator: Array, applied_inpu
     Array
         Shape (4,).
     """
-    followed = applied_input - np.array(model.rate_feedback) * motion[XD_BODY:]
-    followed[U_YAW] += model.thrust_coupling * (applied_input[U_THRUST] - actuator[U_THRUST])
+    if not model.yaw_behind_rotors:
+        return applied_input
+    followed = applied_input.copy()
+    ahead = float(applied_input[U_THRUST] - actuator[U_THRUST])
+    followed[U_YAW] += model.thrust_coupling * ahead - model.rate_feedback[U_YAW] * float(motion[YAW_RATE])
     return followed
