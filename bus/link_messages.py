@@ -26,6 +26,8 @@ class Beat(Message, frozen=True, kw_only=True):
     router: RouterId
     sent_s: float
     """Monotonic clock of its host; meaningless on other hosts."""
+    time_of_day_s: float
+    """Time of the same moment since 1970, as its host believes."""
     echoes: dict[Name, Echo]
     """What it heard from the other hosts."""
 
@@ -41,6 +43,10 @@ class LinkState(Struct, frozen=True, kw_only=True):
     """Beats that arrived more than 0.1 s later than the fastest ones: what was stored while the link hung."""
     round_trip_s: Seconds | None = None
     """Shortest of the last few seconds."""
+    clock_offset_s: float | None = None
+    """Time of day of the other host minus that of this one; wrong by at most half the round trip."""
+    monotonic_offset_s: float | None = None
+    """The same of the monotonic clocks, for whoever subtracts times that two hosts have told."""
 
 
 class RouterStatus(Message, frozen=True, kw_only=True):

@@ -8,6 +8,9 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from msgspec import structs
+
+from bus.clock_offset import ClockFilter
 from bus.link_messages import Beat, Echo, LinkState
 
 SILENCE_S: Final = 0.25
@@ -18,7 +21,7 @@ STALL_S: Final = 0.15
 """A watch that was not called for so long does not know whether others were silent or itself was."""
 LATE_S: Final = 0.1
 RECENT_S: Final = 5.0
-"""Round trips and delays are compared with the shortest one of so long; until then clocks drift little."""
+"""Delays are compared with the shortest one of so long; until then clocks drift little."""
 
 
 class RouterLink(NamedTuple):
@@ -59,7 +62,7 @@ class _Neighbour:
     """Arrival of its newest beat that says that it hears this router."""
     delay: RecentMinimum = field(default_factory=RecentMinimum)
     """Between its clock at sending and ours at arrival."""
-    round_trip: RecentMinimum = field(default_factory=RecentMinimum)
+    clock: ClockFilter = field(default_factory=ClockFilter)
 
 
 class LinkWatch:
@@ -96,10 +99,10 @@ class LinkWatch:
         echo = beat.echoes.get(self._host)
         if echo is not None and echo.router == self._router and echo.held_s <= SILENCE_S:
             known.answered_s = arrived_s
-            known.round_trip.add(max(0.0, arrived_s - echo.sent_s - echo.held_s), arrived_s)
+            known.clock.add(echo.sent_s, beat.sent_s - echo.held_s, beat.sent_s, arrived_s)
 
-    def beat(self, now_s: float) -> Beat:
-        """The beat to be sent now."""
+    def beat(self, now_s: float, time_of_day_s: float) -> Beat:
+        """The beat to be sent now; the same moment on both clocks."""
         echoes = {
             host: Echo(
                 router=known.beat.router,
@@ -108,7 +111,7 @@ class LinkWatch:
             )
             for host, known in self._neighbours.items()
         }
-        return Beat(router=self._router, sent_s=now_s, echoes=echoes)
+        return Beat(router=self._router, sent_s=now_s, time_of_day_s=time_of_day_s, echoes=echoes)
 
     def broken(self, links: Collection[RouterLink], now_s: float) -> list[RouterLink]:
         """Links to be closed, so that they are dialled again.
@@ -144,17 +147,26 @@ class LinkWatch:
             del self._failures[router]
         return broken
 
-    def states(self, hosts: Collection[str], now_s: float) -> dict[str, LinkState]:
-        """State of the links to these hosts."""
-        return {host: self._state(host, now_s) for host in hosts}
+    def states(self, hosts: Collection[str], now_s: float, time_of_day_s: float) -> dict[str, LinkState]:
+        """State of the links to these hosts; the same moment on both clocks."""
+        return {host: self._state(host, now_s, time_of_day_s) for host in hosts}
 
-    def _state(self, host: str, now_s: float) -> LinkState:
+    def _state(self, host: str, now_s: float, time_of_day_s: float) -> LinkState:
         known = self._neighbours.get(host)
-        return LinkState(
+        clock = None if known is None else known.clock.best()
+        state = LinkState(
             linked=known is not None and now_s - self._both_ways_s(host) <= SILENCE_S,
             redials=self._redials.get(host, 0),
             late=self._late.get(host, 0),
-            round_trip_s=None if known is None else known.round_trip.value,
+        )
+        if known is None or clock is None:
+            return state
+        theirs_s = known.beat.time_of_day_s - known.beat.sent_s + clock.offset_s
+        return structs.replace(
+            state,
+            round_trip_s=clock.round_trip_s,
+            clock_offset_s=theirs_s - (time_of_day_s - now_s),
+            monotonic_offset_s=clock.offset_s,
         )
 
     def _both_ways_s(self, host: str) -> float:

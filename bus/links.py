@@ -33,8 +33,8 @@ class LinkService:
         Fleet and host it serves.
     others
         The other hosts of the fleet file.
-    clock
-        Monotonic clock [s].
+    clock, time_of_day
+        Monotonic clock, and time since 1970 [s].
     """
 
     def __init__(
@@ -44,10 +44,12 @@ class LinkService:
         host: str,
         others: Sequence[str],
         clock: Callable[[], float] = time.monotonic,
+        time_of_day: Callable[[], float] = time.time,
     ) -> None:
         self._session = session
         self._others = others
         self._clock = clock
+        self._time_of_day = time_of_day
         self._watch = LinkWatch(host, str(session.zid()), clock())
         self._dials = Dials()
         self._links: set[RouterLink] = set()
@@ -102,10 +104,12 @@ class LinkService:
         complete = len({link.router for link in links}) >= len(self._others)
         if not complete:
             self._dials.abandon_lost(now_s)
-        self._beats.put(encode(self._watch.beat(now_s)))
+        now_s, time_of_day_s = self._clock(), self._time_of_day()
+        self._beats.put(encode(self._watch.beat(now_s, time_of_day_s)))
         if now_s - self._told_s >= STATUS_S:
             self._told_s = now_s
-            self._status.put(encode(RouterStatus(links=self._watch.states(self._others, now_s))))
+            links_told = self._watch.states(self._others, now_s, time_of_day_s)
+            self._status.put(encode(RouterStatus(links=links_told)))
         return complete
 
 

@@ -15,6 +15,7 @@ from bus.session import Session
 from bus.subscription import Inbox
 from deploy.fleet_file.schema import FleetFile
 from deploy.roles.addresses import bus_address
+from ground_station.hosts import host_notes
 from ground_station.joining import WrongFleetError, check_identity
 from ground_station.state import VehicleState, tracker_notes, tracker_problems
 from ground_station.waiting import Notifier, NotReachedError
@@ -52,7 +53,8 @@ class Observer:
     def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
         self.file = file
         self._notifier = Notifier()
-        address = bus_address(file, host or next(iter(file.hosts)))
+        self._host = host or next(iter(file.hosts))
+        address = bus_address(file, self._host)
         self.session = Session(address, wake=self._notifier.notify, timeout_s=timeout_s)
         try:
             check_identity(self.session, file)
@@ -64,6 +66,7 @@ class Observer:
         self._poses = self.session.subscribe_all(channels.POSE)
         self.plans = self.session.subscribe_all(channels.PLAN)
         self._launchers = self.session.subscribe_all(channels.LAUNCHER)
+        self._routers = self.session.subscribe_all(channels.ROUTER_STATUS, waking=False)
         self._recorders = self.session.subscribe_all(channels.RECORDER, waking=False)
         self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
 
@@ -120,7 +123,7 @@ class Observer:
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
 
     def notes(self) -> list[str]:
-        """Remarks that do not block take-off: subjects of no vehicle, recordings, what failed in flight."""
+        """Remarks that do not block take-off: subjects, recordings, hosts, what failed in flight."""
         lowered = [
             f"{name} oscillated: effort factor {status.diagnostics.effort_factor:g} until it is tuned"
             for name, status in self.statuses().items()
@@ -132,7 +135,16 @@ class Observer:
             for remark in status.diagnostics.remarks
         ]
         tracker = _newest(self.tracker, self.session.clock())[0]
-        return tracker_notes(tracker) + self._log_notes() + lowered + told
+        return tracker_notes(tracker) + self._host_notes() + self._log_notes() + lowered + told
+
+    def _host_notes(self) -> list[str]:
+        """Links and clocks of hosts."""
+        now_s, heard = self.session.clock(), {}
+        for host, inbox in tuple(self._routers.inboxes.items()):
+            status, _ = _newest(inbox, now_s)
+            if status is not None and inbox.alive(now_s):
+                heard[host] = status
+        return host_notes(heard, self._host)
 
     def _log_notes(self) -> list[str]:
         """What is wrong with the flight log."""

@@ -38,7 +38,7 @@ class Pair:
         if hears:
             sent_s, arrived_s = self._answered
             echo = Echo(router="a0", sent_s=sent_s, held_s=self.now_s - arrived_s)
-            beat = Beat(router=LINK.router, sent_s=self.now_s + 7000.0, echoes={"a": echo})
+            beat = Beat(router=LINK.router, sent_s=self.now_s + 7000.0, time_of_day_s=0.0, echoes={"a": echo})
             self.watch.hear("b", beat, self.now_s)
         self.closed += [(self.now_s, link) for link in self.watch.broken(links, self.now_s)]
 
@@ -48,7 +48,7 @@ class Pair:
 
     @property
     def linked(self) -> bool:
-        return self.watch.states(["b"], self.now_s)["b"].linked
+        return self.watch.states(["b"], self.now_s, 0.0)["b"].linked
 
 
 def test_a_link_that_carries_both_directions_stays() -> None:
@@ -67,7 +67,7 @@ def test_a_link_is_closed_when_one_direction_is_silent(hears: bool, is_heard: bo
     assert pair.closed
     assert SILENCE_S < pair.closed[0][0] - silent_s < 2 * SILENCE_S + 2 * BEAT_S
     assert not pair.linked
-    assert pair.watch.states(["b"], pair.now_s)["b"].redials == len(pair.closed)
+    assert pair.watch.states(["b"], pair.now_s, 0.0)["b"].redials == len(pair.closed)
 
 
 def test_a_silence_that_is_shorter_than_the_limit_closes_nothing() -> None:
@@ -118,11 +118,11 @@ def test_a_neighbour_that_started_again_has_to_hear_this_router_anew() -> None:
     pair = Pair()
     pair.steps(20)
     again = LINK._replace(router="b1")
-    pair.watch.hear("b", Beat(router="b1", sent_s=3.0, echoes={}), pair.now_s)
+    pair.watch.hear("b", Beat(router="b1", sent_s=3.0, time_of_day_s=0.0, echoes={}), pair.now_s)
     assert not pair.linked
     for _ in range(10):
         pair.now_s += BEAT_S
-        pair.watch.hear("b", Beat(router="b1", sent_s=pair.now_s, echoes={}), pair.now_s)
+        pair.watch.hear("b", Beat(router="b1", sent_s=pair.now_s, time_of_day_s=0.0, echoes={}), pair.now_s)
         pair.closed += [(pair.now_s, link) for link in pair.watch.broken((again,), pair.now_s)]
     assert pair.closed
 
@@ -130,32 +130,48 @@ def test_a_neighbour_that_started_again_has_to_hear_this_router_anew() -> None:
 def test_beats_that_waited_while_the_link_hung_are_counted_as_late() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     for number in range(10):
-        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, echoes={}), number * BEAT_S + 0.002)
-    assert watch.states(["b"], 0.5)["b"].late == 0
+        watch.hear(
+            "b",
+            Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={}),
+            number * BEAT_S + 0.002,
+        )
+    assert watch.states(["b"], 0.5, 0.0)["b"].late == 0
     for number in range(10, 14):
-        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, echoes={}), 0.9)
-    assert watch.states(["b"], 0.9)["b"].late == 4
+        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={}), 0.9)
+    assert watch.states(["b"], 0.9, 0.0)["b"].late == 4
 
 
 def test_the_round_trip_leaves_out_how_long_the_other_host_held_the_beat() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     echo = Echo(router="a0", sent_s=1.0, held_s=0.04)
-    watch.hear("b", Beat(router="b0", sent_s=9000.0, echoes={"a": echo}), 1.043)
-    assert watch.states(["b"], 1.05)["b"].round_trip_s == pytest.approx(0.003)
+    watch.hear("b", Beat(router="b0", sent_s=9000.0, time_of_day_s=0.0, echoes={"a": echo}), 1.043)
+    assert watch.states(["b"], 1.05, 0.0)["b"].round_trip_s == pytest.approx(0.003)
+
+
+def test_clocks_of_another_host_are_told_apart_from_ours() -> None:
+    watch = LinkWatch("a", "a0", 0.0)
+    # Its monotonic clock is 7000 s ahead of ours, its time of day 0.25 s; the way takes 1 ms each time.
+    echo = Echo(router="a0", sent_s=10.0, held_s=0.02)
+    beat = Beat(router="b0", sent_s=7010.021, time_of_day_s=5010.271, echoes={"a": echo})
+    watch.hear("b", beat, 10.022)
+    state = watch.states(["b"], 10.05, 5010.05)["b"]
+    assert state.monotonic_offset_s == pytest.approx(7000.0)
+    assert state.clock_offset_s == pytest.approx(0.25)
+    assert state.round_trip_s == pytest.approx(0.002)
 
 
 def test_a_beat_echoes_the_newest_of_every_host_and_how_long_it_was_held() -> None:
     watch = LinkWatch("a", "a0", 0.0)
-    watch.hear("b", Beat(router="b0", sent_s=70.0, echoes={}), 1.0)
-    watch.hear("c", Beat(router="c0", sent_s=80.0, echoes={}), 1.02)
-    beat = watch.beat(1.05)
-    assert (beat.router, beat.sent_s) == ("a0", 1.05)
+    watch.hear("b", Beat(router="b0", sent_s=70.0, time_of_day_s=0.0, echoes={}), 1.0)
+    watch.hear("c", Beat(router="c0", sent_s=80.0, time_of_day_s=0.0, echoes={}), 1.02)
+    beat = watch.beat(1.05, 5e8)
+    assert (beat.router, beat.sent_s, beat.time_of_day_s) == ("a0", 1.05, 5e8)
     assert beat.echoes["b"] == Echo(router="b0", sent_s=70.0, held_s=pytest.approx(0.05))
     assert beat.echoes["c"].held_s == pytest.approx(0.03)
 
 
 def test_a_host_that_was_never_heard_is_not_linked() -> None:
-    state = LinkWatch("a", "a0", 0.0).states(["b"], 1.0)["b"]
+    state = LinkWatch("a", "a0", 0.0).states(["b"], 1.0, 0.0)["b"]
     assert (state.linked, state.redials, state.late, state.round_trip_s) == (False, 0, 0, None)
 
 

@@ -1,0 +1,43 @@
+"""What routers say of the links between hosts, and of the clocks of hosts, in words."""
+
+from collections.abc import Mapping
+
+from bus.link_messages import LinkState, RouterStatus
+
+
+def host_notes(statuses: Mapping[str, RouterStatus], here: str) -> list[str]:
+    """A line for every host that the router used here is linked with, and for every link that is missing.
+
+    Parameters
+    ----------
+    statuses
+        Newest status of the routers that are heard, by host.
+    here
+        Host whose router is used: clocks are compared with its clock.
+    """
+    lines = []
+    missing = set()
+    for host, status in sorted(statuses.items()):
+        for other, state in sorted(status.links.items()):
+            if not state.linked:
+                missing.add(tuple(sorted((host, other))))
+            elif host == here:
+                lines.append(f"host {other}: {_clock(state, here)}{_incidents(state)}")
+    return [f"hosts {first} and {second} are not linked" for first, second in sorted(missing)] + lines
+
+
+def _clock(state: LinkState, here: str) -> str:
+    if state.clock_offset_s is None or state.round_trip_s is None:
+        return "linked"
+    offset_ms, uncertain_ms = 1e3 * state.clock_offset_s, 5e2 * state.round_trip_s
+    side = "ahead of" if offset_ms >= 0 else "behind"
+    return (
+        f"clock {abs(offset_ms):.1f} +- {uncertain_ms:.1f} ms {side} that of {here}, "
+        f"round trip {1e3 * state.round_trip_s:.1f} ms"
+    )
+
+
+def _incidents(state: LinkState) -> str:
+    redialled = f", redialled {state.redials} times" if state.redials else ""
+    late = f", {state.late} beats late" if state.late else ""
+    return redialled + late
