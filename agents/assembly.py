@@ -73,6 +73,7 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         settings.separation,
         default_controller,
         default_estimator,
+        settings.hover_thrust_limits,
     )
 
 

@@ -23,6 +23,7 @@ from agents.flight.guidance import Guidance, resting
 from agents.flight.lift_off import LiftOff
 from agents.flight.prediction import predict
 from agents.flight.time_limit import TimeLimit
+from agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleFault, VehicleWatch
 from agents.identification.exciter import Exciter
 from agents.interfaces import AvoidsObstacles, Controller, Estimate, Estimator, Measurement
 from agents.phases import Event, Phase
@@ -98,6 +99,8 @@ class Pilot:
         Ellipsoid around the vehicle that no other one is to enter; None for no avoidance.
     default_controller, default_estimator
         Take the place of those that fail.
+    hover_thrust_limits
+        When the battery counts as empty.
     """
 
     rejected: Mapping[str, int] = MappingProxyType({})
@@ -111,6 +114,7 @@ class Pilot:
         separation: SeparationEllipsoid | None = None,
         default_controller: Controller | None = None,
         default_estimator: Estimator | None = None,
+        hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS,
     ) -> None:
         self.model = model
         self.controller = controller
@@ -126,6 +130,10 @@ class Pilot:
         """Smallest distance to another plan in any of them."""
         self.plan: Trajectory | None = None
         """Newest plan of the controller; None on the floor."""
+        self.fault: VehicleFault | None = None
+        """Why the vehicle lands, or has landed, without being asked to."""
+        self._watched_at_s = 0.0
+        self._watch = VehicleWatch(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
         self.clock = FleetClock()
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
@@ -148,7 +156,9 @@ class Pilot:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What people should know: what failed last, and what has taken its place for good."""
-        found = []
+        found = [] if self.fault is None else [f"it lands: {self.fault.text}"]
+        if self.fault is None and self._watch.warning:
+            found.append(self._watch.warning)
         if self.step_guard.failure:
             stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
             found.append(self.step_guard.failure + stays)
@@ -238,6 +248,8 @@ class Pilot:
         refusal = self.guidance.take_off(self.estimate, height_m, time_s)
         if refusal is None:
             self._lift_off.begin(time_s, float(self.estimate.motion[Z]))
+            self._watch.begin()
+            self.fault = None
         return refusal
 
     def limit_time(self, limit: TimeLimit) -> None:
@@ -315,6 +327,10 @@ class Pilot:
         self.plan = step.plan
         smoothed = self._transfer.smoothed(step.inputs[: 1 + BRIDGE_STAGES], self.input_history.newest)
         inputs = self._excited(smoothed, time_s)
+        if self.fault is not None and self.fault.axis is not None:
+            inputs = inputs.copy()
+            inputs[:, self.fault.axis] = self.model.hover_input[self.fault.axis]
+        self._watch_vehicle(inputs[0], time_s)
         self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
         return ControlOutput(
             inputs[0],
@@ -340,6 +356,18 @@ class Pilot:
             self.avoiding_ticks += found.touching
         elif found.touching:
             self.fallbacks["cannot_avoid"] += 1
+
+    def _watch_vehicle(self, command: Array, time_s: float) -> None:
+        """Land if the vehicle does not do what it is told."""
+        watched = self.guidance.phase in (Phase.TAKEOFF, Phase.FLYING) and self.fault is None
+        gap_s, self._watched_at_s = time_s - self._watched_at_s, time_s
+        if not watched or self._blind_s > 0.0 or gap_s > 1.5 * self.controller.period_s:
+            self._watch.forget()
+            return
+        self.fault = self._watch.observe(command, self.estimate.motion)
+        if self.fault is not None:
+            self.fallbacks[self.fault.kind] += 1
+            self.guidance.land(self.estimate, time_s)
 
     def _excited(self, inputs: Array, time_s: float) -> Array:
         """Inputs with the excitation of an identification, within the limits."""

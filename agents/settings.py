@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
 from agents.formation.succession import Succession
 from agents.interfaces import FULL_LIMITS, LimitScale
 from agents.separation.avoidance import SeparationEllipsoid
@@ -37,6 +38,8 @@ class AgentSettings:
         What to do about lost leaders.
     separation
         Ellipsoid around a vehicle that no other one is to enter; None for no avoidance.
+    hover_thrust_limits
+        When its battery counts as empty.
     """
 
     bus: BusAddress
@@ -59,6 +62,7 @@ class AgentSettings:
     minimum_distance_m: float | None = 0.3
     succession: Succession = field(default_factory=Succession)
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
+    hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS
 
     @property
     def configuration(self) -> Configuration:

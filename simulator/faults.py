@@ -13,6 +13,7 @@ from msgspec.structs import asdict
 from bus.requests import InjectedFault
 
 RadioCondition = Annotated[str, Meta(pattern="^(unplugged|off|refusing)$")]
+StickName = Annotated[str, Meta(pattern="^(pitch|roll|thrust|yaw)$")]
 Subject = Annotated[str, Meta(min_length=1, max_length=400)]
 
 
@@ -162,6 +163,23 @@ class BreakRadio(LastingFault, frozen=True, tag="break_radio"):
         return (type(self), self.vehicle)
 
 
+class BreakVehicle(LastingFault, frozen=True, tag="break_vehicle"):
+    """Break a vehicle itself: a weak rotor, an axis without effect or reversed."""
+
+    vehicle: Annotated[str, Meta(max_length=400)]
+    thrust_factor: Annotated[float, Meta(ge=0, le=1)] = 1.0
+    """Share of the thrust that is left; 0 for no lift."""
+    dead: StickName | None = None
+    """Stick without effect."""
+    reversed: StickName | None = None
+    """Stick that acts the wrong way round."""
+
+    @property
+    def slot(self) -> tuple[object, ...]:
+        """What a second request of this sort replaces."""
+        return (type(self), self.vehicle)
+
+
 TrackerFault = (
     Close
     | Reset
@@ -187,7 +205,7 @@ TrackerFault = (
 )
 """What the emulated Tracker can do wrong."""
 
-Fault = TrackerFault | BreakRadio
+Fault = TrackerFault | BreakRadio | BreakVehicle
 """What the simulated laboratory can do wrong."""
 
 FAULTS: Final[dict[str, type[FaultRequest]]] = {

@@ -15,6 +15,7 @@ from simulator.radio_faults import RadioFaults
 from simulator.room import Room
 from simulator.settings import SimulatedVehicle, SimulatorSettings
 from simulator.tracker import TrackerServer
+from simulator.vehicle_faults import VehicleFaults
 from vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
 STEP_S = 0.004
@@ -35,6 +36,8 @@ class Simulator:
         self._frame = 0
         self._frame_at_s = start_s + self._period_s
         self._radio_faults = RadioFaults(self._room.radios)
+        laboratory = self._room.laboratory
+        self._vehicle_faults = VehicleFaults({name: laboratory.plant(name) for name in laboratory.names})
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
@@ -52,6 +55,7 @@ class Simulator:
         for incoming in self._session.pending():
             incoming.answer(self._obey(incoming, now_s))
         self._radio_faults.advance(now_s)
+        self._vehicle_faults.advance(now_s)
         self._room.advance(min(now_s, self._frame_at_s))
         if now_s >= self._frame_at_s:
             published = self._tracker.publish(self._room.capture(self._frame))
@@ -68,10 +72,12 @@ class Simulator:
         try:
             table = timed_faults(request.faults)
             self._radio_faults.check(table)
+            self._vehicle_faults.check(table)
             self._tracker.schedule(table)
         except FaultError as error:
             return Reply(accepted=False, reason=str(error)[:400])
         self._radio_faults.schedule(table, now_s)
+        self._vehicle_faults.schedule(table, now_s)
         return Reply(accepted=True)
 
     def close(self) -> None:
@@ -87,7 +93,11 @@ class Simulator:
             vehicles=vehicles,
             faults=tuple(
                 fault_text(fault)[:400]
-                for fault in (*self._tracker.lasting_faults, *self._radio_faults.active)
+                for fault in (
+                    *self._tracker.lasting_faults,
+                    *self._radio_faults.active,
+                    *self._vehicle_faults.active,
+                )
             ),
             refused_faults=tuple(reason[:400] for reason in self._tracker.refused_faults),
         )

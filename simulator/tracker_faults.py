@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeVar
 from simulator.faults import (
     AddSubject,
     BreakRadio,
+    BreakVehicle,
     Burst,
     Delay,
     Dribble,
@@ -105,7 +106,9 @@ class TrackerFaults:
 
         Lines that concern radios are left to others.
         """
-        lines = [(line.at_s, line.fault) for line in table if not isinstance(line.fault, BreakRadio)]
+        lines = [
+            (line.at_s, line.fault) for line in table if not isinstance(line.fault, BreakRadio | BreakVehicle)
+        ]
         planned = frozenset(fault.subject for _, fault in lines if isinstance(fault, AddSubject))
         for _, fault in lines:
             self._check(fault, planned)

@@ -20,6 +20,7 @@ from agents.estimators.registry import ESTIMATORS
 from bus.reference import bounds, documented, one_line
 from deploy.fleet_file.schema import (
     AvoidanceConfig,
+    BatteryConfig,
     BusConfig,
     ControlConfig,
     FleetFile,
@@ -141,6 +142,7 @@ def sections() -> list[Section]:
         Section(vehicle, VehicleConfig),
         Section(f"{vehicle}.follow", LeaderConfig, "A list of such tables."),
         Section(f"{vehicle}.leader_lost", LeaderLostConfig, "See [formation.md](formation.md)."),
+        Section(f"{vehicle}.battery", BatteryConfig, "See [safety.md](safety.md)."),
         Section(control, ControlConfig, "See [control.md](control.md)."),
         *(
             Section(f"{control}.settings", CONTROLLERS.load(name).Settings, f'With `controller = "{name}"`.')

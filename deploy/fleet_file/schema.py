@@ -163,6 +163,15 @@ class LeaderLostConfig(Table, frozen=True, kw_only=True):
     """How long leaders are waited for; until then the place is kept."""
 
 
+class BatteryConfig(Table, frozen=True, kw_only=True):
+    """When a vehicle's battery counts as empty, told by the thrust that it needs to hover."""
+
+    warn_at_thrust: Annotated[float, Meta(gt=0, le=1)] = 0.8
+    """Share of the largest thrust from which a warning is told."""
+    land_at_thrust: Annotated[float, Meta(gt=0, le=1)] = 0.88
+    """Share from which the vehicle lands by itself; 1 for never."""
+
+
 class VehicleConfig(Table, frozen=True, kw_only=True):
     """One vehicle."""
 
@@ -183,6 +192,8 @@ class VehicleConfig(Table, frozen=True, kw_only=True):
     successors: list[Name] = field(default_factory=list)
     """Who leads the followers of this vehicle when it is lost, the first one first; then the others that may,
     in the order of the file."""
+    battery: BatteryConfig = field(default_factory=BatteryConfig)
+    """When its battery counts as empty."""
     model: dict[str, Any] = field(default_factory=dict)
     """Parameters that differ from those of the type."""
 

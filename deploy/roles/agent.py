@@ -1,6 +1,7 @@
 """The role of a vehicle's agent: its settings and its pilot from the fleet file."""
 
 from agents.assembly import build_pilot
+from agents.flight.vehicle_watch import HoverThrustLimits
 from agents.formation.limit_scaling import limit_scale_of
 from agents.formation.succession import Succession
 from agents.pilot import Pilot
@@ -61,6 +62,7 @@ def agent_settings(fleet: FleetFile, name: str) -> AgentSettings:
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
         separation=separation_of(fleet),
+        hover_thrust_limits=hover_thrust_limits_of(fleet, name),
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )
 
@@ -69,6 +71,24 @@ def separation_of(fleet: FleetFile) -> SeparationEllipsoid | None:
     """What vehicles keep clear of each other; None for no avoidance."""
     avoidance = fleet.avoidance
     return SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None
+
+
+def hover_thrust_limits_of(fleet: FleetFile, name: str) -> HoverThrustLimits:
+    """When the battery of a vehicle counts as empty.
+
+    Raises
+    ------
+    FleetError
+        It would land before it warns.
+    """
+    battery = fleet.vehicles[name].battery
+    try:
+        return HoverThrustLimits(battery.warn_at_thrust, battery.land_at_thrust)
+    except ValueError:
+        raise FleetError(
+            f"vehicles.{name}.battery.land_at_thrust: {battery.land_at_thrust:g} must be at least "
+            f"warn_at_thrust = {battery.warn_at_thrust:g}"
+        ) from None
 
 
 def succession_of(fleet: FleetFile, name: str) -> Succession:

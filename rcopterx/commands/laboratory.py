@@ -161,7 +161,7 @@ def _wanted(
     values = dict(field_from(words) for words in fields) | {
         name: value for name, value in options.items() if value is not None
     }
-    if fault == "break_radio" and "subject" in values:
+    if fault in ("break_radio", "break_vehicle") and "subject" in values:
         values["vehicle"] = values.pop("subject")
     subjects = {vehicle.subject for vehicle in file.vehicles.values()}
     for name in ("subject", "other"):

@@ -35,7 +35,7 @@ def test_command_of_the_table_is_a_fault(command: str) -> None:
     while words:
         word = words.pop(0)
         values |= {OPTIONS[word]: words.pop(0)} if word in OPTIONS else dict([field_from(word)])
-    if kind == "break_radio":
+    if kind in ("break_radio", "break_vehicle"):
         values["vehicle"] = values.pop("subject")
     fault_from(kind, values)
 

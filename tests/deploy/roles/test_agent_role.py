@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
+from agents.flight.vehicle_watch import HoverThrustLimits
 from agents.formation.limit_scaling import LEADER_LIMIT_SCALE
 from agents.interfaces import FULL_LIMITS
 from agents.separation.avoidance import SeparationEllipsoid
@@ -37,3 +38,12 @@ def test_avoidance_is_on_unless_the_file_says_otherwise() -> None:
     assert agent_settings(parse_fleet(off), "h1").separation is None
     with pytest.raises(FleetError, match=r"^avoidance\.vertical_m: .*0\.0"):
         parse_fleet(PAIR + "[avoidance]\nvertical_m = -1.0\n")
+
+
+def test_the_battery_has_limits_of_its_own() -> None:
+    given = PAIR + "[vehicles.h2.battery]\nwarn_at_thrust = 0.7\nland_at_thrust = 0.75\n"
+    assert agent_settings(parse_fleet(given), "h2").hover_thrust_limits == HoverThrustLimits(0.7, 0.75)
+    assert agent_settings(parse_fleet(given), "h1").hover_thrust_limits == HoverThrustLimits()
+    wrong = PAIR + "[vehicles.h2.battery]\nland_at_thrust = 0.5\n"
+    with pytest.raises(FleetError, match=r"^vehicles\.h2\.battery\.land_at_thrust: 0\.5 must be at least"):
+        agent_settings(parse_fleet(wrong), "h2")

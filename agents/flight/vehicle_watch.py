@@ -1,0 +1,257 @@
+"""Whether a vehicle does what its sticks say: a weak rotor, an empty battery, an axis without effect.
+
+What a stick should have done within a window is compared with what the vehicle did. For each axis the model
+says
+
+    velocity' = gain * (stick after delay and lag) + damping * velocity + turning of the frame - gravity
+
+so the change of the velocity, less damping, turning and gravity, is what the stick has done; its ratio to
+what the model says is the axis's effect: 1 for the model, 0 for a dead axis, negative for a reversed one.
+Wind adds to it, and so only windows count in which a stick asked for more than any wind indoors does.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vehicles.model import Model
+from vehicles.state import (
+    INPUT_SIZE,
+    U_PITCH,
+    U_ROLL,
+    U_THRUST,
+    U_YAW,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    Array,
+    Z,
+)
+
+WINDOW_S: Final = 0.6
+"""Over which the effect of pitch, roll and yaw is measured."""
+LEAST_STICK: Final = 0.6
+"""Mean stick of a window that counts, as a share of its range to that side."""
+DEAD_EFFECT: Final = 0.15
+"""An axis with less than this has none."""
+REVERSED_EFFECT: Final = -0.3
+AXIS_PATIENCE_S: Final = 0.3
+"""How long windows have to agree about an axis."""
+
+MOST_TURNED_RAD: Final = 0.5
+"""A rotor's tilt stays behind the heading, so windows that turn further say nothing of pitch and roll."""
+
+THRUST_WINDOW_S: Final = 1.0
+FULL_THRUST: Final = 0.98
+"""Share of the largest thrust that counts as its limit."""
+LEAST_CLIMB_M: Final = 0.1
+"""Height that full thrust gains within its window at least."""
+LEARNING_S: Final = 3.0
+"""First seconds of a flight, in which its thrust gain is learnt."""
+LEAST_GAIN: Final = 0.7
+"""Share of the learnt thrust gain below which the rotor counts as weak."""
+BATTERY_TIME_S: Final = 5.0
+"""Time constant of the hover thrust, which a battery changes slowly."""
+
+AXIS_NAMES: Final = {U_PITCH: "pitch", U_ROLL: "roll", U_YAW: "yaw"}
+
+
+@dataclass(frozen=True, slots=True)
+class HoverThrustLimits:
+    """Hover thrust, learnt in flight, at which the battery counts as empty; shares of the largest thrust.
+
+    Raises
+    ------
+    ValueError
+        Not in order, or not above 0 and at most 1.
+    """
+
+    warn_at: float = 0.8
+    land_at: float = 0.88
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.warn_at <= self.land_at <= 1.0:
+            raise ValueError(f"must be in order, above 0 and at most 1, got {self.warn_at}, {self.land_at}")
+
+
+DEFAULT_LIMITS: Final = HoverThrustLimits()
+"""Unless a fleet file says otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleFault:
+    """Why a vehicle has to land.
+
+    Attributes
+    ----------
+    kind
+        For counting: `thrust_exhausted`, `thrust_lost`, `battery_empty`, `axis_dead`, `axis_reversed`.
+    text
+        For people.
+    axis
+        Stick that is better left alone; None if all sticks work.
+    """
+
+    kind: str
+    text: str
+    axis: int | None = None
+
+
+@dataclass(slots=True)
+class _Sums:
+    """What has been added up until a moment."""
+
+    asked: Array
+    done: Array
+    height_m: float
+    yaw_rad: float
+
+
+class VehicleWatch:
+    """Watches one vehicle in flight.
+
+    Parameters
+    ----------
+    model
+        What its sticks should do.
+    limits
+        When its battery counts as empty.
+    period_s
+        Control period.
+    """
+
+    def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
+        self._model = model
+        self._limits = limits
+        self._period_s = period_s
+        self._delay = round(model.delay_s / period_s)
+        lag_s = np.array(model.lag_s)
+        self._pole = np.where(lag_s > 0.0, np.exp(-period_s / np.maximum(lag_s, 1e-6)), 0.0)
+        # A side of the range to which a stick hardly moves says nothing about it.
+        self._least = LEAST_STICK * np.stack(
+            (model.hover_input - model.u_min, model.u_max - model.hover_input)
+        )
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a flight: the battery may be another one."""
+        self.hover_thrust: float | None = None
+        """Thrust that carries the vehicle now, filtered; None until it is known."""
+        self._learnt_gain: float | None = None
+        self._learning_s = 0.0
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin new windows, as what is known of the motion has a gap."""
+        self._under_way: deque[Array] = deque(maxlen=self._delay + 1)
+        self._acting: Array | None = None
+        self._asked, self._done = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
+        self._window: deque[_Sums] = deque(maxlen=1 + round(THRUST_WINDOW_S / self._period_s))
+        self._full_for_s = 0.0
+        self._suspect_s = np.zeros(INPUT_SIZE)
+
+    @property
+    def warning(self) -> str:
+        """What is to be told before anything has to land; empty for nothing."""
+        if self.hover_thrust is None or self.hover_thrust < self._limits.warn_at:
+            return ""
+        return (
+            f"the battery is nearly empty: it hovers at {self.hover_thrust:.2f} of the thrust and lands at "
+            f"{self._limits.land_at:g}"
+        )
+
+    def observe(self, command: Array, motion: Array) -> VehicleFault | None:
+        """Take in a control period of free flight.
+
+        Parameters
+        ----------
+        command
+            Sticks commanded in it, shape (4,).
+        motion
+            Estimated motion state at its beginning, shape (8,).
+
+        Returns
+        -------
+        VehicleFault or None
+            What is wrong, as soon as it is certain.
+        """
+        self._add_up(command, motion)
+        if len(self._window) == self._window.maxlen:
+            fault = self._thrust_fault(command)
+            if fault is not None:
+                return fault
+        return self._axis_fault()
+
+    def _add_up(self, command: Array, motion: Array) -> None:
+        model, period_s = self._model, self._period_s
+        self._under_way.append(command)
+        arrived = self._under_way[0]
+        self._acting = arrived if self._acting is None else arrived + self._pole * (self._acting - arrived)
+        rates = motion[XD_BODY:]
+        turning = np.zeros(INPUT_SIZE)
+        turning[U_PITCH] = motion[YAW_RATE] * motion[YD_BODY]
+        turning[U_ROLL] = -motion[YAW_RATE] * motion[XD_BODY]
+        turning[U_THRUST] = -model.gravity_m_s2
+        self._window.append(
+            _Sums(self._asked.copy(), rates - self._done, float(motion[Z]), float(motion[YAW]))
+        )
+        self._asked += period_s * model.b * self._acting
+        self._done += period_s * (model.k * rates + turning)
+
+    def _thrust_fault(self, command: Array) -> VehicleFault | None:
+        first, last = self._window[0], self._window[-1]
+        full = command[U_THRUST] >= FULL_THRUST * self._model.u_max[U_THRUST]
+        self._full_for_s = self._full_for_s + self._period_s if full else 0.0
+        climbed_m = last.height_m - first.height_m
+        if self._full_for_s >= THRUST_WINDOW_S and climbed_m < LEAST_CLIMB_M:
+            text = f"thrust at its limit for {THRUST_WINDOW_S:g} s without gaining height"
+            return VehicleFault("thrust_exhausted", text)
+        asked = last.asked[U_THRUST] - first.asked[U_THRUST]
+        if asked <= 0.5 * THRUST_WINDOW_S * self._model.gravity_m_s2:
+            return None  # It falls on purpose: nothing can be told from so little thrust.
+        gain = float((last.done - first.done)[U_THRUST] / asked)
+        self._learn(gain)
+        if self._learning_s < LEARNING_S or self._learnt_gain is None or self.hover_thrust is None:
+            return None
+        if gain < LEAST_GAIN * self._learnt_gain:
+            lost = 100.0 * (1.0 - gain / self._learnt_gain)
+            return VehicleFault("thrust_lost", f"the thrust has fallen by {lost:.0f} % in this flight")
+        if self.hover_thrust > self._limits.land_at:
+            text = f"the battery is empty: it hovers at {self.hover_thrust:.2f} of the thrust"
+            return VehicleFault("battery_empty", text)
+        return None
+
+    def _learn(self, gain: float) -> None:
+        hover = float(self._model.hover_input[U_THRUST]) / max(gain, 0.05)
+        hover /= float(self._model.u_max[U_THRUST])
+        if self.hover_thrust is None or self._learnt_gain is None:
+            self.hover_thrust, self._learnt_gain = hover, gain
+            return
+        share = self._period_s / (self._period_s + BATTERY_TIME_S)
+        self.hover_thrust += share * (hover - self.hover_thrust)
+        if self._learning_s < LEARNING_S:
+            self._learning_s += self._period_s
+            self._learnt_gain += self._period_s / self._learning_s * (gain - self._learnt_gain)
+
+    def _axis_fault(self) -> VehicleFault | None:
+        back = 1 + round(WINDOW_S / self._period_s)
+        if len(self._window) < back:
+            return None
+        first, last = self._window[-back], self._window[-1]
+        asked, done = last.asked - first.asked, last.done - first.done
+        side = (asked > 0.0).astype(int)
+        counts = np.abs(asked) >= WINDOW_S * self._model.b * self._least[side, np.arange(INPUT_SIZE)]
+        counts[U_THRUST] = False
+        if abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
+            counts[[U_PITCH, U_ROLL]] = False
+        effect = np.where(counts, done / np.where(counts, asked, 1.0), 1.0)
+        self._suspect_s = np.where(effect < DEAD_EFFECT, self._suspect_s + self._period_s, 0.0)
+        for axis, name in AXIS_NAMES.items():
+            if self._suspect_s[axis] >= AXIS_PATIENCE_S:
+                if effect[axis] < REVERSED_EFFECT:
+                    return VehicleFault("axis_reversed", f"{name} acts the wrong way round", axis)
+                return VehicleFault("axis_dead", f"{name} has no effect", axis)
+        return None

@@ -1,0 +1,170 @@
+"""A vehicle that does not do what its sticks say is noticed; wind and manoeuvres are not it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.flight.prediction import predict
+from agents.flight.vehicle_watch import (
+    LEARNING_S,
+    THRUST_WINDOW_S,
+    HoverThrustLimits,
+    VehicleFault,
+    VehicleWatch,
+)
+from agents.interfaces import Estimate
+from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
+from vehicles.types import COAXIAL_LAG
+
+HOVER = COAXIAL_LAG.hover_input
+CALM = np.zeros(4)
+
+
+class Flown:
+    """A vehicle of the model, but for what is broken, and the watch over it."""
+
+    def __init__(self, limits: HoverThrustLimits | None = None, period_s: float = 0.02) -> None:
+        self.watch = VehicleWatch(COAXIAL_LAG, limits or HoverThrustLimits(), period_s)
+        self.period_s = period_s
+        self.gain = np.ones(4)
+        self.wind = CALM.copy()
+        self.state = Estimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), HOVER.copy(), CALM)
+        self._late = HOVER
+
+    def fly(self, seconds: float, stick: Array | Callable[[float], Array]) -> VehicleFault | None:
+        """Fly with sticks; the first fault ends the flight."""
+        for step in range(round(seconds / self.period_s)):
+            command = stick(step * self.period_s) if callable(stick) else stick
+            fault = self.watch.observe(command, self.state.motion)
+            if fault is not None:
+                return fault
+            pushed = Estimate(self.state.motion, self.state.actuator, self.wind)
+            self.state = predict(COAXIAL_LAG, pushed, self.gain * self._late, self.period_s)
+            self._late = command
+        return None
+
+    def holding(self, seconds: float) -> VehicleFault | None:
+        """Fly with the thrust that carries the vehicle, and brake what is left of its climb."""
+
+        def stick(_: float) -> Array:
+            thrust = (9.81 - 3.0 * self.state.motion[6] - self.wind[2]) / (18.0 * self.gain[U_THRUST])
+            return np.array([0.0, 0.0, min(max(thrust, 0.0), 1.0), 0.0])
+
+        return self.fly(seconds, stick)
+
+
+def held(axis: int, value: float) -> Array:
+    stick = HOVER.copy()
+    stick[axis] = value
+    return stick
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02, 0.04])
+@pytest.mark.parametrize(
+    ("axis", "name", "value"), [(U_PITCH, "pitch", 0.9), (U_ROLL, "roll", -0.9), (U_YAW, "yaw", 0.38)]
+)
+def test_an_axis_without_effect_and_a_reversed_one_are_told_apart(
+    axis: int, name: str, value: float, period_s: float
+) -> None:
+    for gain, kind, text in (
+        (0.0, "axis_dead", f"{name} has no effect"),
+        (-1.0, "axis_reversed", f"{name} acts the wrong way round"),
+    ):
+        flown = Flown(period_s=period_s)
+        assert flown.holding(2.0) is None
+        flown.gain[axis] = gain
+        assert flown.fly(1.5, held(axis, value)) == VehicleFault(kind, text, axis)
+
+
+sticks = st.floats(-1.0, 1.0)
+
+
+@given(
+    st.lists(st.tuples(sticks, sticks, sticks), min_size=4, max_size=4),
+    st.floats(0.6, 1.7),
+    st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4)),
+)
+@settings(max_examples=40, deadline=None)
+def test_sound_axes_are_left_alone_in_any_manoeuvre_and_wind(
+    manoeuvre: list[tuple[float, float, float]], gain: float, wind: tuple[float, float]
+) -> None:
+    flown = Flown()
+    flown.gain[[U_PITCH, U_ROLL, U_YAW]] = gain
+    flown.wind[:2] = wind
+
+    def stick(time_s: float) -> Array:
+        pitch, roll, yaw = manoeuvre[min(int(time_s / 0.7), len(manoeuvre) - 1)]
+        return np.array([pitch, roll, HOVER[U_THRUST], 0.4 * yaw])
+
+    assert flown.fly(2.8, stick) is None
+
+
+@pytest.mark.parametrize("left", [0.65, 0.5])
+def test_a_rotor_that_becomes_weak_is_noticed_within_two_seconds(left: float) -> None:
+    flown = Flown()
+    assert flown.holding(LEARNING_S + 1.5) is None
+    flown.gain[U_THRUST] = left
+    fault = flown.holding(2.0)
+    assert fault is not None
+    assert (fault.kind, fault.axis) == ("thrust_lost", None)
+
+
+@pytest.mark.parametrize("left", [1.2, 0.8])
+def test_a_battery_and_a_draught_from_above_are_no_weak_rotor(left: float) -> None:
+    flown = Flown()
+    assert flown.holding(LEARNING_S + 1.5) is None
+    flown.gain[U_THRUST] = left
+    flown.wind[2] = -0.5
+    assert flown.holding(4.0) is None
+
+
+def test_full_thrust_that_does_not_lift_is_noticed_after_a_second() -> None:
+    flown = Flown()
+    flown.gain[U_THRUST] = 0.5
+    fault = flown.fly(3.0, held(U_THRUST, 1.0))
+    assert fault is not None
+    assert fault.kind == "thrust_exhausted"
+
+
+def test_full_thrust_that_lifts_is_none_of_its_business() -> None:
+    assert Flown().fly(THRUST_WINDOW_S + 1.0, held(U_THRUST, 1.0)) is None
+
+
+def test_an_ageing_battery_is_warned_of_and_then_lands() -> None:
+    flown = Flown(HoverThrustLimits(0.65, 0.75))
+    assert flown.holding(LEARNING_S + 1.5) is None
+    assert not flown.watch.warning
+    flown.gain[U_THRUST] = HOVER[U_THRUST] / 0.7
+    assert flown.holding(12.0) is None
+    assert "hovers at 0.6" in flown.watch.warning or "hovers at 0.70" in flown.watch.warning
+    flown.gain[U_THRUST] = HOVER[U_THRUST] / 0.77
+    fault = flown.holding(30.0)
+    assert fault is not None
+    assert fault.kind == "battery_empty"
+    assert flown.watch.hover_thrust == pytest.approx(0.75, abs=0.01)
+
+
+def test_another_flight_begins_with_another_battery() -> None:
+    flown = Flown(HoverThrustLimits(0.6, 0.95))
+    flown.gain[U_THRUST] = HOVER[U_THRUST] / 0.8
+    flown.holding(6.0)
+    assert flown.watch.warning
+    flown.watch.begin()
+    assert not flown.watch.warning
+
+
+def test_a_gap_in_what_is_known_of_the_motion_begins_new_windows() -> None:
+    flown = Flown()
+    flown.gain[U_PITCH] = 0.0
+    for _ in range(5):
+        assert flown.fly(0.5, held(U_PITCH, 0.9)) is None
+        flown.watch.forget()
+
+
+@pytest.mark.parametrize(("warn_at", "land_at"), [(0.9, 0.8), (0.0, 0.8), (0.8, 1.1)])
+def test_limits_out_of_order_are_refused(warn_at: float, land_at: float) -> None:
+    with pytest.raises(ValueError, match="must be in order"):
+        HoverThrustLimits(warn_at, land_at)

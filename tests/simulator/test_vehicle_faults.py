@@ -1,0 +1,65 @@
+"""Vehicles of the simulated laboratory break and mend when a request or its time table says so."""
+
+import pytest
+
+from simulator.conditions import IDEAL
+from simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
+from simulator.laboratory import Laboratory
+from simulator.plant import Plant, PlantFaults, Pose
+from simulator.vehicle_faults import VehicleFaults
+from vehicles.types import COAXIAL
+
+SOUND = PlantFaults()
+
+
+@pytest.fixture
+def plants() -> dict[str, Plant]:
+    start = {name: Pose((0.0, 0.0, 1.0)) for name in ("h1", "h2")}
+    laboratory = Laboratory(dict.fromkeys(start, COAXIAL), start, IDEAL)
+    return {name: laboratory.plant(name) for name in start}
+
+
+@pytest.mark.parametrize(
+    ("fault", "plant_faults"),
+    [
+        (BreakVehicle("h1", thrust_factor=0.6), PlantFaults(thrust_factor=0.6)),
+        (BreakVehicle("h1", dead="roll"), PlantFaults(stick_gain=(1.0, 0.0, 1.0, 1.0))),
+        (BreakVehicle("h1", reversed="yaw"), PlantFaults(stick_gain=(1.0, 1.0, 1.0, -1.0))),
+    ],
+)
+def test_a_vehicle_breaks_in_its_time_and_is_sound_afterwards(
+    fault: BreakVehicle, plant_faults: PlantFaults, plants: dict[str, Plant]
+) -> None:
+    faults = VehicleFaults(plants)
+    lasting = BreakVehicle("h1", fault.thrust_factor, fault.dead, fault.reversed, duration_s=0.5)
+    faults.schedule([TimedFault(1.0, lasting)], 10.0)
+    for now_s, found in ((10.9, SOUND), (11.0, plant_faults), (11.4, plant_faults), (11.5, SOUND)):
+        faults.advance(now_s)
+        assert plants["h1"].faults == found
+        assert plants["h2"].faults == SOUND
+        assert faults.active == ((lasting,) if found != SOUND else ())
+
+
+def test_recover_mends_everything(plants: dict[str, Plant]) -> None:
+    faults = VehicleFaults(plants)
+    faults.schedule([TimedFault(0.0, BreakVehicle("h2", dead="pitch")), TimedFault(1.0, Recover())], 0.0)
+    faults.advance(0.5)
+    assert plants["h2"].faults != SOUND
+    faults.advance(1.5)
+    assert plants["h2"].faults == SOUND
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (BreakVehicle("h9"), "no vehicle 'h9', there are h1, h2"),
+        (BreakVehicle("h1", duration_s=-1.0), "duration_s = -1.0: allowed is zero or more"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_refused(
+    fault: BreakVehicle, reason: str, plants: dict[str, Plant]
+) -> None:
+    faults = VehicleFaults(plants)
+    faults.check([TimedFault(0.0, Close())])
+    with pytest.raises(FaultError, match=reason):
+        faults.check([TimedFault(0.0, fault)])
