@@ -69,7 +69,10 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
         if not device.exists():
             missing.append(f"{where}: there is no device {device}")
         elif not os.access(device, os.R_OK | os.W_OK):
-            raise FleetError(f"{where}: no permission for {device}; is the user in group dialout?")
+            raise FleetError(
+                f"{where}: no permission for {device}; install the rules of rcopterx udev-rules, or join the "
+                "group of the device (sudo usermod -aG dialout $USER) and log in again"
+            )
     if missing and len(missing) == len(needed):
         raise FleetError("; ".join(missing))
     return [f"{line}; the others fly without it" for line in missing]
@@ -89,7 +92,8 @@ def _check_free(address: str, port: int, where: str) -> None:
         try:
             probe.bind((address, port))
         except OSError as error:
-            hint = "; is the fleet already up?" if error.errno == errno.EADDRINUSE else ""
+            busy = "; is the fleet already up? Stop it, or give another port"
+            hint = busy if error.errno == errno.EADDRINUSE else ""
             raise FleetError(f"{where}: {address}:{port} cannot be used: {error.strerror}{hint}") from None
 
 

@@ -24,9 +24,19 @@ def base_directory() -> Path:
 
 
 def run_directory(fleet_name: str, namespace: str | None) -> Path:
-    """Directory of a fleet on this host, created if missing; it lies in `base_directory`."""
+    """Directory of a fleet on this host, created if missing; it lies in `base_directory`.
+
+    Raises
+    ------
+    OSError
+        It cannot be created; says where, why, and how to choose another place.
+    """
     path = base_directory() / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
-    (path / "log").mkdir(parents=True, exist_ok=True)
+    try:
+        (path / "log").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = f"run directory {path}: {error.strerror}; set RCOPTERX_RUN to a directory you may write to"
+        raise OSError(reason) from None
     return path
 
 

@@ -39,6 +39,8 @@ def load_fleet(path: Path) -> FleetFile:
     FleetError
         Names the file, the path of the bad field, and what is allowed.
     """
+    if path.is_dir():
+        raise FleetError(f"{path}: a directory; name the fleet file in it (TOML)")
     if path.suffix == SUFFIX:
         return read_snapshot(path)
     try:

@@ -94,6 +94,8 @@ def follow(
     """Let a vehicle follow another one's plan, in flight or on the floor."""
     if frame not in ("inertial", "heading"):
         raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
+    if vehicle == leader:
+        raise typer.BadParameter(f"{vehicle} cannot follow itself, name another vehicle", param_hint="LEADER")
     offset_m = three(offset)
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle, leader])
