@@ -12,12 +12,12 @@ from agents.pilot import ControlOutput, Pilot
 from agents.settings import AgentSettings
 from agents.telemetry import command_message, plan_message, status_message
 from bus import channels
+from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from bus.messages import AgentStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
 
 REPORT_PERIOD_S = 0.2
-IDLE_S = 0.1
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
 
@@ -54,6 +54,11 @@ class Agent:
             self._control()
         if self._clock() >= self._report_at_s:
             self._report()
+
+    @property
+    def flying(self) -> bool:
+        """Whether the rotor of the vehicle turns, as far as is known."""
+        return self._pilot.guidance.rotor_on
 
     def next_s(self) -> float:
         """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
@@ -168,9 +173,11 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
     realtime = request_realtime(settings.realtime_priority)
     pilot.limit_time(AlarmTimeLimit())
     with Session(settings.bus, wake=wake.set) as session:
-        agent = Agent(settings, pilot, session, realtime)
+        agent, heartbeat = Agent(settings, pilot, session, realtime), own_heartbeat()
         settle()
         while not stop.is_set():
-            wake.wait(max(0.0, min(agent.next_s() - session.clock(), IDLE_S)))
+            heartbeat.beat(agent.flying)
+            wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
             wake.clear()
             agent.step()
+        heartbeat.ending()

@@ -28,3 +28,8 @@ def request_key(fleet: str, unit: str, verb: str) -> str:
 def alive_key(fleet: str, unit: str, role: str) -> str:
     """Key of the liveliness token of a role."""
     return f"{ROOT}/{fleet}/{unit}/alive/{role}"
+
+
+def probe_key(fleet: str, host: str) -> str:
+    """Key under which the router process of a host sends messages to itself to see that it routes."""
+    return f"{ROOT}/{fleet}/{host}/probe/router"

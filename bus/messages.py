@@ -369,6 +369,14 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     """How often each process was started again."""
     spare_ready: bool = False
     """A warm process waits to replace an agent."""
+    watchdog: bool = False
+    """Processes that make no progress are ended and started again."""
+    hung: dict[Text, Count] = field(default_factory=dict)
+    """How often each process was ended because it made no progress; also counted among its restarts."""
+    longest_silence_s: dict[Text, Seconds] = field(default_factory=dict)
+    """Longest time without progress of each process that runs."""
+    forgiven: dict[Text, Count] = field(default_factory=dict)
+    """How often a process was silent for longer than its limit and did not hang, by reason."""
 
 
 class Kill(Message, frozen=True, kw_only=True):

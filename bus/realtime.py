@@ -10,13 +10,15 @@ import sys
 SWITCH_INTERVAL_S = 0.0005
 
 
-def request_realtime(priority: int) -> bool:
-    """Move this process into the real-time class.
+def request_realtime(priority: int, *, children: bool = True) -> bool:
+    """Move this thread, and the ones it starts from now on, into the real-time class.
 
     Parameters
     ----------
     priority
-        SCHED_FIFO priority 1..99; 0 leaves the process as it is.
+        SCHED_FIFO priority 1..99; 0 leaves everything as it is.
+    children
+        Whether threads and processes that this one starts inherit that.
 
     Returns
     -------
@@ -27,7 +29,8 @@ def request_realtime(priority: int) -> bool:
     if priority == 0 or not hasattr(os, "sched_setscheduler"):
         return False
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        policy = os.SCHED_FIFO if children else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
     except OSError:
         return False
     return True

@@ -1,4 +1,4 @@
-"""The router process of a host. No Python code runs per message."""
+"""The router process of a host. No Python code runs per message, but for those it sends to itself."""
 
 import os
 import signal
@@ -12,6 +12,7 @@ from bus import channels
 from bus.codec import encode
 from bus.endpoints import reason_of, router_config
 from bus.links import LinkService
+from bus.probe import probe_until
 from bus.realtime import request_realtime
 from bus.requests import IdentifyReply
 
@@ -26,6 +27,8 @@ def run_router(
 ) -> None:
     """Route until SIGTERM or SIGINT.
 
+    Its heartbeat goes on as long as messages go round: from a client in this process to the router and back.
+
     Parameters
     ----------
     listen, connect, namespace
@@ -33,7 +36,8 @@ def run_router(
     realtime_priority
         SCHED_FIFO priority, 0 for none.
     identity
-        Answer to whoever asks which fleet this is; None leaves the question open.
+        Answer to whoever asks which fleet this is; None leaves the question open, and the router without a
+        heartbeat.
     others
         Other hosts of the fleet, whose routers are linked to this one.
 
@@ -59,7 +63,9 @@ def run_router(
             _identify(session, identity)
             if others:
                 stack.callback(LinkService(session, identity.fleet, identity.host, others).close)
-        os.read(ended, 1)
+            probe_until(ended, listen[0], namespace, identity.fleet, identity.host)
+        else:
+            os.read(ended, 1)
 
 
 def _identify(session: zenoh.Session, identity: IdentifyReply) -> None:

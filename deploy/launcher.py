@@ -10,6 +10,7 @@ from collections.abc import Collection
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from bus.realtime import request_realtime
 from bus.session import BusUnreachableError
 from deploy.fleet_check import check_fleet
 from deploy.fleet_file.schema import FleetError, FleetFile
@@ -18,12 +19,15 @@ from deploy.membership import MembershipService
 from deploy.processes import RECORDER, processes_of
 from deploy.recall import RecallService
 from deploy.roles.addresses import bus_address
+from deploy.roles.priorities import Priority
 from deploy.roles.tracker import check_motion_capture, tracker_address
 from deploy.run_directory import flight_path, run_directory, serial_path, snapshot_path
 from deploy.supervisor import Supervisor
+from deploy.watchdog import WatchdogLimits
 from flight_log.flights import flight_name
 
-WATCH_S = 0.1
+WATCH_S = 0.02
+"""Between two looks at the progress of all processes."""
 EVENTS_KEPT = 200
 
 
@@ -97,6 +101,14 @@ def _check_free(address: str, port: int, where: str) -> None:
             raise FleetError(f"{where}: {address}:{port} cannot be used: {error.strerror}{hint}") from None
 
 
+def watchdog_limits(fleet: FleetFile) -> WatchdogLimits | None:
+    """For how long processes of a fleet may make no progress; None for as long as they like."""
+    watchdog = fleet.watchdog
+    if not watchdog.enabled:
+        return None
+    return WatchdogLimits(watchdog.flight_s, watchdog.floor_s, watchdog.start_s)
+
+
 class Launcher(AbstractContextManager["Launcher"]):
     """A host's processes under supervision, in a thread of their own.
 
@@ -108,6 +120,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         Which host this is.
     without
         Vehicles that do not take part at first; they can join later.
+    watchdog
+        False lets processes be, however long they make no progress: for debugging.
     record
         Whether this host, if it is the one that records, writes a flight log.
 
@@ -119,7 +133,13 @@ class Launcher(AbstractContextManager["Launcher"]):
     """
 
     def __init__(
-        self, fleet: FleetFile, host: str, without: Collection[str] = (), *, record: bool = False
+        self,
+        fleet: FleetFile,
+        host: str,
+        without: Collection[str] = (),
+        *,
+        watchdog: bool = True,
+        record: bool = False,
     ) -> None:
         directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
@@ -129,7 +149,10 @@ class Launcher(AbstractContextManager["Launcher"]):
         self.directory = directory
         agents = {f"agent-{name}" for name in without}
         self._snapshot = snapshot_path(host, directory)
-        self.supervisor = Supervisor(specs, self._snapshot, directory / "log", without=agents)
+        limits = watchdog_limits(fleet) if watchdog else None
+        self.supervisor = Supervisor(
+            specs, self._snapshot, directory / "log", without=agents, watchdog=limits
+        )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._news: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._fleet = fleet
@@ -167,6 +190,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self.stop()
 
     def _run(self) -> None:
+        request_realtime(Priority.SUPERVISOR.of(self._fleet), children=False)
         # Children are told when the thread that started them ends, so this one starts and stops them all.
         self._tell(self.supervisor.start_all())
         while not self._stopping.is_set():

@@ -87,12 +87,18 @@ class MembershipService:
         return "unknown" if received is None else received.message.phase
 
     def _status(self) -> LauncherStatus:
+        supervisor, children = self._supervisor, self._supervisor.children
         wanted = {name: child.wanted for name, child in self._agents.items()}
         return LauncherStatus(
             running=tuple(name for name, here in wanted.items() if here),
             absent=tuple(name for name, here in wanted.items() if not here),
-            restarts={name: child.restarts for name, child in self._supervisor.children.items()},
-            spare_ready=self._supervisor.spare_ready,
+            restarts={name: child.restarts for name, child in children.items()},
+            spare_ready=supervisor.spare_ready,
+            watchdog=supervisor.watchdog_on,
+            hung={name: child.hung for name, child in children.items() if child.hung}
+            | ({"spare": supervisor.spares_hung} if supervisor.spares_hung else {}),
+            longest_silence_s={name: supervisor.longest_silence_s(name) for name in supervisor.running()},
+            forgiven=supervisor.forgiven,
         )
 
     def close(self) -> None:

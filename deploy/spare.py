@@ -6,15 +6,17 @@ inputs of its last plan; taking over in a warm process does not.
 
 import json
 import os
+import select
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from agents.process import run_agent
+from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from deploy.fleet_file.reading import load_fleet
 from deploy.roles.agent import pilot_of
 from deploy.roles.run import end_with_parent, name_process, run_reporting, runner
-from deploy.spare_process import READY, Job
+from deploy.spare_process import Job
 
 
 def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | None:
@@ -29,8 +31,7 @@ def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | No
     fleet = load_fleet(snapshot)
     pilots = {unit: pilot_of(fleet, unit) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs}
-    os.write(sys.stdout.fileno(), READY)
-    line = sys.stdin.readline()
+    line = _order()
     if not line:
         return None
     order = json.loads(line)
@@ -42,6 +43,16 @@ def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | No
     if role == "agent":
         return lambda: run_agent(*pilots[unit])
     return lambda: runners[role](fleet, unit)
+
+
+def _order() -> str:
+    """The line that says what to do; while there is none, beats show that it would be heard."""
+    heartbeat = own_heartbeat()
+    heartbeat.beat()
+    while not select.select([sys.stdin], [], [], LONGEST_WAIT_S)[0]:
+        heartbeat.beat()
+    heartbeat.starting()
+    return sys.stdin.readline()
 
 
 def main() -> None:

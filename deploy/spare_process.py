@@ -6,8 +6,9 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-READY = b"ready\n"
+from bus.heartbeat import VARIABLE, HeartbeatPage, Phase
 
 Job = tuple[str, str]
 """Role and unit of a process."""
@@ -20,6 +21,47 @@ def child_environment() -> dict[str, str]:
         "OPENBLAS_NUM_THREADS": "1",
         "RCOPTERX_PARENT": str(os.getpid()),
     }
+
+
+class Started(NamedTuple):
+    """A process and the page it beats into."""
+
+    process: subprocess.Popen[bytes]
+    page: HeartbeatPage
+
+
+def start_process(command: Sequence[str], log: Path, stdin: int) -> Started:
+    """Start a supervised process with a heartbeat.
+
+    Parameters
+    ----------
+    command
+        Command line.
+    log
+        File its output is appended to.
+    stdin
+        As for `subprocess.Popen`.
+
+    Raises
+    ------
+    OSError
+        It cannot be started, for instance for want of descriptors.
+    """
+    page = HeartbeatPage()
+    try:
+        with log.open("ab") as output:
+            process = subprocess.Popen(
+                command,
+                stdin=stdin,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                pass_fds=[page.descriptor],
+                env=child_environment() | {VARIABLE: str(page.descriptor)},
+            )
+    finally:
+        page.handed_over()
+    return Started(process, page)
 
 
 class SpareProcess:
@@ -39,58 +81,52 @@ class SpareProcess:
         self._snapshot = snapshot
         self._jobs = tuple(jobs)
         self._log = log
-        self._process: subprocess.Popen[bytes] | None = None
-        self._heard = b""
+        self._started: Started | None = None
+
+    @property
+    def started(self) -> Started | None:
+        """The spare, as long as there is one."""
+        return self._started
 
     def prepare(self) -> None:
         """Start the spare if there is none."""
-        if self._process is not None and self._process.poll() is None:
+        if self._started is not None and self._started.process.poll() is None:
             return
         if not self._jobs:
             return
         self.close()
-        self._heard = b""
         words = [f"{role}:{unit}" for role, unit in self._jobs]
-        with self._log.open("ab") as log:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "deploy.spare", str(self._snapshot), *words],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                start_new_session=True,
-                env=child_environment(),
-            )
-        if self._process.stdout is not None:
-            os.set_blocking(self._process.stdout.fileno(), False)
+        command = [sys.executable, "-m", "deploy.spare", str(self._snapshot), *words]
+        self._started = start_process(command, self._log, subprocess.PIPE)
 
-    def take(self, role: str, unit: str, log: Path) -> subprocess.Popen[bytes] | None:
+    def take(self, role: str, unit: str, log: Path) -> Started | None:
         """Let the spare take over a job; None if that is none of its jobs or it is not ready."""
-        process = self._process
-        if (role, unit) not in self._jobs or process is None or process.stdin is None or not self.ready():
+        started = self._started
+        if (role, unit) not in self._jobs or started is None or not self.ready():
             return None
+        order = json.dumps({"role": role, "unit": unit, "log": str(log)}) + "\n"
+        stdin = started.process.stdin
         try:
-            process.stdin.write((json.dumps({"role": role, "unit": unit, "log": str(log)}) + "\n").encode())
-            process.stdin.close()
+            if stdin is not None:
+                stdin.write(order.encode())
+                stdin.close()
         except BrokenPipeError:
             return None
-        self._process = None
-        return process
+        self._started = None
+        return started
 
     def ready(self) -> bool:
         """Whether the spare could take over at this moment."""
-        process = self._process
-        if process is None or process.poll() is not None or process.stdout is None:
-            return False
-        self._heard += process.stdout.read() or b""
-        return self._heard.startswith(READY)
+        started = self._started
+        return started is not None and started.process.poll() is None and started.page.phase is Phase.WORKING
 
     def close(self) -> None:
         """End the spare."""
-        if self._process is None:
+        if self._started is None:
             return
-        self._process.kill()
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                pipe.close()
-        self._process = None
+        process = self._started.process
+        process.kill()
+        process.wait()
+        if process.stdin is not None:
+            process.stdin.close()
+        self._started = None

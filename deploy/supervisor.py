@@ -10,8 +10,11 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bus.heartbeat import HeartbeatPage
+from deploy.liveness import Liveness
 from deploy.processes import ProcessSpec
-from deploy.spare_process import SpareProcess, child_environment
+from deploy.spare_process import SpareProcess, Started, start_process
+from deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
 SETTLED_S = 1.0
@@ -21,6 +24,12 @@ QUICK_RESTARTS = 3
 MAX_PAUSE_S = 5.0
 START_RETRY_S = 0.2
 SPARE_RETRY_S = 1.0
+SPARE_SILENCE_S = 0.15
+"""A spare process that has shown no progress for so long is not relied on."""
+BACKGROUND_ROLES = ("simulator", "recorder")
+"""Not replaced at once when they make no progress."""
+KNOWING_ROLES = ("agent", "transmitters")
+"""Processes of these roles tell whether vehicles fly."""
 STOP_LIMIT_S = 12.0
 """Transmitter gateways land their vehicles meanwhile."""
 
@@ -42,9 +51,12 @@ class Child:
 
     spec: ProcessSpec
     process: subprocess.Popen[bytes] | None = None
+    page: HeartbeatPage | None = None
     started_s: float = 0.0
     restart_at_s: float = 0.0
     restarts: int = 0
+    hung: int = 0
+    """How often it was ended because it made no progress."""
     quick_deaths: int = 0
     pidfd: int = -1
     last_exit: int | None = None
@@ -52,6 +64,8 @@ class Child:
     """Whether it shall run; may be changed at any time, from any thread."""
     leaving_since_s: float | None = None
     """When it was asked to end, if it was."""
+    verdict: Hung | None = None
+    """Why the watchdog ended it, until that is told."""
     events: Counter[str] = field(default_factory=Counter)
 
 
@@ -70,6 +84,8 @@ class Supervisor:
         Monotonic clock [s].
     without
         Names of processes that are not wanted at first.
+    watchdog
+        For how long processes may make no progress; None for as long as they like.
     """
 
     def __init__(
@@ -79,6 +95,7 @@ class Supervisor:
         log_directory: Path,
         clock: Callable[[], float] = time.monotonic,
         without: Collection[str] = (),
+        watchdog: WatchdogLimits | None = None,
     ) -> None:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
         self._snapshot = snapshot.resolve()
@@ -89,6 +106,9 @@ class Supervisor:
         self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
         self._spare = SpareProcess(self._snapshot, jobs, log_directory / "spare.log")
+        self.spares_hung = 0
+        blind = not any(spec.role in KNOWING_ROLES for spec in specs)
+        self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))
 
     def start(self, name: str) -> list[str]:
         """Start one process; the spare process takes its place if it can and is ready.
@@ -119,17 +139,10 @@ class Supervisor:
         return lines
 
     def _launch(self, child: Child, log_path: Path) -> None:
-        process = self._spare.take(child.spec.role, child.spec.unit, log_path)
-        if process is None:
-            with log_path.open("ab") as log:
-                process = subprocess.Popen(
-                    child.spec.command(self._snapshot),
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    start_new_session=True,
-                    env=child_environment(),
-                )
+        started = self._successor(child, log_path)
+        if started is None:
+            started = start_process(child.spec.command(self._snapshot), log_path, subprocess.DEVNULL)
+        process, page = started
         try:
             pidfd = os.pidfd_open(process.pid)
         except OSError:
@@ -137,16 +150,23 @@ class Supervisor:
             process.kill()
             process.wait()
             raise
-        child.process, child.pidfd = process, pidfd
+        child.process, child.page, child.pidfd = process, page, pidfd
         child.started_s = self._clock()
         self._selector.register(pidfd, selectors.EVENT_READ, child.spec.name)
+
+    def _successor(self, child: Child, log_path: Path) -> Started | None:
+        """The spare process, if it is there, makes progress, and can do what this one did."""
+        spare = self._spare.started
+        if spare is None or self._silent_s(spare.process.pid) > SPARE_SILENCE_S:
+            return None
+        return self._spare.take(child.spec.role, child.spec.unit, log_path)
 
     def start_all(self) -> list[str]:
         """Start every wanted process in order; returns what is wrong, as `start`."""
         return [line for name, child in self.children.items() if child.wanted for line in self.start(name)]
 
     def watch(self, timeout_s: float) -> list[str]:
-        """Wait for deaths and restart what died.
+        """Wait for deaths, restart what died, and end what hangs.
 
         Parameters
         ----------
@@ -161,7 +181,7 @@ class Supervisor:
         now = self._clock()
         if all(now - child.started_s > SETTLED_S for child in self.children.values()):
             self._prepare_spare(now)
-        lines = self._start_and_stop()
+        lines = self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
         if self._selector.get_map():
@@ -185,6 +205,34 @@ class Supervisor:
         except OSError:
             self.spare_failures += 1
             self._spare_at_s = now_s + SPARE_RETRY_S
+
+    def _end_hung(self, now_s: float) -> list[str]:
+        """End what makes no progress; its death is then noticed as any other one."""
+        if self.liveness is None:
+            return []
+        children = {
+            child.process.pid: child
+            for child in self.children.values()
+            if child.process is not None and child.wanted
+        }
+        pages = {
+            process: (child.page, Duty.BACKGROUND if child.spec.role in BACKGROUND_ROLES else Duty.FLIGHT)
+            for process, child in children.items()
+            if child.page is not None
+        }
+        spare = self._spare.started
+        if spare is not None:
+            pages[spare.process.pid] = (spare.page, Duty.STANDBY)
+        lines = []
+        for hung in self.liveness.check(now_s, pages):
+            child = children.get(hung.process)
+            if child is not None:
+                child.hung += 1
+                child.verdict = hung
+            else:
+                self.spares_hung += 1
+                lines.append(f"spare: no progress for {hung.silent_s:.2f} s, replaced")
+        return lines
 
     def _start_and_stop(self) -> list[str]:
         """Start what is wanted and was not, end what is not wanted any more."""
@@ -215,6 +263,7 @@ class Supervisor:
         child = self.children[name]
         code = self._reap(child)
         child.leaving_since_s = None
+        verdict, child.verdict = child.verdict, None
         if not child.wanted:
             return f"{name}: ended"
         now = self._clock()
@@ -222,6 +271,10 @@ class Supervisor:
         child.quick_deaths = child.quick_deaths + 1 if quick else 0
         child.restart_at_s = now + restart_pause_s(child.quick_deaths)
         cause = f"killed by {_signal_name(-code)}" if code < 0 else f"ended with exit code {code}"
+        if verdict is not None:
+            cause = (
+                f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed; {cause}"
+            )
         return f"{name}: {cause}; log: {self._logs / (name + '.log')}"
 
     def _reap(self, child: Child) -> int:
@@ -230,7 +283,7 @@ class Supervisor:
         child.pidfd = -1
         code = child.process.wait() if child.process is not None else 0
         child.last_exit = code
-        child.process = None
+        child.process = child.page = None
         return code
 
     def quick_deaths(self, name: str) -> int:
@@ -241,6 +294,30 @@ class Supervisor:
     def spare_ready(self) -> bool:
         """Whether a warm process waits to replace an agent."""
         return self._spare.ready()
+
+    @property
+    def spare_pid(self) -> int | None:
+        """Process id of the spare process, None while there is none."""
+        spare = self._spare.started
+        return None if spare is None else spare.process.pid
+
+    @property
+    def watchdog_on(self) -> bool:
+        """Whether processes that make no progress are ended."""
+        return self.liveness is not None
+
+    @property
+    def forgiven(self) -> dict[str, int]:
+        """How often processes were silent for longer than their limit without hanging, by reason."""
+        return {} if self.liveness is None else self.liveness.forgiven
+
+    def longest_silence_s(self, name: str) -> float:
+        """Longest time without progress of a process that runs, since it works."""
+        pid = self.pid(name)
+        return 0.0 if self.liveness is None or pid is None else self.liveness.longest_s(pid)
+
+    def _silent_s(self, process: int) -> float:
+        return 0.0 if self.liveness is None else self.liveness.silent_s(process)
 
     def running(self) -> list[str]:
         """Names of the processes that run now."""

@@ -1,5 +1,6 @@
 """Manoeuvres in which something breaks: processes are killed or hang in flight."""
 
+import signal
 from typing import Final
 
 from experiments import steps
@@ -19,12 +20,12 @@ from ground_station.fleet import Fleet
 from simulator.faults import Occlude
 
 
-def _broken(process: str) -> Step:
-    """Kill a process in flight, and fly on."""
+def _broken(process: str, how: signal.Signals = signal.SIGKILL) -> Step:
+    """Kill or stop a process in flight, and fly on."""
     return in_order(
         steps.spare_ready,
         pause(1.0),
-        steps.killed(process),
+        steps.killed(process, how),
         steps.everybody_commanded,
         steps.formed(),
         go_to((0.2, 0.0, 1.1)),
@@ -66,23 +67,22 @@ FAULT_ROWS: Final = (
         launched=True,
     ),
     Manoeuvre(
-        "agent-frozen",
-        "An agent hangs for 150 ms: its plan's inputs bridge, then the transmitter gateway holds",
-        6.0,
-        in_order(
-            pause(1.0), steps.frozen("agent-h2", 0.15), steps.everybody_commanded, steps.formed(), pause(1.0),
+        "agent-hangs",
+        "An agent hangs: its plan's inputs bridge, the transmitter gateway holds, a successor flies on",
+        8.0,
+        _broken("agent-h2", signal.SIGSTOP),
+        (
+            *in_the_air(), agents_started_again("h2"), agents_started_again("h3", 0),
+            longest_silence("h2", 0.4), position_kept("h2", 150.0), distance_kept(),
         ),
-        (*in_the_air(), played_in_state("h2", "hold"), agents_started_again("h2", 0), distance_kept()),
         launched=True,
     ),
     Manoeuvre(
-        "tracking-lost",
-        "The Vicon gateway hangs for 200 ms: agents predict, transmitter gateways hold, then all fly on",
-        6.0,
-        in_order(
-            pause(1.0), steps.frozen("tracker", 0.2), steps.everybody_commanded, steps.formed(), pause(1.0),
-        ),
-        (*in_the_air(), played_in_state("h1", "hold"), distance_kept()),
+        "vicon-gateway-hangs",
+        "The Vicon gateway hangs: agents predict, transmitter gateways hold, a successor continues",
+        8.0,
+        _broken("tracker", signal.SIGSTOP),
+        (*in_the_air(), played_in_state("h1", "hold"), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1))),
         launched=True,
     ),
     Manoeuvre(

@@ -248,13 +248,13 @@ def spare_ready(fleet: Fleet, _say: Say, _wait: Wait) -> None:
         fleet.wait_until(lambda: launcher.supervisor.spare_ready, RESTART_LIMIT_S, "no spare process")
 
 
-def killed(process: str) -> Step:
-    """End a process without notice (SIGKILL) and wait until its successor runs."""
+def killed(process: str, how: signal.Signals = signal.SIGKILL) -> Step:
+    """End a process without notice, or let it hang for good (SIGSTOP), and wait until its successor runs."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         before = process_id(fleet, process)
-        say(f"{process}: killed")
-        os.kill(before, signal.SIGKILL)
+        say(f"{process}: {how.name}")
+        os.kill(before, how)
 
         def again() -> bool:
             with suppress(NotReachedError):

@@ -11,6 +11,7 @@ import msgspec
 
 from bus import channels
 from bus.channels import CHANNELS
+from bus.heartbeat import own_heartbeat
 from bus.log_messages import RecorderStatus
 from bus.realtime import request_realtime
 from bus.session import BusAddress, Heard, Session
@@ -162,7 +163,9 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
         session.tap(waiting.store, channels.KILL.topic, channels.EVERY_FLEET)
         session.announce(settings.host, "recorder")
         report_at_s, told = 0.0, ""
+        heartbeat = own_heartbeat()
         while not stop.wait(FLUSH_S):
+            heartbeat.beat()
             recorder.flush()
             if writer.problem != told:
                 told = writer.problem
@@ -170,5 +173,6 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
             if session.clock() >= report_at_s:
                 report_at_s = session.clock() + REPORT_S
                 session.publish(channels.RECORDER, settings.host, recorder.status())
+        heartbeat.ending()
     recorder.flush()
     writer.close()

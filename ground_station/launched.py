@@ -15,7 +15,12 @@ FIRST_ROUTER_S = 15.0
 
 @contextmanager
 def launched(
-    path: str | Path, host: str | None = None, without: Collection[str] = (), *, record: bool = True
+    path: str | Path,
+    host: str | None = None,
+    without: Collection[str] = (),
+    *,
+    watchdog: bool = True,
+    record: bool = True,
 ) -> Iterator[Fleet]:
     """Start the processes of a fleet on this computer and join it; at the end everything lands and stops.
 
@@ -27,6 +32,8 @@ def launched(
         Which host of the fleet file this computer is; may be left out where there is only one.
     without
         Vehicles that do not take part at first; `Fleet.join` lets them.
+    watchdog
+        Whether processes that hang are ended and started again.
     record
         Whether a flight log is written; `rcopterx flights` lists them.
 
@@ -45,7 +52,12 @@ def launched(
     file = load_fleet(fleet_path(str(path)))
     if host is None and len(file.hosts) > 1:
         raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
-    with processes_up(file, host or next(iter(file.hosts)), without, record=record) as fleet, fleet:
+    with (
+        processes_up(
+            file, host or next(iter(file.hosts)), without, watchdog=watchdog, record=record
+        ) as fleet,
+        fleet,
+    ):
         fleet.wait_ready()
         yield fleet
         if any(vehicle.state.airborne for vehicle in fleet):
@@ -54,13 +66,13 @@ def launched(
 
 @contextmanager
 def processes_up(
-    file: FleetFile, host: str, without: Collection[str] = (), *, record: bool = True
+    file: FleetFile, host: str, without: Collection[str] = (), *, watchdog: bool = True, record: bool = True
 ) -> Iterator[Fleet]:
     """Start the processes of a host and join their fleet; at the end the processes stop, landed or not.
 
     Parameters
     ----------
-    file, host, without, record
+    file, host, without, watchdog, record
         See `Launcher`, also for the errors.
 
     Yields
@@ -69,7 +81,7 @@ def processes_up(
         With its `launcher`; its processes may still be starting.
     """
     with (
-        Launcher(file, host, without, record=record) as launcher,
+        Launcher(file, host, without, watchdog=watchdog, record=record) as launcher,
         closing(Fleet(file, host, FIRST_ROUTER_S)) as fleet,
     ):
         fleet.launcher = launcher

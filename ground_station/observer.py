@@ -10,14 +10,14 @@ from agents.following.peers import PeerStatuses
 from agents.phases import Phase
 from bus import channels
 from bus.message import Message
-from bus.messages import AgentStatus, Plan
+from bus.messages import AgentStatus, LauncherStatus, Plan
 from bus.session import Session
 from bus.subscription import Inbox
 from deploy.fleet_file.schema import FleetFile
 from deploy.roles.addresses import bus_address
 from ground_station.hosts import host_notes
 from ground_station.joining import WrongFleetError, check_identity
-from ground_station.state import VehicleState, tracker_notes, tracker_problems
+from ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
 from ground_station.waiting import Notifier, NotReachedError
 
 M = TypeVar("M", bound=Message)
@@ -99,13 +99,17 @@ class Observer:
 
     def present(self) -> list[str]:
         """Vehicles of the fleet file that take part: all but those that a launcher says are absent."""
-        now_s = self.session.clock()
-        absent: set[str] = set()
-        for inbox in tuple(self._launchers.inboxes.values()):
-            status, _ = _newest(inbox, now_s)
-            if status is not None and inbox.alive(now_s):
-                absent |= set(status.absent)
+        absent = {name for status in self.launchers().values() for name in status.absent}
         return [name for name in self.file.vehicles if name not in absent]
+
+    def launchers(self) -> dict[str, LauncherStatus]:
+        """What the launchers of all hosts say of their processes, by host; silent ones are left out."""
+        now_s = self.session.clock()
+        return {
+            host: received.message
+            for host, inbox in tuple(self._launchers.inboxes.items())
+            if inbox.alive(now_s) and (received := inbox.latest()) is not None
+        }
 
     def _unseen_s(self, name: str, now_s: float) -> float | None:
         """How long the motion capture has not seen a vehicle, as far as the Vicon gateway tells."""
@@ -134,8 +138,11 @@ class Observer:
             for name, status in self.statuses().items()
             for remark in status.diagnostics.remarks
         ]
+        launchers = [
+            line for host, status in self.launchers().items() for line in launcher_notes(host, status)
+        ]
         tracker = _newest(self.tracker, self.session.clock())[0]
-        return tracker_notes(tracker) + self._host_notes() + self._log_notes() + lowered + told
+        return tracker_notes(tracker) + self._host_notes() + self._log_notes() + launchers + lowered + told
 
     def _host_notes(self) -> list[str]:
         """Links and clocks of hosts."""

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from agents.phases import AIRBORNE
-from bus.messages import AgentStatus, LeaderLink, Plan, TrackerStatus, TransmitterStatus
+from bus.messages import AgentStatus, LauncherStatus, LeaderLink, Plan, TrackerStatus, TransmitterStatus
 
 STALE_S = 1.0
 """Age from which a status counts as silence; it comes five times a second."""
@@ -190,6 +190,25 @@ def tracker_notes(status: TrackerStatus | None) -> list[str]:
         if subject.vehicle is None and subject.listed
     ]
     return notes + ([f"raw recording: {status.recording}"] if status.recording else [])
+
+
+def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
+    """Remarks on the processes of a host: what was started again, what hung, and a watchdog that is off.
+
+    Parameters
+    ----------
+    host, status
+        Name of the host, and the newest status of its launcher.
+    """
+    deaths = [
+        f"{name} {restarts}" + (f" ({status.hung[name]} hung)" if status.hung.get(name) else "")
+        for name, restarts in status.restarts.items()
+        if restarts
+    ]
+    notes = [f"host {host}: started again: {', '.join(deaths)}"] if deaths else []
+    if not status.watchdog:
+        notes.append(f"host {host}: the watchdog is off, processes that hang are not replaced")
+    return notes
 
 
 def _since(age_s: float | None) -> str:

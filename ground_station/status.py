@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from bus.messages import LeaderLink
+from bus.messages import LauncherStatus, LeaderLink
 from ground_station.fleet import Fleet
 from ground_station.state import VehicleState
 
@@ -19,8 +19,8 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON document: `fleet`, `ready`, `problems`, `notes`, `tracker` and `vehicles` by name; what is not
-        known is null. Names carry the units.
+        JSON document: `fleet`, `ready`, `problems`, `notes`, `tracker`, `hosts` and `vehicles` by name; what
+        is not known is null. Names carry the units.
     """
     problems = fleet.problems()
     return {
@@ -29,6 +29,7 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
         "problems": problems,
         "notes": fleet.notes(),
         "tracker": _tracker(fleet),
+        "hosts": {host: _processes(status) for host, status in fleet.launchers().items()},
         "vehicles": {vehicle.name: vehicle_status(vehicle.state) for vehicle in fleet},
     }
 
@@ -67,6 +68,19 @@ def _tracker(fleet: Fleet) -> dict[str, Any] | None:
         ],
         "counters": dict(status.counters),
         "recording": status.recording,
+    }
+
+
+def _processes(status: LauncherStatus) -> dict[str, Any]:
+    return {
+        "restarts": dict(status.restarts),
+        "hung": dict(status.hung),
+        "spare_ready": status.spare_ready,
+        "watchdog": status.watchdog,
+        "longest_silence_s": {
+            name: _rounded(silence_s) for name, silence_s in status.longest_silence_s.items()
+        },
+        "forgiven": dict(status.forgiven),
     }
 
 

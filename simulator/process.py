@@ -6,6 +6,7 @@ import signal
 import time
 
 from bus import channels
+from bus.heartbeat import own_heartbeat
 from bus.messages import LaboratoryState, LaboratoryVehicle
 from bus.realtime import request_realtime, settle
 from bus.requests import Inject, Reply
@@ -135,11 +136,13 @@ def run_simulator(settings: SimulatorSettings) -> None:
         signal.signal(number, lambda caught, _: stopping.append(caught))
     request_realtime(settings.realtime_priority)
     with Session(settings.bus, clock=time.monotonic) as session:
-        simulator = Simulator(settings, session)
+        simulator, heartbeat = Simulator(settings, session), own_heartbeat()
         settle()
         try:
             while not stopping:
+                heartbeat.beat()
                 simulator.wait()
                 simulator.step()
         finally:
+            heartbeat.ending()
             simulator.close()

@@ -8,11 +8,12 @@ import traceback
 from collections.abc import Callable
 
 from bus import channels
+from bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from bus.messages import Pose
 from bus.realtime import request_realtime, settle
 from bus.session import Session
 from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, ActionRequest, PoseInput
+from transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from transmitter_gateway.kill_keys import KillKeys
 from transmitter_gateway.recall import Recall
 from transmitter_gateway.settings import GatewaySettings
@@ -21,7 +22,6 @@ from transmitter_gateway.transmitter import Transmitter
 from transmitter_gateway.wakeup import Wakeup
 
 STATUS_PERIOD_S = 0.2
-LONGEST_WAIT_S = 0.1
 SHUTDOWN_LIMIT_S = 10.0
 """A landing from the ceiling takes most of it."""
 BRING_DOWN_PERIOD_S = 0.005
@@ -34,9 +34,16 @@ class Gateway:
     """All transmitters of one process."""
 
     def __init__(
-        self, settings: GatewaySettings, session: Session, wakeup: Wakeup, keys: KillKeys, realtime: bool
+        self,
+        settings: GatewaySettings,
+        session: Session,
+        wakeup: Wakeup,
+        keys: KillKeys,
+        realtime: bool,
+        heartbeat: Heartbeat,
     ) -> None:
         self._session = session
+        self._heartbeat = heartbeat
         self._wakeup = wakeup
         self._keys = keys
         self._clock = session.clock
@@ -60,6 +67,7 @@ class Gateway:
 
     def wait(self) -> None:
         """Wait for a message, an answer of a module or the next deadline."""
+        self._beat()
         deadline_s = min(
             self._report_at_s,
             self._judge_poses_at_s,
@@ -138,6 +146,7 @@ class Gateway:
         ask(Action.SHUTDOWN)
         limit_s = self._clock() + SHUTDOWN_LIMIT_S
         while not all(transmitter.finished for transmitter in working.values()) and self._clock() < limit_s:
+            self._beat()
             # What is due is not asked for: that could be what is broken.
             pressed = self._wakeup.wait(self._keys.descriptors, BRING_DOWN_PERIOD_S)
             if kill_asked() or (pressed and self._keys.pressed()):
@@ -147,6 +156,10 @@ class Gateway:
         for station in self._stations.values():
             station.transmitter.close()
         self._recall.close()
+
+    def _beat(self) -> None:
+        states = [station.transmitter.arbiter.state for station in self._stations.values()]
+        self._heartbeat.beat(any(state in FLYING for state in states))
 
     def _look(self, working: dict[str, Transmitter]) -> None:
         """Hand new poses to the transmitters that work; without poses they descend open loop."""
@@ -238,13 +251,16 @@ def run_gateway(settings: GatewaySettings) -> None:
         Session(settings.bus, wake=wakeup.notify, clock=time.monotonic) as session,
         KillKeys(sys.stdin.fileno()) as keys,
     ):
-        gateway = Gateway(settings, session, wakeup, keys, realtime)
+        heartbeat = own_heartbeat()
+        gateway = Gateway(settings, session, wakeup, keys, realtime, heartbeat)
         settle()
         try:
             run_until_stopped(gateway, caught)
         except BaseException:
             gateway.bring_down(lambda: _kill_asked(caught))
             raise
+        finally:
+            heartbeat.ending()
     wakeup.close()
 
 

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from bus import channels
+from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from bus.messages import Applied, Pose, SubjectState, TrackerStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
@@ -21,7 +22,6 @@ from vicon_gateway.recording_file import RecordingFile
 from vicon_gateway.settings import TrackerSettings
 
 STATUS_PERIOD_S = 0.2
-LONGEST_WAIT_S = 0.1
 POSES_KEPT = 8
 STANDBY_S = 1.0
 """A gateway that stands by goes on when the other one has been silent for so long."""
@@ -195,9 +195,12 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         client = _client(settings, file)
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
+        heartbeat = own_heartbeat()
         settle()
         while not stopping:
+            heartbeat.beat()
             gateway.step()
+        heartbeat.ending()
 
 
 def _client(settings: TrackerSettings, record_raw: RecordingFile | None) -> DataStreamClient | BrandClient:

@@ -35,6 +35,7 @@ from deploy.fleet_file.schema import (
     TransmitterConfig,
     VehicleConfig,
     VolumeConfig,
+    WatchdogConfig,
 )
 from simulator.conditions import Conditions
 from transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
@@ -139,6 +140,7 @@ def sections() -> list[Section]:
             "Gains come from the vehicle's model unless they are given.",
         ),
         Section("log", LogConfig, "See [logs.md](logs.md)."),
+        Section("watchdog", WatchdogConfig, "See [safety.md](safety.md#processes-that-hang)."),
         Section(vehicle, VehicleConfig),
         Section(f"{vehicle}.follow", LeaderConfig, "A list of such tables."),
         Section(f"{vehicle}.leader_lost", LeaderLostConfig, "See [formation.md](formation.md)."),

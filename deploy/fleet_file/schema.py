@@ -231,6 +231,19 @@ class LogConfig(Table, frozen=True, kw_only=True):
     """Size from which a flight goes on in another file."""
 
 
+class WatchdogConfig(Table, frozen=True, kw_only=True):
+    """For how long processes may make no progress before they are ended and replaced."""
+
+    enabled: bool = True
+    """Switch it off to debug, or start the fleet by `rcopterx up --no-watchdog`."""
+    flight_s: Annotated[float, Meta(ge=0.1, le=60)] = 0.15
+    """While vehicles fly: shorter than what the inputs of a plan and the hold after them bridge."""
+    floor_s: Annotated[float, Meta(ge=0.1, le=60)] = 1.0
+    """Otherwise; the spare process always."""
+    start_s: Annotated[float, Meta(ge=5, le=600)] = 30.0
+    """While a process starts or ends; the simulator and the recorder always."""
+
+
 class FleetFile(Table, frozen=True, kw_only=True):
     """The whole fleet."""
 
@@ -254,6 +267,8 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """Limits of the arbiters."""
     log: LogConfig = field(default_factory=LogConfig)
     """The flight log."""
+    watchdog: WatchdogConfig = field(default_factory=WatchdogConfig)
+    """For how long processes may make no progress."""
     vehicles: dict[Name, VehicleConfig]
     """Vehicles by name."""
 

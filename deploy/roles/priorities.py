@@ -9,10 +9,12 @@ class Priority(IntEnum):
     """How far processes run above the fleet's real-time priority.
 
     What others wait for comes first: messages are forwarded at once, and a leader plans before its followers.
+    The supervisor comes before all of them, or a process that spins would keep it from ending that process.
     The simulator computes its helicopters' motion while nobody else needs the processor, and nobody waits for
     the recorder.
     """
 
+    SUPERVISOR = 8
     ROUTER = 6
     GATEWAY = 4
     LEADER = 2

@@ -55,7 +55,7 @@ class Interrupts:
 
 @contextmanager
 def interruptible(
-    name: str, host: str | None, without: Sequence[str] = (), *, record: bool = True
+    name: str, host: str | None, without: Sequence[str] = (), *, watchdog: bool = True, record: bool = True
 ) -> Iterator[tuple["Fleet", Interrupts]]:
     """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
     from ground_station.launched import processes_up
@@ -65,7 +65,7 @@ def interruptible(
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)
-    with processes_up(file, this_host, without, record=record) as fleet:
+    with processes_up(file, this_host, without, watchdog=watchdog, record=record) as fleet:
         try:
             yield fleet, interrupts
         finally:
@@ -151,11 +151,21 @@ def up(
         typer.Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. May be repeated."),
     ] = None,
     record: RecordOption = True,
+    watchdog: Annotated[
+        bool,
+        typer.Option(
+            "--watchdog/--no-watchdog",
+            help="End and replace processes that hang. Without it they can be stopped and debugged.",
+        ),
+    ] = True,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
     from ground_station.margins import configured_warnings
 
-    with user_errors(), interruptible(fleet, host, without or (), record=record) as (running, interrupts):
+    with (
+        user_errors(),
+        interruptible(fleet, host, without or (), watchdog=watchdog, record=record) as (running, interrupts),
+    ):
         for line in configured_warnings(running.file):
             typer.echo(f"warning: {line}", err=True)
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)

@@ -12,9 +12,10 @@ from support.fleets import HARDWARE_PAIR, PAIR
 
 from deploy.fleet_file.reading import parse_fleet
 from deploy.fleet_file.schema import FleetError
-from deploy.launcher import Launcher, check_resources
+from deploy.launcher import Launcher, check_resources, watchdog_limits
 from deploy.processes import processes_of
 from deploy.run_directory import router_socket, run_directory, serial_path
+from deploy.watchdog import WatchdogLimits
 
 TWO_HOSTS = (
     PAIR
@@ -219,3 +220,21 @@ def test_relative_serial_ports_live_in_the_run_directory(tmp_path: Path) -> None
 def test_a_router_has_a_socket_only_where_its_path_is_short_enough() -> None:
     assert router_socket("main", Path("/run/x")) == "unixsock-stream//run/x/router-main.sock"
     assert router_socket("main", Path("/run") / ("x" * 100)) is None
+
+
+def test_a_fleet_file_sets_the_limits_of_the_watchdog_or_switches_it_off() -> None:
+    assert watchdog_limits(parse_fleet(PAIR)) == WatchdogLimits(0.15, 1.0, 30.0)
+    patient = parse_fleet(PAIR + "[watchdog]\nflight_s = 0.3\nfloor_s = 2\nstart_s = 60")
+    assert watchdog_limits(patient) == WatchdogLimits(0.3, 2.0, 60.0)
+    assert watchdog_limits(parse_fleet(PAIR + "[watchdog]\nenabled = false")) is None
+    with pytest.raises(FleetError, match=r"watchdog\.flight_s"):
+        parse_fleet(PAIR + "[watchdog]\nflight_s = 0.01")
+
+
+@pytest.mark.parametrize("watchdog", [True, False])
+def test_a_launcher_watches_unless_it_is_told_not_to(
+    watchdog: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    launcher = Launcher(parse_fleet(on_free_ports(PAIR)), "main", watchdog=watchdog)
+    assert launcher.supervisor.watchdog_on is watchdog

@@ -52,6 +52,16 @@ def test_the_launcher_says_who_takes_part(membership: MembershipService, join: J
     assert (status.running, status.absent) == (("h1",), ("h2",))
     assert status.restarts == {"router": 0, "agent-h1": 0, "agent-h2": 0}
     assert not status.spare_ready
+    assert (status.watchdog, status.hung, status.forgiven) == (False, {}, {})
+    assert status.longest_silence_s == {}
+
+
+def test_the_launcher_says_what_hung(
+    membership: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    supervisor.children["agent-h1"].hung = 2
+    supervisor.spares_hung = 1
+    assert told(join(), lambda status: bool(status.hung)).hung == {"agent-h1": 2, "spare": 1}
 
 
 def test_a_vehicle_takes_part_and_leaves_by_request(

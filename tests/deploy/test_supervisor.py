@@ -1,9 +1,12 @@
 """Promises of the supervisor, with harmless processes that do nothing but live and die."""
 
 import os
+import re
+import shlex
 import shutil
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -27,9 +30,22 @@ from deploy.supervisor import (
     Supervisor,
     restart_pause_s,
 )
+from deploy.watchdog import WatchdogLimits
 
 SLEEPS = "exec sleep 600"
 DIES = "exit 3"
+LIMITS = WatchdogLimits(flight_s=0.5, floor_s=0.5, start_s=30.0)
+BEATS = """
+import mmap, os, sys, time
+words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")
+spins = len(sys.argv) > 1
+while True:
+    words[0], words[1] = words[0] + 1, 1
+    while spins and words[0] > 20:
+        pass
+    time.sleep(0.01)
+"""
+"""Shows progress; with an argument it spins after a while."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +56,10 @@ class Fake(ProcessSpec):
 
     def command(self, fleet_path: Path) -> list[str]:
         return ["/bin/sh", "-c", self.shell, str(fleet_path)]
+
+
+def beating(name: str, *words: str) -> Fake:
+    return Fake(name, "helper", "main", 0, "exec " + shlex.join([sys.executable, "-S", "-c", BEATS, *words]))
 
 
 def fake(name: str, shell: str = SLEEPS, stop_order: int = 0) -> Fake:
@@ -238,20 +258,19 @@ def test_a_spare_takes_over_once_it_is_ready_and_writes_into_the_agents_log(
     taken = []
 
     def took_over() -> bool:
-        process = spare.take("agent", "h2", log)
-        if process is not None:
-            taken.append(process)
-        return process is not None
+        started = spare.take("agent", "h2", log)
+        if started is not None:
+            taken.append(started)
+        return started is not None
 
     wait_for(took_over, "the spare is never ready", deadline_s=60)
-    (process,) = taken
+    process = taken[0].process
     try:
         wait_for(log.exists, "the log of the agent is not used")
         assert spare.take("agent", "h1", log) is None
     finally:
         process.kill()
         process.wait(10)
-        process.stdout.close()
 
 
 def test_a_spare_takes_no_job_it_was_not_prepared_for(spare: SpareProcess, tmp_path: Path) -> None:
@@ -264,13 +283,13 @@ def test_a_spare_takes_no_job_it_was_not_prepared_for(spare: SpareProcess, tmp_p
 
 def test_a_spare_that_died_is_not_used(spare: SpareProcess, tmp_path: Path) -> None:
     spare.prepare()
-    process = spare._process
-    assert process is not None
-    process.kill()
-    process.wait(10)
+    before = spare.started
+    assert before is not None
+    before.process.kill()
+    before.process.wait(10)
     assert spare.take("agent", "h1", tmp_path / "x.log") is None
     spare.prepare()
-    assert spare._process is not process
+    assert spare.started is not before
 
 
 def test_a_host_without_jobs_for_it_has_no_spare(tmp_path: Path) -> None:
@@ -356,7 +375,7 @@ def test_a_log_directory_that_was_removed_is_made_again(tmp_path: Path) -> None:
         supervisor.stop_all()
 
 
-@pytest.mark.parametrize("function", ["subprocess.Popen", "os.pidfd_open"])
+@pytest.mark.parametrize("function", ["spare_process.subprocess.Popen", "supervisor.os.pidfd_open"])
 def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later(
     supervise: Supervise, monkeypatch: pytest.MonkeyPatch, function: str
 ) -> None:
@@ -367,7 +386,7 @@ def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later
         raise OSError(24, "Too many open files")
 
     with monkeypatch.context() as patch:
-        patch.setattr(f"deploy.supervisor.{function}", exhausted)
+        patch.setattr(f"deploy.{function}", exhausted)
         kill(supervisor, "one")
         lines = watch_until(
             supervisor, lambda: supervisor.children["one"].events["start_failed"] >= 2, "not tried again"
@@ -389,3 +408,55 @@ def test_a_spare_that_cannot_be_started_ends_nothing(
     supervisor.start_all()
     watch_until(supervisor, lambda: supervisor.spare_failures > 0, "no spare is tried")
     assert supervisor.running() == ["one"]
+
+
+def beats_of(supervisor: Supervisor, name: str) -> int:
+    page = supervisor.children[name].page
+    return 0 if page is None else page.beats
+
+
+def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: Supervise) -> None:
+    supervisor = supervise(beating("one"), beating("two"), watchdog=LIMITS)
+    supervisor.start_all()
+    watch_until(supervisor, lambda: all(beats_of(supervisor, name) for name in ("one", "two")), "no beats")
+    other, before = supervisor.pid("two"), kill(supervisor, "one", signal.SIGSTOP)
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced")
+    assert re.match(
+        r"one: hung: no progress for 0\.\d\d s, 0\.5 s are allowed; killed by SIGKILL; log: ", lines[0]
+    )
+    assert supervisor.pid("one") != before
+    assert supervisor.pid("two") == other
+    assert (supervisor.children["one"].hung, supervisor.children["two"].hung) == (1, 0)
+    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "the successor shows no progress")
+
+
+def test_a_process_that_spins_is_replaced(supervise: Supervise) -> None:
+    supervisor = supervise(beating("one", "spins"), watchdog=LIMITS)
+    supervisor.start_all()
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced")
+    assert "one: hung: no progress for" in lines[0]
+
+
+def test_without_a_watchdog_a_process_may_be_stopped(supervise: Supervise) -> None:
+    supervisor = supervise(beating("one"))
+    supervisor.start_all()
+    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
+    pid = kill(supervisor, "one", signal.SIGSTOP)
+    stopped_s = time.monotonic()
+    watch_until(supervisor, lambda: time.monotonic() > stopped_s + 2 * LIMITS.floor_s, "no time passes")
+    assert supervisor.pid("one") == pid
+    assert not supervisor.watchdog_on
+    kill(supervisor, "one")
+
+
+def test_the_longest_silence_of_a_process_is_known(supervise: Supervise) -> None:
+    supervisor = supervise(beating("one"), watchdog=WatchdogLimits(5.0, 5.0, 30.0))
+    supervisor.start_all()
+    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
+    pid = kill(supervisor, "one", signal.SIGSTOP)
+    watch_until(supervisor, lambda: supervisor.longest_silence_s("one") > 0.1, "not noticed")
+    os.kill(pid, signal.SIGCONT)
+    before = beats_of(supervisor, "one")
+    watch_until(supervisor, lambda: beats_of(supervisor, "one") > before, "it does not go on")
+    assert supervisor.children["one"].hung == 0
+    assert supervisor.longest_silence_s("one") > 0.1

@@ -10,11 +10,11 @@ from support.plans import plan_of
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus.messages import LeaderLink, SubjectState, TrackerStatus
+from bus.messages import LauncherStatus, LeaderLink, SubjectState, TrackerStatus
 from bus.session import BusAddress, Session
 from deploy.fleet_file.reading import parse_fleet
 from ground_station.fleet import Fleet
-from ground_station.state import VehicleState, tracker_notes, tracker_problems
+from ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
 from ground_station.status import fleet_check, fleet_status, readable
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -169,3 +169,15 @@ def test_a_tracker_that_gives_no_frames_is_named_first(
     with Fleet(parse_fleet(fleet_file_text(bus_address))) as fleet, scripted(join(), tracker="connecting"):
         wait_for(lambda: fleet.tracker.latest() is not None, "the Vicon gateway does not speak")
         assert fleet.problems()[0] == "Tracker: is silent [/dev/null]"
+
+
+def test_restarts_hangs_and_a_watchdog_that_is_off_are_remarks() -> None:
+    quiet = LauncherStatus(running=("h1",), absent=(), restarts={"router": 0}, watchdog=True)
+    assert launcher_notes("main", quiet) == []
+    broken = msgspec.structs.replace(
+        quiet, restarts={"router": 0, "agent-h1": 3, "tracker": 1}, hung={"agent-h1": 2}, watchdog=False
+    )
+    assert launcher_notes("main", broken) == [
+        "host main: started again: agent-h1 3 (2 hung), tracker 1",
+        "host main: the watchdog is off, processes that hang are not replaced",
+    ]

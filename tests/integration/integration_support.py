@@ -68,6 +68,19 @@ class Flying:
         """When the process that runs now was started [monotonic s]."""
         return self.launcher_of(process).supervisor.children[process].started_s
 
+    @contextmanager
+    def unwatched(self) -> Iterator[None]:
+        """Let processes hang meanwhile, as if the network to another host did."""
+        supervisors = [launcher.supervisor for launcher in self.launchers.values()]
+        watches = [supervisor.liveness for supervisor in supervisors]
+        for supervisor in supervisors:
+            supervisor.liveness = None
+        try:
+            yield
+        finally:
+            for supervisor, watch in zip(supervisors, watches, strict=True):
+                supervisor.liveness = watch
+
     def restarts(self, process: str) -> int:
         return self.launcher_of(process).supervisor.children[process].restarts
 

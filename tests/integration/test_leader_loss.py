@@ -7,7 +7,14 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from integration_support import NAMES, Flying, Truth, fleet_text, free_port, transmitter_state
+from integration_support import (
+    NAMES,
+    Flying,
+    Truth,
+    fleet_text,
+    free_port,
+    transmitter_state,
+)
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
@@ -51,11 +58,12 @@ def start(launch: Launch, then: dict[str, str]) -> tuple[Flying, Truth]:
 def cut_off(flying: Flying, name: str) -> Iterator[None]:
     """The agent's host hangs; its vehicle is brought down by its transmitter gateway meanwhile."""
     pid = flying.pid(f"agent-{name}")
-    os.kill(pid, signal.SIGSTOP)
-    try:
-        yield
-    finally:
-        os.kill(pid, signal.SIGCONT)
+    with flying.unwatched():
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            os.kill(pid, signal.SIGCONT)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bus.codec import encode
+from bus.heartbeat import Heartbeat
 from bus.keys import EVERY_FLEET, FLEET_UNIT
 from bus.message import FloatArray, Message
 from bus.messages import Command, Kill, Pose, TransmitterStatus
@@ -112,7 +113,14 @@ class Laboratory(Wakeup):
         )
         settings = GatewaySettings(self.bus.address, "transmitters", tuple(transmitters), NAMES)
         keys = KillKeys(-1)
-        self.gateway = Gateway(settings, self.bus, self, keys, realtime=False)  # type: ignore[arg-type]  # no bus
+        self.gateway = Gateway(
+            settings,
+            self.bus,
+            self,
+            keys,
+            False,
+            Heartbeat(bytearray(16)),  # type: ignore[arg-type]  # no bus
+        )
         self.gateway._recall.join()
         for name in NAMES:
             self._note_writes(name)

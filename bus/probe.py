@@ -1,0 +1,69 @@
+"""Shows that a router routes: messages that its process sends through it to itself come back."""
+
+import select
+from typing import Final
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.endpoints import client_config
+from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from bus.keys import probe_key
+
+PERIOD_S: Final = LONGEST_WAIT_S / 2
+OPENING_LIMIT_S: Final = 10.0
+"""How long the router may take to accept its own process."""
+
+
+class Probe:
+    """Sends messages through a router.
+
+    Parameters
+    ----------
+    sender, receiver
+        Sessions that are linked to the router; nothing is routed back to the one that sent it.
+    key
+        Key of the messages; nobody else listens to it.
+    """
+
+    def __init__(self, sender: zenoh.Session, receiver: zenoh.Session, key: str) -> None:
+        self._received = 0
+        self._seen = 0
+        self._publisher = sender.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
+        )
+        self._subscriber = receiver.declare_subscriber(key, Callback(self._on_message, indirect=False))
+
+    def _on_message(self, _: zenoh.Sample) -> None:
+        self._received += 1
+
+    def send(self) -> None:
+        """Send a message; never blocks."""
+        self._publisher.put(b"")
+
+    def came_back(self) -> bool:
+        """Whether a message has arrived since the last call."""
+        seen, self._seen = self._seen, self._received
+        return self._seen != seen
+
+
+def probe_until(ended: int, endpoint: str, namespace: str | None, fleet: str, host: str) -> None:
+    """Let the heartbeat of this process go on as long as its router routes.
+
+    Parameters
+    ----------
+    ended
+        Descriptor that becomes readable when this is to end.
+    endpoint, namespace
+        Where the router listens.
+    fleet, host
+        For the key of the messages.
+    """
+    sender, receiver = (zenoh.open(client_config([endpoint], namespace, OPENING_LIMIT_S)) for _ in range(2))
+    with sender, receiver:
+        probe, heartbeat = Probe(sender, receiver, probe_key(fleet, host)), own_heartbeat()
+        while not select.select([ended], [], [], PERIOD_S)[0]:
+            if probe.came_back():
+                heartbeat.beat()
+            probe.send()
+        heartbeat.ending()

@@ -1,0 +1,58 @@
+"""Promises of the heartbeat: the supervisor sees what the loop of another process counts."""
+
+import subprocess
+import sys
+
+from bus.heartbeat import VARIABLE, HeartbeatPage, Phase, own_heartbeat
+
+PROGRAM = """
+import os, sys
+from bus.heartbeat import VARIABLE, own_heartbeat
+heartbeat = own_heartbeat()
+assert own_heartbeat() is heartbeat
+assert VARIABLE not in os.environ
+for line in sys.stdin:
+    eval(line)
+    print("done", flush=True)
+"""
+
+
+def test_a_supervisor_sees_the_beats_and_the_phase_of_a_process() -> None:
+    page = HeartbeatPage()
+    assert (page.beats, page.phase) == (0, Phase.STARTING)
+    with subprocess.Popen(
+        [sys.executable, "-c", PROGRAM],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        pass_fds=[page.descriptor],
+        env={VARIABLE: str(page.descriptor), "PYTHONPATH": ":".join(sys.path)},
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        page.handed_over()
+        for line, beats, phase in (
+            ("heartbeat.beat()", 1, Phase.WORKING),
+            ("heartbeat.beat(flying=True)", 2, Phase.FLYING),
+            ("heartbeat.starting()", 2, Phase.STARTING),
+            ("heartbeat.beat()", 3, Phase.WORKING),
+            ("heartbeat.ending()", 3, Phase.ENDING),
+        ):
+            process.stdin.write(line + "\n")
+            process.stdin.flush()
+            assert process.stdout.readline() == "done\n"
+            assert (page.beats, page.phase) == (beats, phase)
+        process.stdin.close()
+        assert process.wait(10) == 0
+    assert (page.beats, page.phase) == (3, Phase.ENDING)
+
+
+def test_a_process_without_a_supervisor_beats_for_nobody() -> None:
+    own_heartbeat().beat()
+
+
+def test_a_phase_that_does_not_exist_asks_for_patience() -> None:
+    page = HeartbeatPage()
+    page.handed_over()
+    page._words[1] = 17
+    assert page.phase is Phase.STARTING
