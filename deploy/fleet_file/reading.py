@@ -40,7 +40,7 @@ def load_fleet(path: Path) -> FleetFile:
         Names the file, the path of the bad field, and what is allowed.
     """
     if path.is_dir():
-        raise FleetError(f"{path}: a directory; name the fleet file in it (TOML)")
+        raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
     if path.suffix == SUFFIX:
         return read_snapshot(path)
     try:
