@@ -1,6 +1,7 @@
 """What an agent is made of, and who of it knows whom."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from agents.external_control import ExternalControl
 from agents.flight.guidance import Guidance
@@ -22,7 +23,10 @@ from agents.telemetry import DiagnosticsCollector
 from agents.tuning.changes import Tuning
 from agents.tuning.guard import OscillationGuard
 from bus import channels
-from bus.session import Session
+from bus.stepping import StepBus
+
+TUNED: Final = "tuned"
+"""Note of the thread that prepares another controller."""
 
 
 @dataclass(frozen=True)
@@ -77,37 +81,39 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     )
 
 
-def assemble(settings: AgentSettings, pilot: Pilot, session: Session, realtime: bool) -> AgentParts:
+def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool) -> AgentParts:
     """Parts of an agent, subscribed to what they need.
 
     Parameters
     ----------
     settings, pilot
         The vehicle's, the pilot built from the settings.
-    session
-        The agent's.
+    bus
+        The agent's seat on it.
     realtime
         Whether the process runs in a real-time scheduling class.
     """
-    vehicle, clock = settings.vehicle, session.clock
+    vehicle, clock = settings.vehicle, bus.clock
     pacing, solve = Pacing(settings.period_s), SolveTimer()
-    poses = session.subscribe(channels.POSE, vehicle, depth=16)
-    applied = session.subscribe(channels.APPLIED, vehicle, depth=16)
+    poses = bus.subscribe(channels.POSE, vehicle, depth=16)
+    applied = bus.subscribe(channels.APPLIED, vehicle, depth=16)
     observation = Observation(pilot, pacing, poses, applied, clock)
-    plans = LeaderPlans(vehicle, lambda name: session.subscribe(channels.PLAN, name))
+    plans = LeaderPlans(vehicle, lambda name: bus.subscribe(channels.PLAN, name))
     plans.keep(link.leader for link in settings.following)
     # Statuses are looked up when they are needed; they wake nobody.
-    statuses = session.subscribe_all(channels.AGENT_STATUS, waking=False)
+    statuses = bus.subscribe_all(channels.AGENT_STATUS, waking=False)
     peers = PeerStatuses(vehicle, statuses.inboxes, clock)
     traffic = Traffic(
-        vehicle, settings.separation, lambda name: session.subscribe(channels.PLAN, name, waking=False)
+        vehicle, settings.separation, lambda name: bus.subscribe(channels.PLAN, name, waking=False)
     )
-    tuning = Tuning(settings.configuration, pilot, settings.period_s, settings.limit_scale, session.wake)
+    tuning = Tuning(
+        settings.configuration, pilot, settings.period_s, settings.limit_scale, lambda: bus.note(TUNED)
+    )
     external = ExternalControl(
         vehicle,
         pilot,
-        session.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8),
-        lambda task: session.publish(channels.CONTROL_TASK, vehicle, task),
+        bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8),
+        lambda task: bus.publish(channels.CONTROL_TASK, vehicle, task),
     )
     room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
     changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, plans, peers, clock)
@@ -116,7 +122,7 @@ def assemble(settings: AgentSettings, pilot: Pilot, session: Session, realtime: 
     counted = (pilot, observation, plans, traffic, external, lost, changes, guard)
     return AgentParts(
         observation=observation,
-        handover=Handover(session, vehicle, pilot, tuning),
+        handover=Handover(bus, vehicle, pilot, tuning),
         requests=RequestHandler(settings, pilot, room, changes, peers, tuning, external),
         plans=plans,
         peers=peers,

@@ -9,7 +9,8 @@ from bus import channels
 from bus.intent import Intent
 from bus.message import FloatArray
 from bus.requests import Recall, RecallReply
-from bus.session import RequestFailedError, Session
+from bus.session import RequestFailedError
+from bus.stepping import StepBus
 from vehicles.state import YAW
 
 LONG_PERIOD_S: Final = 1.0
@@ -26,7 +27,7 @@ class Handover:
 
     Parameters
     ----------
-    session
+    bus
         The bus.
     vehicle
         Name of the vehicle.
@@ -39,8 +40,8 @@ class Handover:
         What the previous process of this agent meant to do; None if nobody remembers one.
     """
 
-    def __init__(self, session: Session, vehicle: str, pilot: Pilot, tuning: Tuning) -> None:
-        self._session = session
+    def __init__(self, bus: StepBus, vehicle: str, pilot: Pilot, tuning: Tuning) -> None:
+        self._bus = bus
         self._vehicle = vehicle
         self._pilot = pilot
         self._tuning = tuning
@@ -62,11 +63,11 @@ class Handover:
     def _recall(self) -> None:
         """Learn what the predecessor meant to do, when it told that, and how its predecessors ended."""
         try:
-            reply = self._session.request(self._vehicle, Recall(), timeout_s=RECALL_TIMEOUT_S, patience_s=0.0)
+            reply = self._bus.request(self._vehicle, Recall(), timeout_s=RECALL_TIMEOUT_S, patience_s=0.0)
         except RequestFailedError:
             return
         if isinstance(reply, RecallReply):
-            self.predecessor, self._predecessor_s = reply.intent, self._session.clock() - reply.age_s
+            self.predecessor, self._predecessor_s = reply.intent, self._bus.clock() - reply.age_s
             self._quick_deaths = reply.quick_deaths
 
     def resume(self) -> bool:
@@ -75,7 +76,7 @@ class Handover:
         if intent is None:
             return False
         self._restore_configuration(intent)
-        age_s = self._session.clock() - self._predecessor_s
+        age_s = self._bus.clock() - self._predecessor_s
         since_s = passed_s(intent, age_s, clock.epoch, clock.current_frame, clock.period_s)
         task = task_of(intent, clock.time_s, since_s)
         self._pilot.guidance.restore(task, self._pilot.estimate, clock.time_s)
@@ -98,7 +99,7 @@ class Handover:
 
     def publish(self) -> None:
         """Tell the present intent; to be called with every status."""
-        clock, now_s = self._pilot.clock, self._session.clock()
+        clock, now_s = self._pilot.clock, self._bus.clock()
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
         intent = intent_of(
             self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous, clock.epoch,
@@ -108,4 +109,4 @@ class Handover:
         if intent.path is not None and task == told and now_s - self._told_s < LONG_PERIOD_S:
             return
         self._told, self._told_s = task, now_s
-        self._session.publish(channels.INTENT, self._vehicle, intent)
+        self._bus.publish(channels.INTENT, self._vehicle, intent)

@@ -5,9 +5,12 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
+
+import numpy as np
 
 from agents.alarm import AlarmTimeLimit
-from agents.assembly import assemble
+from agents.assembly import TUNED, assemble
 from agents.pilot import ControlOutput, Pilot
 from agents.settings import AgentSettings
 from agents.telemetry import command_message, plan_message, status_message
@@ -16,6 +19,7 @@ from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from bus.messages import AgentStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
+from bus.stepping import StepBus, SteppedSession
 
 REPORT_PERIOD_S = 0.2
 ORIENTATION_S = 0.5
@@ -23,29 +27,52 @@ ORIENTATION_S = 0.5
 
 
 class Agent:
-    """One vehicle's agent on the bus."""
+    """One vehicle's agent on the bus; what it does in a step follows from what the step takes in.
 
-    def __init__(self, settings: AgentSettings, pilot: Pilot, session: Session, realtime: bool) -> None:
-        self._settings, self._pilot, self._session, self._clock = settings, pilot, session, session.clock
-        parts = assemble(settings, pilot, session, realtime)
+    Parameters
+    ----------
+    settings, pilot
+        The vehicle's.
+    bus
+        Its seat on the bus, or a flight log that is replayed.
+    realtime
+        Whether the process runs in a real-time scheduling class.
+    stopwatch
+        Monotonic clock [s] that goes on during a step, for the duration of control steps.
+    """
+
+    def __init__(
+        self,
+        settings: AgentSettings,
+        pilot: Pilot,
+        bus: StepBus,
+        realtime: bool,
+        stopwatch: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._settings, self._pilot, self._bus, self._clock = settings, pilot, bus, bus.clock
+        self._stopwatch = stopwatch
+        parts = assemble(settings, pilot, bus, realtime)
         self._observation, self._handover, self._requests = parts.observation, parts.handover, parts.requests
         self._plans, self._peers, self._traffic = parts.plans, parts.peers, parts.traffic
         self._changes, self._lost, self._limit_scaling = parts.changes, parts.lost, parts.limit_scaling
         self._tuning, self._external, self._guard = parts.tuning, parts.external, parts.guard
         self._pacing, self._solve, self._diagnostics = parts.pacing, parts.solve, parts.diagnostics
         # Sequences continue over restarts because they start from the wall clock.
-        self._first_sequence = time.time_ns() // 1_000_000
+        self._first_sequence = bus.life
         self._control_by_s: float | None = None
         self._report_at_s = self._clock() + REPORT_PERIOD_S
         self._said: AgentStatus | None = None
+        self._estimate: list[float] | None = None
         self._remarked: set[str] = set()
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
         self._answer_from_s = self._clock() + ORIENTATION_S
-        session.serve(settings.vehicle, self._requests.verbs)
-        session.announce(settings.vehicle, "agent")
+        bus.serve(settings.vehicle, self._requests.verbs)
+        bus.announce(settings.vehicle, "agent")
 
     def step(self) -> None:
         """Everything that is due now: read, decide, control, publish."""
+        self._bus.begin_step()
+        self._estimate = None
         self._read()
         self._decide()
         if self._control_by_s is not None and (
@@ -54,6 +81,11 @@ class Agent:
             self._control()
         if self._clock() >= self._report_at_s:
             self._report()
+        self._bus.end_step(self._settings.vehicle, self._estimate)
+
+    def wait_for_tuning(self) -> None:
+        """Wait until what is under way is prepared; for a replay, which is told by the log when that was."""
+        self._tuning.wait()
 
     @property
     def flying(self) -> bool:
@@ -70,7 +102,7 @@ class Agent:
     def _read(self) -> None:
         """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle."""
         if self._pilot.informed or self._clock() >= self._answer_from_s:
-            for incoming in self._session.pending():
+            for incoming in self._bus.pending():
                 self._requests.handle(incoming)
                 self._report_soon()
         was_flying = self._pilot.guidance.rotor_on
@@ -83,7 +115,8 @@ class Agent:
 
     def _decide(self) -> None:
         """Settle what was waiting for a leader's plan, or for a controller to be built."""
-        leaders_settled, tuned = self._changes.settle(), self._requests.settle_tuning()
+        leaders_settled = self._changes.settle()
+        tuned = self._bus.noted(TUNED) and self._requests.settle_tuning()
         if leaders_settled or tuned or self._tuning.note_replaced():
             self._report_soon()
 
@@ -110,9 +143,11 @@ class Agent:
         if self._lost.tend(plans):
             self._changes.keep_leaders()
         self._external.before_control()
-        started_s = self._clock()
+        known = self._pilot.estimate
+        self._estimate = np.concatenate((known.motion, known.actuator, known.disturbance)).tolist()
+        started_s = self._stopwatch()
         output = self._pilot.control(plans, self._traffic.neighbours(self._pilot.clock, plans))
-        self._solve.add(self._clock() - started_s)
+        self._solve.add(self._stopwatch() - started_s)
         # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
         publish_first, publish_then = self._publish_command, self._publish_plan
         if not self._pilot.guidance.follows:
@@ -127,11 +162,11 @@ class Agent:
     def _publish_command(self, output: ControlOutput) -> None:
         sequence = self._first_sequence + self._pilot.sequence
         command = command_message(self._settings, self._pilot, output, sequence)
-        self._session.publish(channels.COMMAND, self._settings.vehicle, command)
+        self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
 
     def _publish_plan(self, output: ControlOutput) -> None:
         plan = plan_message(self._settings, self._pilot, output, self._plans)
-        self._session.publish(channels.PLAN, self._settings.vehicle, plan)
+        self._bus.publish(channels.PLAN, self._settings.vehicle, plan)
 
     def _report(self) -> None:
         """Publish status and intent; between them leaders are given the limits their followers leave them."""
@@ -148,7 +183,7 @@ class Agent:
             print(remark, file=sys.stderr, flush=True)
         self._remarked = set(diagnostics.remarks)
         self._said = status_message(self._pilot, self._lost.following_mode, diagnostics)
-        self._session.publish(channels.AGENT_STATUS, self._settings.vehicle, self._said)
+        self._bus.publish(channels.AGENT_STATUS, self._settings.vehicle, self._said)
         self._handover.publish()
 
 
@@ -173,7 +208,8 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
     realtime = request_realtime(settings.realtime_priority)
     pilot.limit_time(AlarmTimeLimit())
     with Session(settings.bus, wake=wake.set) as session:
-        agent, heartbeat = Agent(settings, pilot, session, realtime), own_heartbeat()
+        agent = Agent(settings, pilot, SteppedSession(session), realtime)
+        heartbeat = own_heartbeat()
         settle()
         while not stop.is_set():
             heartbeat.beat(agent.flying)

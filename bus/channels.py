@@ -25,9 +25,9 @@ from bus.link_messages import Beat, RouterStatus
 from bus.message import SCHEMA_VERSION, Message
 
 __all__ = [
-    "AGENT_STATUS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK", "DATA_HIGH",
-    "DATA_LOW", "EVERY_FLEET", "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH", "KILL",
-    "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "PLAN", "POSE", "REAL_TIME", "RECORDER", "ROOT",
+    "AGENT_STATUS", "AGENT_STEPS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK",
+    "DATA_HIGH", "DATA_LOW", "EVERY_FLEET", "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH",
+    "KILL", "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "PLAN", "POSE", "REAL_TIME", "RECORDER", "ROOT",
     "ROUTER_STATUS", "SIMULATOR_UNIT", "TRACKER_STATUS", "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel",
     "alive_key", "key", "request_key",
 ]  # fmt: skip
@@ -151,6 +151,10 @@ LAUNCHER_EVENT: Final = Channel(
     "event", log_messages.LauncherEvent, "host", "launcher", 0, 1.0, DATA_LOW, True,
     "starts, deaths and restarts of processes",
 )  # fmt: skip
+AGENT_STEPS: Final = Channel(
+    "steps", log_messages.AgentSteps, "vehicle", "agent", 50, 0.5, DATA_LOW, True,
+    "what an agent took in at each step, for replays",
+)  # fmt: skip
 RECORDER: Final = Channel(
     "recorder", log_messages.RecorderStatus, "host", "recorder", 1, 3.0, DATA_LOW, True,
     "what the flight log is doing",
@@ -159,4 +163,5 @@ RECORDER: Final = Channel(
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
     POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT, TRANSMITTER_STATUS,
     TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED, LAUNCHER_EVENT, RECORDER,
+    AGENT_STEPS,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Final
 
 from msgspec import Meta
 
-from bus.message import Count, Message, Name, Seconds, Text
+from bus.message import Count, InvalidMessageError, Message, Name, Seconds, Text
 
 MAX_REQUEST_BYTES: Final = 131072
 """Of the largest request, a trajectory."""
@@ -48,3 +48,44 @@ class RecorderStatus(Message, frozen=True, kw_only=True):
     lost: Count = 0
     """Messages that were sent and did not arrive, by the counters of their senders, and messages dropped
     because the disk was too slow."""
+
+
+class AgentSteps(Message, frozen=True, kw_only=True):
+    """What an agent took in, step by step: with the messages themselves, all that a replay needs.
+
+    A step begins with whatever has arrived, at one time; nothing else enters into what the agent does in it.
+    """
+
+    MAX_BYTES: ClassVar[int] = 131072
+
+    life: Count
+    """Identifies the process: wall clock at its start [ms]; sequences of commands count from it."""
+    began_s: float
+    """Monotonic clock of the host when the agent was made."""
+    number: Count
+    """Counts up from 0 in one life."""
+    times_s: tuple[float, ...]
+    """Beginning of each step [monotonic s]."""
+    counts: tuple[Count, ...]
+    """How many inputs each step took in."""
+    keys: tuple[Text, ...]
+    """Of each input: unit and topic (`h1/plan`), a request (`request/land`), or a word of its own."""
+    subscriptions: tuple[Count, ...]
+    """Of each input: which subscription of the agent received it, in the order in which they were made."""
+    checksums: tuple[Count, ...]
+    """Of each input: CRC-32 of its bytes, by which it is found in the flight log."""
+    arrivals_s: tuple[float, ...]
+    """Of each input: when it arrived [monotonic s]."""
+    replies: tuple[Annotated[bytes, Meta(max_length=MAX_REPLY_BYTES * 3)], ...] = ()
+    """Replies to what the agent itself asked for when it was made."""
+    estimate: tuple[float, ...] = ()
+    """Of the control period that ends these steps, if there is one: motion (8), actuators (4) and disturbance
+    (4) as estimated at its frame."""
+
+    def check(self) -> None:
+        """See `Message.check`."""
+        if len(self.counts) != len(self.times_s):
+            raise InvalidMessageError(f"counts: {len(self.counts)} for {len(self.times_s)} steps")
+        inputs = (self.keys, self.subscriptions, self.checksums, self.arrivals_s)
+        if any(len(column) != sum(self.counts) for column in inputs):
+            raise InvalidMessageError("keys: not as many inputs as the steps took in")

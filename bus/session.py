@@ -20,7 +20,7 @@ from bus.endpoints import client_config, reason_of
 from bus.log_messages import AnsweredRequest
 from bus.message import Message
 from bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
-from bus.subscription import Subscription, UnitSubscriptions
+from bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)
@@ -70,16 +70,16 @@ class Incoming:
     unit: str
     verb: str
     request: Request
-    query: zenoh.Query
-    log: Callable[[bytes], None]
-    """Told the reply, for flight logs."""
+    payload: bytes
+    """The request as it arrived."""
+    arrived_s: float
+    """Monotonic clock of the process."""
+    send: Callable[[bytes], None]
+    """Sends the encoded reply."""
 
     def answer(self, reply: Reply) -> None:
         """Send the reply and close the request."""
-        payload = encode(reply)
-        with self.query:
-            self.query.reply(self.query.key_expr, payload)
-        self.log(payload)
+        self.send(encode(reply))
 
 
 class Heard(NamedTuple):
@@ -194,6 +194,11 @@ class Session:
             publisher = self._publishers[unit, channel.topic] = (declared, count(1))
         publisher[0].put(encode(message), attachment=_COUNTER.pack(next(publisher[1]) & 0xFFFFFFFF))
 
+    def republish(self, unit: str, topic: str, payload: bytes) -> None:
+        """Send a message of a flight log again, as it was."""
+        key = channels.key(self.address.fleet, unit, topic)
+        self._zenoh.put(key, payload, congestion_control=zenoh.CongestionControl.DROP)
+
     def subscribe(
         self,
         channel: Channel[M],
@@ -203,6 +208,7 @@ class Session:
         waking: bool = True,
         wake: Callable[[], None] | None = None,
         fleet: str | None = None,
+        deliver: Deliver = Inbox.store,
     ) -> Subscription[M]:
         """Receive a channel of one unit.
 
@@ -216,19 +222,21 @@ class Session:
             Called on receive threads after each message, instead of what wakes the loop.
         fleet
             Whose channel, by default that of the own fleet.
+        deliver
+            Called on receive threads to put a payload into the inbox.
         """
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
         if wake is None:
             wake = self.wake if waking else lambda: None
-        return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth)
+        return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth, deliver)
 
     def subscribe_all(
-        self, channel: Channel[M], depth: int = 1, *, waking: bool = True
+        self, channel: Channel[M], depth: int = 1, *, waking: bool = True, deliver: Deliver = Inbox.store
     ) -> UnitSubscriptions[M]:
-        """Receive a channel of every unit; `waking` tells whether its messages wake the loop."""
+        """Receive a channel of every unit; parameters as in `subscribe`."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
         wake = self.wake if waking else lambda: None
-        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth)
+        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth, deliver)
 
     def tap(self, store: Callable[[Heard], None], topic: str = "*", fleet: str | None = None) -> None:
         """Hear every message of the fleet, or of one topic, undecoded; for recorders.
@@ -292,12 +300,14 @@ class Session:
             return
         arrived_s = self.clock()
 
-        def log(reply: bytes) -> None:
+        def send(reply: bytes) -> None:
+            with query:
+                query.reply(query.key_expr, reply)
             took_s = max(0.0, self.clock() - arrived_s)
             answered = AnsweredRequest(verb=verb, request=payload, reply=reply, took_s=took_s)
             self.publish(channels.ANSWERED, unit, answered)
 
-        self._incoming.put(Incoming(unit, verb, request, query, log))
+        self._incoming.put(Incoming(unit, verb, request, payload, arrived_s, send))
         self.wake()
 
     def pending(self) -> list[Incoming]:

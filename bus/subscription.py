@@ -8,7 +8,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
@@ -58,10 +58,13 @@ class Inbox(Generic[M]):
         Row of the channel table.
     depth
         How many undecoded payloads are kept; older ones are dropped and counted as `overrun`.
+    unit
+        Whose messages they are, where that is known.
     """
 
-    def __init__(self, channel: Channel[M], depth: int = 1) -> None:
+    def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:
         self.channel = channel
+        self.unit = unit
         self.reason = ""
         self._rejections = Rejections()
         self._payloads: deque[tuple[bytes, float]] = deque(maxlen=depth)
@@ -110,6 +113,9 @@ class Inbox(Generic[M]):
         self._rejections.count(kind)
         self.reason = reason
 
+    def close(self) -> None:
+        """Receive no more; for one that nobody fills from a bus there is nothing to do."""
+
     @property
     def rejected(self) -> Counter[str]:
         """Refused messages so far, by kind."""
@@ -138,6 +144,10 @@ class Inbox(Generic[M]):
         return self.alive(now_s) and self.rate_hz() >= RATE_TOLERANCE * nominal_hz
 
 
+Deliver = Callable[[Inbox[Any], bytes, float], None]
+"""Puts a payload and the time of its arrival [monotonic s] into an inbox, now or later."""
+
+
 class Subscription(Inbox[M]):
     """An inbox filled from the bus.
 
@@ -155,6 +165,8 @@ class Subscription(Inbox[M]):
         Called on the receive thread after each message.
     depth
         See `Inbox`.
+    deliver
+        Called on the receive thread to put a payload into the inbox.
     """
 
     def __init__(
@@ -165,8 +177,10 @@ class Subscription(Inbox[M]):
         clock: Callable[[], float],
         wake: Callable[[], None],
         depth: int = 1,
+        deliver: Deliver = Inbox.store,
     ) -> None:
-        super().__init__(channel, depth)
+        super().__init__(channel, depth, full_key.split("/")[-2])
+        self._deliver = deliver
         self._key = full_key
         self._clock = clock
         self._wake = wake
@@ -177,7 +191,7 @@ class Subscription(Inbox[M]):
         if str(sample.key_expr) != self._key:
             self.reject("key", f"sent to {sample.key_expr}, not to {self._key}")
             return
-        self.store(sample.payload.to_bytes(), self._clock())
+        self._deliver(self, sample.payload.to_bytes(), self._clock())
         self._wake()
 
     def close(self) -> None:
@@ -196,7 +210,9 @@ class UnitSubscriptions(Generic[M]):
         clock: Callable[[], float],
         wake: Callable[[], None],
         depth: int = 1,
+        deliver: Deliver = Inbox.store,
     ) -> None:
+        self._deliver = deliver
         self.inboxes: dict[str, Inbox[M]] = {}
         self._rejections = Rejections()
         self._channel = channel
@@ -214,8 +230,8 @@ class UnitSubscriptions(Generic[M]):
         unit = full_key.split("/")[self._unit_at]
         inbox = self.inboxes.get(unit)
         if inbox is None:
-            inbox = self.inboxes[unit] = Inbox(self._channel, self._depth)
-        inbox.store(sample.payload.to_bytes(), self._clock())
+            inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)
+        self._deliver(inbox, sample.payload.to_bytes(), self._clock())
         self._wake()
 
     @property

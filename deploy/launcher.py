@@ -54,12 +54,12 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
         Names the field and the address or device.
     """
     place = fleet.hosts[host]
-    _check_free(place.address, place.router_port, f"hosts.{host}.router_port")
+    check_free(place.address, place.router_port, f"hosts.{host}.router_port")
     if host == fleet.tracker.host:
         check_motion_capture(fleet)
     if fleet.simulator is not None:
         if fleet.simulator.host == host:
-            _check_free(*tracker_address(fleet), "tracker.address")
+            check_free(*tracker_address(fleet), "tracker.address")
         return []
     missing = []
     needed = [
@@ -90,7 +90,14 @@ def _check_absent(fleet: FleetFile, without: Collection[str]) -> None:
         raise FleetError("--without: at least one vehicle must take part")
 
 
-def _check_free(address: str, port: int, where: str) -> None:
+def check_free(address: str, port: int, where: str) -> None:
+    """Make sure that nobody listens at an address.
+
+    Raises
+    ------
+    FleetError
+        Names the field of the fleet file.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

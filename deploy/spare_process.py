@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from bus.heartbeat import VARIABLE, HeartbeatPage, Phase
 
@@ -14,11 +14,14 @@ Job = tuple[str, str]
 """Role and unit of a process."""
 
 
+ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment in which numerical libraries use one thread."""
+
+
 def child_environment() -> dict[str, str]:
     """Environment of supervised processes: one thread per numerical library, and who the parent is."""
     return os.environ | {
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
+        **ONE_THREAD,
         "RCOPTERX_PARENT": str(os.getpid()),
     }
 

@@ -73,12 +73,16 @@ class McapFile:
         Opened for writing bytes, unbuffered or buffered; every chunk is flushed to the operating system.
     schemas
         Name and JSON schema by topic (`tracker/status`), else by its last part (`pose`); others have none.
+    level
+        Of compression, from 1 (fast) to 22 (small).
     """
 
-    def __init__(self, file: BinaryIO, schemas: Mapping[str, tuple[str, bytes]]) -> None:
+    def __init__(
+        self, file: BinaryIO, schemas: Mapping[str, tuple[str, bytes]], level: int = COMPRESSION_LEVEL
+    ) -> None:
         self._file = file
         self._schemas = schemas
-        self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL)
+        self._compressor = zstandard.ZstdCompressor(level=level)
         self._channels: dict[str, Channel] = {}
         self._schema_records: dict[str, Schema] = {}
         # As bytes: there are ten a second.

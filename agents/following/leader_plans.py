@@ -8,7 +8,7 @@ from agents.flight.fleet_clock import FleetClock
 from agents.flight.followed import LeaderPlan
 from agents.references.trajectory import Trajectory
 from bus.messages import Plan
-from bus.subscription import Subscription
+from bus.subscription import Inbox
 
 
 def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
@@ -31,11 +31,11 @@ class LeaderPlans:
 
     events: Mapping[str, int] = MappingProxyType({})
 
-    def __init__(self, vehicle: str, subscribe: Callable[[str], Subscription[Plan]]) -> None:
+    def __init__(self, vehicle: str, subscribe: Callable[[str], Inbox[Plan]]) -> None:
         self._rejected: Counter[str] = Counter()
         self._vehicle = vehicle
         self._subscribe = subscribe
-        self._inboxes: dict[str, Subscription[Plan]] = {}
+        self._inboxes: dict[str, Inbox[Plan]] = {}
 
     def keep(self, names: Iterable[str]) -> None:
         """Subscribe to exactly these leaders; new ones first, so that nobody is without a plan in between."""

@@ -21,7 +21,7 @@ from agents.phases import Phase
 from agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from agents.separation.ellipsoid_scales import ellipsoid_scale
 from bus.messages import AgentStatus, Plan
-from bus.subscription import Subscription
+from bus.subscription import Inbox
 from vehicles.state import Array
 
 TEND_EVERY_TICKS: Final = 10
@@ -60,12 +60,12 @@ class Traffic:
         self,
         vehicle: str,
         ellipsoid: SeparationEllipsoid | None,
-        subscribe: Callable[[str], Subscription[Plan]],
+        subscribe: Callable[[str], Inbox[Plan]],
     ) -> None:
         self._vehicle = vehicle
         self._ellipsoid = ellipsoid
         self._subscribe = subscribe
-        self._inboxes: dict[str, Subscription[Plan]] = {}
+        self._inboxes: dict[str, Inbox[Plan]] = {}
         self._scales: dict[str, float] = {}
         self._looks: dict[str, int] = {}
         self._ticks = 0

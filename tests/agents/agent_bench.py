@@ -13,6 +13,7 @@ from agents.settings import AgentSettings
 from bus import channels
 from bus.messages import AgentStatus, Applied, Command, LeaderLink, Pose
 from bus.session import BusAddress, Session
+from bus.stepping import SteppedSession
 from vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
@@ -45,7 +46,7 @@ class Bench:
         self.commands = self.others.subscribe(channels.COMMAND, "h9", depth=256)
         self.plans = self.others.subscribe(channels.PLAN, "h9", depth=256)
         self.statuses = self.others.subscribe(channels.AGENT_STATUS, "h9")
-        self.agent = Agent(self.settings, self.pilot, join(clock=self.clock), realtime=False)
+        self.agent = Agent(self.settings, self.pilot, SteppedSession(join(clock=self.clock)), realtime=False)
         self.frame = 100
         self.sent: list[Command] = []
 

@@ -19,6 +19,7 @@ from bus.codec import encode
 from bus.messages import Plan
 from bus.requests import TakeOff
 from bus.session import BusAddress, RequestFailedError
+from bus.stepping import SteppedSession
 from vehicles.types import COAXIAL_LAG
 
 
@@ -208,7 +209,9 @@ def test_a_leader_plans_with_less_than_its_whole_input_range(bus_address: BusAdd
 
 def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_address: BusAddress) -> None:
     bench, woken = Bench(join, bus_address), threading.Event()
-    agent = Agent(bench.settings, bench.pilot, join(clock=bench.clock, wake=woken.set), realtime=False)
+    agent = Agent(
+        bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock, wake=woken.set)), realtime=False
+    )
     woken.clear()
     agent._tuning.begin(agent._tuning.configuration.changed("lqr", {}, None, {}))
     assert woken.wait(20.0)

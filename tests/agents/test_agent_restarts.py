@@ -18,12 +18,15 @@ from bus.intent import Intent
 from bus.messages import SetPoint
 from bus.requests import GoTo, RecallReply
 from bus.session import BusAddress, Session
+from bus.stepping import SteppedSession
 
 
 def test_sequences_grow_over_restarts(bench: Bench, join: Join) -> None:
     bench.start("disarmed", 0.0)
     newest = bench.sent[-1].sequence
-    second = Agent(bench.settings, build_pilot(bench.settings), join(clock=bench.clock), realtime=False)
+    second = Agent(
+        bench.settings, build_pilot(bench.settings), SteppedSession(join(clock=bench.clock)), realtime=False
+    )
     assert second._first_sequence > newest - 1000
 
 
@@ -36,7 +39,7 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
 
     asker = threading.Thread(target=ask)
     asker.start()
-    wait_for(lambda: not bench.agent._session._incoming.empty(), "the request does not arrive")
+    wait_for(lambda: not bench.agent._bus._session._incoming.empty(), "the request does not arrive")
     bench.agent.step()
     assert answers == []
     bench.start()
@@ -73,7 +76,9 @@ def successor(join: Join, address: BusAddress, intent: Intent) -> Bench:
         def recalled() -> bool:
             """The agent asked before anybody served; ask again as its successor would."""
             if bench.agent._handover.predecessor is None:
-                bench.agent = Agent(bench.settings, bench.pilot, join(clock=bench.clock), realtime=False)
+                bench.agent = Agent(
+                    bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock)), realtime=False
+                )
             return bench.agent._handover.predecessor == intent
 
         wait_for(recalled, "the launcher is not found")

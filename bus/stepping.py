@@ -1,0 +1,228 @@
+"""A process that works in steps: what arrives waits for the next one and is noted, so it can be replayed.
+
+Within a step nothing changes but by the process itself: neither the time nor what has arrived. So the same
+inputs at the same steps make the process do the same again.
+"""
+
+import time
+import zlib
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple, Protocol, TypeVar
+
+from bus import channels
+from bus.channels import Channel
+from bus.codec import encode
+from bus.log_messages import AgentSteps
+from bus.message import Message
+from bus.requests import Reply, Request
+from bus.session import Incoming, Session
+from bus.subscription import Inbox
+
+M = TypeVar("M", bound=Message)
+
+MOST_WAITING: Final = 4096
+"""A process that makes no step for so many messages loses the oldest, as it would anyway."""
+STEPS_TOLD: Final = 20
+"""Steps without a control period that are told together."""
+REQUEST: Final = "request"
+
+
+class Inboxes(Protocol[M]):
+    """Inboxes of a channel by unit."""
+
+    @property
+    def inboxes(self) -> Mapping[str, Inbox[M]]:
+        """By unit."""
+        ...
+
+
+class StepBus(Protocol):
+    """What a process that works in steps needs of the bus; `bus.session.Session` tells more of each."""
+
+    life: int
+    """Wall clock at the start of the process [ms]."""
+
+    def clock(self) -> float:
+        """Time at which the present step began [monotonic s]."""
+        ...
+
+    def begin_step(self) -> None:
+        """Hand over what has arrived."""
+        ...
+
+    def end_step(self, vehicle: str, estimate: Sequence[float] | None) -> None:
+        """Tell what the step took in; with an estimate after a control period."""
+        ...
+
+    def note(self, word: str) -> None:
+        """Have something that happened inside the process, in any thread, take effect with the next step."""
+        ...
+
+    def noted(self, word: str) -> bool:
+        """Whether that takes effect in this step."""
+        ...
+
+    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
+        """Receive a channel of one unit."""
+        ...
+
+    def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
+        """Receive a channel of every unit."""
+        ...
+
+    def publish(self, channel: Channel[M], unit: str, message: M) -> None:
+        """Send a message."""
+        ...
+
+    def serve(self, unit: str, verbs: list[str]) -> None:
+        """Answer requests."""
+        ...
+
+    def announce(self, unit: str, role: str) -> None:
+        """Be seen alive."""
+        ...
+
+    def pending(self) -> list[Incoming]:
+        """Requests that this step took in or earlier ones left; each must be answered."""
+        ...
+
+    def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
+        """Ask a unit; only while the process is made."""
+        ...
+
+
+class _Input(NamedTuple):
+    key: str
+    subscription: int
+    payload: bytes
+    arrived_s: float
+    inbox: Inbox[Any] | None
+    incoming: Incoming | None
+
+
+class SteppedSession:
+    """A session whose messages and requests wait for the next step.
+
+    Parameters
+    ----------
+    session
+        Open session on the bus.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.life = time.time_ns() // 1_000_000
+        self._session = session
+        self._now_s = self._began_s = session.clock()
+        self._waiting: deque[_Input] = deque(maxlen=MOST_WAITING)
+        self._taken: list[_Input] = []
+        self._requests: list[Incoming] = []
+        self._subscriptions = 0
+        self._told = 0
+        self._times_s: list[float] = []
+        self._counts: list[int] = []
+        self._inputs: list[_Input] = []
+        self._replies: list[bytes] = []
+
+    def clock(self) -> float:
+        """See `StepBus.clock`."""
+        return self._now_s
+
+    def begin_step(self) -> None:
+        """See `StepBus.begin_step`."""
+        taken = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        taken += [
+            _Input(f"{REQUEST}/{incoming.verb}", 0, incoming.payload, incoming.arrived_s, None, incoming)
+            for incoming in self._session.pending()
+        ]
+        # After what arrived, so that nothing is from the future.
+        self._now_s = self._session.clock()
+        for item in taken:
+            if item.inbox is not None:
+                item.inbox.store(item.payload, item.arrived_s)
+            elif item.incoming is not None:
+                self._requests.append(item.incoming)
+        self._taken = taken
+        self._times_s.append(self._now_s)
+        self._counts.append(len(taken))
+        self._inputs += taken
+
+    def end_step(self, vehicle: str, estimate: Sequence[float] | None) -> None:
+        """See `StepBus.end_step`."""
+        if estimate is None and len(self._times_s) < STEPS_TOLD:
+            return
+        steps = AgentSteps(
+            life=self.life,
+            began_s=self._began_s,
+            number=self._told,
+            times_s=tuple(self._times_s),
+            counts=tuple(self._counts),
+            keys=tuple(item.key for item in self._inputs),
+            subscriptions=tuple(item.subscription for item in self._inputs),
+            checksums=tuple(zlib.crc32(item.payload) for item in self._inputs),
+            arrivals_s=tuple(item.arrived_s for item in self._inputs),
+            replies=tuple(self._replies),
+            estimate=() if estimate is None else tuple(estimate),
+        )
+        self._told += 1
+        self._times_s.clear()
+        self._counts.clear()
+        self._inputs.clear()
+        self._replies.clear()
+        self._session.publish(channels.AGENT_STEPS, vehicle, steps)
+
+    def note(self, word: str) -> None:
+        """See `StepBus.note`."""
+        self._waiting.append(_Input(word, 0, b"", self._session.clock(), None, None))
+        self._session.wake()
+
+    def noted(self, word: str) -> bool:
+        """See `StepBus.noted`."""
+        return any(item.key == word for item in self._taken)
+
+    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
+        """See `StepBus.subscribe`."""
+        return self._session.subscribe(channel, unit, depth, waking=waking, deliver=self._deliverer())
+
+    def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
+        """See `StepBus.subscribe_all`."""
+        return self._session.subscribe_all(channel, waking=waking, deliver=self._deliverer())
+
+    def _deliverer(self) -> "_Deliverer":
+        self._subscriptions += 1
+        return _Deliverer(self._waiting, self._subscriptions)
+
+    def publish(self, channel: Channel[M], unit: str, message: M) -> None:
+        """See `StepBus.publish`."""
+        self._session.publish(channel, unit, message)
+
+    def serve(self, unit: str, verbs: list[str]) -> None:
+        """See `StepBus.serve`."""
+        self._session.serve(unit, verbs)
+
+    def announce(self, unit: str, role: str) -> None:
+        """See `StepBus.announce`."""
+        self._session.announce(unit, role)
+
+    def pending(self) -> list[Incoming]:
+        """See `StepBus.pending`."""
+        requests, self._requests = self._requests, []
+        return requests
+
+    def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
+        """See `StepBus.request`."""
+        reply = self._session.request(unit, request, timeout_s, patience_s)
+        self._replies.append(encode(reply))
+        return reply
+
+
+class _Deliverer:
+    """Lets what a subscription receives wait for the next step."""
+
+    def __init__(self, waiting: deque[_Input], number: int) -> None:
+        self._waiting = waiting
+        self._number = number
+
+    def __call__(self, inbox: Inbox[Any], payload: bytes, arrived_s: float) -> None:
+        key = f"{inbox.unit}/{inbox.channel.topic}"
+        self._waiting.append(_Input(key, self._number, payload, arrived_s, inbox, None))

@@ -1,0 +1,266 @@
+"""Runs the real agent on what a recorded one took in, and compares what both did."""
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from agents.assembly import TUNED
+from agents.process import Agent
+from bus.channels import Channel
+from bus.codec import decode, encode
+from bus.message import Message
+from bus.messages import Command, Plan
+from deploy.fleet_file.schema import FleetFile
+from deploy.roles.agent import pilot_of
+from ground_station.replay.recorded_agent import AgentLife, AgentStep, Frame, RecordedAgent
+from ground_station.replay.replay_bus import ReplayBus
+
+TOLERANCE: Final = 1e-6
+"""Largest difference of inputs, positions [m] and speeds [m/s] on a computer that computes otherwise."""
+ESTIMATED: Final = (
+    "x [m]", "y [m]", "z [m]", "yaw [rad]", "body x speed [m/s]", "body y speed [m/s]", "z speed [m/s]",
+    "yaw rate [rad/s]", "pitch actuator", "roll actuator", "thrust actuator", "yaw actuator",
+    "x disturbance [m/s^2]", "y disturbance [m/s^2]", "z disturbance [m/s^2]", "yaw disturbance [rad/s^2]",
+)  # fmt: skip
+STICKS: Final = ("pitch", "roll", "thrust", "yaw")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first control period in which the replay did something else.
+
+    Attributes
+    ----------
+    time_s
+        Since the first step of the agent.
+    frame
+        Of the motion capture.
+    cause
+        `input`, `estimate`, `reference` or `solution`: the first of them that differs.
+    detail
+        What exactly, in words.
+    """
+
+    time_s: float
+    frame: int
+    cause: str
+    detail: str
+
+
+@dataclass
+class Comparison:
+    """What came of the replay of an agent.
+
+    Attributes
+    ----------
+    periods
+        Control periods that were compared.
+    identical
+        Periods with the same command and plan to the last bit.
+    largest_input, rms_input
+        Difference of the sticks.
+    largest_plan
+        Difference of planned positions [m] and speeds [m/s].
+    missing_inputs
+        Inputs that the flight log does not have.
+    unmatched
+        Commands of only one of both.
+    notes
+        What is known to be missing.
+    """
+
+    vehicle: str
+    periods: int = 0
+    identical: int = 0
+    largest_input: float = 0.0
+    rms_input: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    largest_plan: float = 0.0
+    missing_inputs: int = 0
+    unmatched: int = 0
+    flown_s: float = 0.0
+    took_s: float = 0.0
+    first: Difference | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def changed(fleet: FleetFile, vehicle: str, changes: Mapping[str, Any]) -> FleetFile:
+    """Fleet file with another controller, estimator, horizon or settings of the controller of a vehicle."""
+    control = fleet.vehicles[vehicle].control
+    own = {name: value for name, value in changes.items() if name in ("controller", "estimator", "horizon")}
+    settings = {name: value for name, value in changes.items() if name not in own}
+    other = control.settings if own.get("controller", control.controller) == control.controller else {}
+    control = msgspec.structs.replace(control, **own, settings={**other, **settings})
+    replaced = msgspec.structs.replace(fleet.vehicles[vehicle], control=control)
+    return msgspec.structs.replace(fleet, vehicles={**fleet.vehicles, vehicle: replaced})
+
+
+def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) -> Comparison:
+    """Run the agent of a vehicle on what a recorded one took in.
+
+    Parameters
+    ----------
+    recorded
+        From the flight log.
+    fleet
+        The fleet file to fly by: that of the flight log, or another one.
+    tolerance
+        Differences up to this one count as none.
+
+    Raises
+    ------
+    FleetError
+        The fleet file cannot be used.
+    """
+    result = Comparison(recorded.vehicle)
+    errors: list[np.ndarray[Any, np.dtype[np.float64]]] = []
+    started_s = time.perf_counter()
+    for life in recorded.lives:
+        if not life.from_start:
+            result.notes.append("the recording begins after the start of the agent")
+        if life.lost_steps:
+            result.notes.append(f"{life.lost_steps} messages about steps are lost")
+        compared = _LifeComparison(life, result, errors, tolerance)
+        for step, period in control_periods(recorded.vehicle, fleet, life):
+            compared.period(step, period)
+        compared.end()
+        if life.steps:
+            result.flown_s += life.steps[-1].time_s - life.steps[0].time_s
+    result.took_s = time.perf_counter() - started_s
+    if errors:
+        result.rms_input = tuple(np.sqrt(np.mean(np.square(errors), axis=0)).tolist())
+    return result
+
+
+@dataclass
+class ControlPeriod:
+    """What the replayed agent did in a step.
+
+    Attributes
+    ----------
+    command, plan
+        None if it did not control.
+    estimate
+        As in `bus.log_messages.AgentSteps`.
+    missing
+        Inputs so far that the flight log does not have.
+    """
+
+    command: Command | None = None
+    plan: Plan | None = None
+    estimate: tuple[float, ...] = ()
+    missing: int = 0
+
+
+def control_periods(
+    vehicle: str, fleet: FleetFile, life: AgentLife
+) -> Iterator[tuple[AgentStep, ControlPeriod]]:
+    """Every step in which the replayed agent of a vehicle or the recorded one controlled, and what it did."""
+    period = ControlPeriod()
+
+    def published(_: Channel[Any], message: Message) -> None:
+        if isinstance(message, Command):
+            period.command = message
+        elif isinstance(message, Plan):
+            period.plan = message
+
+    bus = ReplayBus(life, published)
+    settings, pilot = pilot_of(fleet, vehicle)
+    agent = Agent(settings, pilot, bus, realtime=False, stopwatch=lambda: 0.0)
+    for step in life.steps:
+        if any(item.key == TUNED for item in step.inputs):
+            agent.wait_for_tuning()
+        period = ControlPeriod()
+        bus.take(step)
+        agent.step()
+        if bus.estimate is not None or step.estimate:
+            period.estimate, period.missing = tuple(bus.estimate or ()), bus.missing
+            yield step, period
+    agent.wait_for_tuning()
+
+
+class _LifeComparison:
+    """Compares control period by control period."""
+
+    def __init__(self, life: AgentLife, result: Comparison, errors: list[Any], tolerance: float) -> None:
+        self._life = life
+        self._result = result
+        self._errors = errors
+        self._tolerance = tolerance
+        self._compared: Counter[Frame] = Counter()
+        self._missing = 0
+
+    def period(self, step: AgentStep, period: ControlPeriod) -> None:
+        result = self._result
+        self._missing = period.missing
+        command, plan = period.command, period.plan
+        if command is None or plan is None:
+            result.unmatched += 1
+            self._first(step, 0, "input", "the recorded agent controlled here, the replayed one did not")
+            return
+        then = self._life.commands.get(command.sequence)
+        plan_then = self._plan_then((plan.epoch, plan.frame))
+        if then is None or plan_then is None:
+            # The last moments of a log may lack what was under way.
+            result.unmatched += 1
+            return
+        result.periods += 1
+        if encode(command) == then and encode(plan) == plan_then:
+            result.identical += 1
+            self._errors.append(np.zeros(4))
+            return
+        error = np.subtract(command.input, decode(then, Command).input)
+        old = decode(plan_then, Plan)
+        self._errors.append(error)
+        gap = _gap(plan.trajectory.to_numpy(), old.trajectory.to_numpy())
+        result.largest_input = max(result.largest_input, float(np.abs(error).max()))
+        result.largest_plan = max(result.largest_plan, gap)
+        if max(float(np.abs(error).max()), gap) > self._tolerance or self._tolerance == 0.0:
+            self._first(step, plan.frame, *self._cause(step, period, plan, old, error, gap))
+
+    def _plan_then(self, frame: Frame) -> bytes | None:
+        """Plan of the recorded agent; after a frame was bridged there may be several of the same one."""
+        plans, number = self._life.plans.get(frame, []), self._compared[frame]
+        self._compared[frame] += 1
+        return plans[number] if number < len(plans) else None
+
+    def _cause(
+        self, step: AgentStep, period: ControlPeriod, plan: Plan, old: Plan, error: Any, gap: float
+    ) -> tuple[str, str]:
+        """The first stage of the computation that differs, and how."""
+        if self._missing:
+            return "input", f"{self._missing} inputs so far are not in the flight log"
+        if (plan.epoch, plan.frame) != (old.epoch, old.frame) or not step.estimate:
+            return "input", "the recorded agent did not control in this step"
+        estimates = np.abs(np.subtract(period.estimate, step.estimate))
+        if estimates.max() > self._tolerance:
+            worst = int(estimates.argmax())
+            return "estimate", f"{ESTIMATED[worst]} by {estimates[worst]:.3g}"
+        if (plan.reference is None) != (old.reference is None):
+            return "reference", "only one of both has one"
+        if plan.reference is not None and old.reference is not None:
+            references = np.abs(np.subtract(plan.reference, old.reference))
+            if references.max() > self._tolerance:
+                worst = int(references.argmax())
+                return "reference", f"{ESTIMATED[worst]} by {references[worst]:.3g}"
+        worst = int(np.abs(error).argmax())
+        return "solution", f"{STICKS[worst]} stick by {abs(error[worst]):.3g}, plan by {gap:.3g}"
+
+    def _first(self, step: AgentStep, frame: int, cause: str, detail: str) -> None:
+        if self._result.first is None:
+            time_s = step.time_s - self._life.steps[0].time_s
+            self._result.first = Difference(time_s, frame, cause, detail)
+
+    def end(self) -> None:
+        self._result.missing_inputs += self._missing
+
+
+def _gap(one: Any, other: Any) -> float:
+    """Largest difference of the positions and speeds of two plans; infinite for different lengths."""
+    if one.shape != other.shape:
+        return float("inf")
+    return float(np.abs(one[:, :8] - other[:, :8]).max())

@@ -1,0 +1,206 @@
+"""What a flight log knows of one agent: its steps with what they took in, its commands and its plans."""
+
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bus import channels
+from bus.codec import RejectedError, decode
+from bus.log_messages import AgentSteps, AnsweredRequest
+from bus.messages import Command, Plan
+from bus.stepping import REQUEST
+from deploy.fleet_file.schema import FleetFile
+from flight_log.flight_writing import METADATA
+from flight_log.mcap_reading import Contents, FlightLogError, messages_of
+from ground_station.replay.republishing import fleet_of
+
+Frame = tuple[int, int]
+"""Epoch and frame of the motion capture."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepInput:
+    """Something a step took in; `payload` is None where the flight log does not have it."""
+
+    key: str
+    subscription: int
+    payload: bytes | None
+    arrived_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class AgentStep:
+    """One step; `estimate` is empty unless it controlled."""
+
+    time_s: float
+    inputs: tuple[StepInput, ...]
+    estimate: tuple[float, ...]
+
+
+@dataclass
+class AgentLife:
+    """One process of an agent, from its start to its end.
+
+    Attributes
+    ----------
+    life, began_s
+        See `bus.log_messages.AgentSteps`.
+    from_start
+        Whether the flight log has its first step.
+    replies
+        To what the agent asked when it was made.
+    commands
+        Encoded, by sequence.
+    plans
+        Encoded, by the frame they were made for, in order.
+    lost_steps
+        Messages about steps that are missing.
+    """
+
+    life: int
+    began_s: float
+    from_start: bool
+    replies: tuple[bytes, ...]
+    steps: list[AgentStep] = field(default_factory=list)
+    commands: dict[int, bytes] = field(default_factory=dict)
+    plans: dict[Frame, list[bytes]] = field(default_factory=dict)
+    lost_steps: int = 0
+
+
+@dataclass(frozen=True)
+class RecordedAgent:
+    """An agent of a flight log."""
+
+    vehicle: str
+    fleet: FleetFile
+    metadata: dict[str, str]
+    lives: tuple[AgentLife, ...]
+
+
+def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
+    """Collect what a flight log knows of the agent of a vehicle.
+
+    Parameters
+    ----------
+    parts
+        Files of the flight in order.
+    vehicle
+        Name of the vehicle.
+
+    Raises
+    ------
+    FlightLogError
+        They cannot be read, or know nothing of the vehicle.
+    """
+    contents = Contents()
+    own = _Own(vehicle)
+    for path in parts:
+        for message in messages_of(path, contents):
+            own.take(message.topic, message.payload)
+    fleet = fleet_of(parts)
+    if vehicle not in fleet.vehicles:
+        raise FlightLogError(f"{vehicle}: no such vehicle, the flight has {', '.join(fleet.vehicles)}")
+    if not own.steps:
+        raise FlightLogError(f"{vehicle}: the flight log has no steps of its agent")
+    payloads = _payloads(parts, own)
+    lives = _lives(own, payloads)
+    return RecordedAgent(vehicle, fleet, contents.metadata.get(METADATA, {}), lives)
+
+
+class _Own:
+    """What an agent said itself, and what it was asked."""
+
+    def __init__(self, vehicle: str) -> None:
+        self._topics = {
+            f"{vehicle}/{channel.topic}": take
+            for channel, take in (
+                (channels.AGENT_STEPS, self._steps),
+                (channels.ANSWERED, self._answered),
+                (channels.COMMAND, self._command),
+                (channels.PLAN, self._plan),
+            )
+        }
+        self._vehicle = vehicle
+        self.steps: list[AgentSteps] = []
+        self.requests: dict[tuple[str, int], bytes] = {}
+        self.commands: dict[int, bytes] = {}
+        self.plans: dict[Frame, list[bytes]] = {}
+
+    def take(self, topic: str, payload: bytes) -> None:
+        take = self._topics.get(topic)
+        if take is not None:
+            try:
+                take(payload)
+            except RejectedError as error:
+                raise FlightLogError(f"{topic}: of another version: {error}") from None
+
+    def _steps(self, payload: bytes) -> None:
+        self.steps.append(decode(payload, AgentSteps))
+
+    def _answered(self, payload: bytes) -> None:
+        answered = decode(payload, AnsweredRequest)
+        self.requests[f"{REQUEST}/{answered.verb}", zlib.crc32(answered.request)] = answered.request
+
+    def _command(self, payload: bytes) -> None:
+        command = decode(payload, Command)
+        if command.source == self._vehicle:
+            self.commands[command.sequence] = payload
+
+    def _plan(self, payload: bytes) -> None:
+        plan = decode(payload, Plan)
+        self.plans.setdefault((plan.epoch, plan.frame), []).append(payload)
+
+
+def _payloads(parts: Iterable[Path], own: _Own) -> dict[tuple[str, int], bytes]:
+    """Everything the steps took in, by key and checksum."""
+    wanted = {pair for steps in own.steps for pair in zip(steps.keys, steps.checksums, strict=True)}
+    keys = {key for key, _ in wanted}
+    found = dict(own.requests)
+    for path in parts:
+        for message in messages_of(path):
+            if message.topic in keys:
+                pair = (message.topic, zlib.crc32(message.payload))
+                if pair in wanted:
+                    found[pair] = message.payload
+    return found
+
+
+def _lives(own: _Own, payloads: dict[tuple[str, int], bytes]) -> tuple[AgentLife, ...]:
+    lives: dict[int, AgentLife] = {}
+    numbers: dict[int, int] = {}
+    for steps in own.steps:
+        life = lives.get(steps.life)
+        if life is None:
+            life = lives[steps.life] = AgentLife(
+                steps.life, steps.began_s, steps.number == 0, steps.replies, plans=own.plans
+            )
+        life.lost_steps += steps.number - numbers.get(steps.life, steps.number - 1) - 1
+        numbers[steps.life] = steps.number
+        life.steps += _steps_of(steps, payloads)
+    starts = sorted(lives)
+    for number, start in enumerate(starts):
+        end = starts[number + 1] if number + 1 < len(starts) else None
+        lives[start].commands = {
+            sequence: payload
+            for sequence, payload in own.commands.items()
+            if sequence > start and (end is None or sequence <= end)
+        }
+    return tuple(lives[start] for start in starts)
+
+
+def _steps_of(steps: AgentSteps, payloads: dict[tuple[str, int], bytes]) -> list[AgentStep]:
+    columns = zip(steps.keys, steps.subscriptions, steps.checksums, steps.arrivals_s, strict=True)
+    inputs = [
+        # A word of the agent's own has no bytes.
+        StepInput(key, number, payloads.get((key, checksum), None if "/" in key else b""), arrived_s)
+        for key, number, checksum, arrived_s in columns
+    ]
+    found, start = [], 0
+    for time_s, count in zip(steps.times_s, steps.counts, strict=True):
+        found.append(AgentStep(time_s, tuple(inputs[start : start + count]), ()))
+        start += count
+    if steps.estimate:
+        last = found[-1]
+        found[-1] = AgentStep(last.time_s, last.inputs, steps.estimate)
+    return found

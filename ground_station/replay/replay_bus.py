@@ -1,0 +1,145 @@
+"""The bus of an agent that is replayed: inputs come from a flight log, what it publishes is compared."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from bus.channels import Channel
+from bus.codec import decode
+from bus.message import Message
+from bus.requests import VERBS, RecallReply, Reply, Request
+from bus.session import Incoming, RequestFailedError
+from bus.stepping import REQUEST, Inboxes
+from bus.subscription import Inbox
+from ground_station.replay.recorded_agent import AgentLife, AgentStep
+
+M = TypeVar("M", bound=Message)
+
+
+class _Units:
+    """Inboxes of one channel by unit."""
+
+    def __init__(self, channel: Channel[Any]) -> None:
+        self.channel = channel
+        self.inboxes: dict[str, Inbox[Any]] = {}
+
+    def store(self, unit: str, payload: bytes, arrived_s: float) -> None:
+        self.inboxes.setdefault(unit, Inbox(self.channel, 1, unit)).store(payload, arrived_s)
+
+
+class _One:
+    """Inbox of one channel of one unit."""
+
+    def __init__(self, channel: Channel[Any], unit: str, depth: int) -> None:
+        self.inbox: Inbox[Any] = Inbox(channel, depth, unit)
+
+    def store(self, unit: str, payload: bytes, arrived_s: float) -> None:
+        if unit == self.inbox.unit:
+            self.inbox.store(payload, arrived_s)
+
+
+class ReplayBus:
+    """Implements `bus.stepping.StepBus` from the life of a recorded agent.
+
+    Parameters
+    ----------
+    life
+        The agent.
+    published
+        Told every message that the agent publishes.
+
+    Attributes
+    ----------
+    missing
+        Inputs so far that the flight log does not have.
+    """
+
+    def __init__(self, life: AgentLife, published: Callable[[Channel[Any], Message], None]) -> None:
+        self.life = life.life
+        self.missing = 0
+        self._published = published
+        self._now_s = life.began_s
+        self._replies = list(life.replies)
+        self._subscriptions: list[_One | _Units] = []
+        self._requests: list[Incoming] = []
+        self._words: set[str] = set()
+        self._step: AgentStep | None = None
+        self.estimate: Sequence[float] | None = None
+        """Of the newest control period of the agent that is replayed."""
+
+    def take(self, step: AgentStep) -> None:
+        """Have the inputs of a step ready for the agent."""
+        self._step = step
+
+    def clock(self) -> float:
+        """See `StepBus.clock`."""
+        return self._now_s
+
+    def begin_step(self) -> None:
+        """See `StepBus.begin_step`."""
+        self._words.clear()
+        if self._step is None:
+            return
+        self._now_s = self._step.time_s
+        for item in self._step.inputs:
+            head, _, rest = item.key.partition("/")
+            if item.payload is None:
+                self.missing += 1
+            elif not rest:
+                self._words.add(head)
+            elif head == REQUEST:
+                self._ask(rest, item.payload, item.arrived_s)
+            elif item.subscription <= len(self._subscriptions):
+                self._subscriptions[item.subscription - 1].store(head, item.payload, item.arrived_s)
+        self._step = None
+
+    def _ask(self, verb: str, payload: bytes, arrived_s: float) -> None:
+        request = decode(payload, VERBS[verb].request)
+        self._requests.append(Incoming("", verb, request, payload, arrived_s, lambda _: None))
+
+    def end_step(self, _vehicle: str, estimate: Sequence[float] | None) -> None:
+        """See `StepBus.end_step`."""
+        self.estimate = estimate
+
+    def note(self, word: str) -> None:
+        """See `StepBus.note`; the flight log tells when it took effect."""
+
+    def noted(self, word: str) -> bool:
+        """See `StepBus.noted`."""
+        return word in self._words
+
+    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
+        """See `StepBus.subscribe`."""
+        del waking
+        one = _One(channel, unit, depth)
+        self._subscriptions.append(one)
+        return one.inbox
+
+    def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
+        """See `StepBus.subscribe_all`."""
+        del waking
+        units = _Units(channel)
+        self._subscriptions.append(units)
+        return units
+
+    def publish(self, channel: Channel[M], unit: str, message: M) -> None:
+        """See `StepBus.publish`."""
+        del unit
+        self._published(channel, message)
+
+    def serve(self, unit: str, verbs: list[str]) -> None:
+        """See `StepBus.serve`."""
+
+    def announce(self, unit: str, role: str) -> None:
+        """See `StepBus.announce`."""
+
+    def pending(self) -> list[Incoming]:
+        """See `StepBus.pending`."""
+        requests, self._requests = self._requests, []
+        return requests
+
+    def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
+        """See `StepBus.request`: what was answered then."""
+        del request, timeout_s, patience_s
+        if not self._replies:
+            raise RequestFailedError(f"{unit} was not answered")
+        return decode(self._replies.pop(0), RecallReply)

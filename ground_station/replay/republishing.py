@@ -1,0 +1,102 @@
+"""Puts a flight log on a bus of its own again, for everything that watches a fleet."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from bus.session import BusAddress, Session
+from deploy.fleet_file.schema import FleetFile
+from deploy.fleet_file.snapshot import write_snapshot
+from deploy.launcher import check_free
+from deploy.processes import ProcessSpec
+from deploy.roles.addresses import bus_address
+from deploy.run_directory import run_directory, snapshot_path
+from deploy.supervisor import Supervisor
+from flight_log.flight_writing import FLEET_ATTACHMENT
+from flight_log.mcap_reading import FlightLogError, contents_of, messages_of
+
+ROUTER_S: Final = 15.0
+"""How long the router may take to start."""
+NANO: Final = 1e9
+
+
+def fleet_of(parts: Sequence[Path]) -> FleetFile:
+    """Fleet file of a flight.
+
+    Raises
+    ------
+    FlightLogError
+        It has none that this version understands.
+    """
+    try:
+        return msgspec.json.decode(contents_of(parts[0]).attachments[FLEET_ATTACHMENT], type=FleetFile)
+    except (KeyError, msgspec.DecodeError) as error:
+        raise FlightLogError(
+            f"{parts[0]}: has no fleet file that this version understands: {error}"
+        ) from None
+
+
+@contextmanager
+def router_up(fleet: FleetFile) -> Iterator[BusAddress]:
+    """Run the router of a recorded fleet, and nothing else of it.
+
+    Raises
+    ------
+    FleetError
+        Its address is in use, for instance because the fleet itself is up.
+    """
+    host = next(iter(fleet.hosts))
+    check_free(fleet.hosts[host].address, fleet.hosts[host].router_port, f"hosts.{host}.router_port")
+    directory = run_directory(fleet.name, fleet.bus.namespace)
+    snapshot = snapshot_path(host, directory)
+    write_snapshot(fleet, snapshot)
+    supervisor = Supervisor([ProcessSpec("router", "router", host, 0)], snapshot, directory / "log")
+    supervisor.start_all()
+    try:
+        yield bus_address(fleet, host)
+    finally:
+        supervisor.stop_all()
+
+
+def republish(
+    parts: Sequence[Path],
+    session: Session,
+    speed: float,
+    wait: Callable[[float], bool],
+    clock: Callable[[], float] = time.monotonic,
+) -> int:
+    """Send every message of a flight at its time.
+
+    Parameters
+    ----------
+    parts
+        Files of the flight in order.
+    session
+        On the bus of the recorded fleet.
+    speed
+        How many times faster than it was flown.
+    wait
+        Waits a time [s]; True ends the replay.
+    clock
+        Monotonic clock [s].
+
+    Returns
+    -------
+    int
+        Messages that were sent.
+    """
+    started_s, first_ns, sent = clock(), None, 0
+    for path in parts:
+        for message in messages_of(path):
+            first_ns = message.time_ns if first_ns is None else first_ns
+            left_s = started_s + (message.time_ns - first_ns) / NANO / speed - clock()
+            if left_s > 0.0 and wait(left_s):
+                return sent
+            unit, _, topic = message.topic.partition("/")
+            session.republish(unit, topic, message.payload)
+            sent += 1
+    return sent

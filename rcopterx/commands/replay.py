@@ -1,0 +1,133 @@
+"""Replaying a flight log: `replay`."""
+
+import json
+import os
+import signal
+import threading
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from deploy.spare_process import ONE_THREAD
+from rcopterx.fleet_option import EXIT_FAILED, user_errors
+
+if TYPE_CHECKING:
+    from flight_log.flights import Flight
+    from ground_station.replay.agent_replay import Comparison
+
+FlightArgument = Annotated[
+    str, typer.Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
+]
+
+
+def replay(
+    flight: FlightArgument = "latest",
+    agent: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VEHICLE", help="Run the agent of this vehicle on what it took in, and compare."
+        ),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="NAME=VALUE",
+            help="With another controller, estimator, horizon or setting of the controller. May be repeated.",
+        ),
+    ] = None,
+    speed: Annotated[float, typer.Option(metavar="FACTOR", min=0.01, help="Faster than it was flown.")] = 1.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
+) -> None:
+    """Put a flight log on the bus again for status, top and view, or fly an agent through it once more.
+
+    Exit code 1 if the agent does not do the same again.
+    """
+    # Sums of several threads have other last bits; numerical libraries look at it when they are loaded.
+    os.environ.update(ONE_THREAD)
+    with user_errors():
+        found = chosen_flight(flight)
+        if agent is None:
+            _republish(found, speed)
+            return
+        _compare(found, agent, changes_of(changes or []), as_json)
+
+
+def chosen_flight(name: str) -> "Flight":
+    """Flight that is meant; says what there is if it is not found."""
+    from flight_log.flights import NoFlightError, default_directory, found_flight
+
+    try:
+        return found_flight(name, default_directory())
+    except NoFlightError as error:
+        raise typer.BadParameter(str(error), param_hint="FLIGHT") from None
+
+
+def changes_of(words: list[str]) -> dict[str, Any]:
+    """Settings from words like `horizon=30`; what is no JSON value is a text."""
+    changes = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name:
+            raise typer.BadParameter(f"{word!r} is not NAME=VALUE", param_hint="--with")
+        try:
+            changes[name] = json.loads(value)
+        except ValueError:
+            changes[name] = value
+    return changes
+
+
+def _republish(flight: "Flight", speed: float) -> None:
+    from bus.session import Session
+    from ground_station.replay.republishing import ROUTER_S, fleet_of, republish, router_up
+
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    with router_up(fleet_of(flight.parts)) as address, Session(address, timeout_s=ROUTER_S) as session:
+        typer.echo(f"replaying {flight.name}; rcopterx top and view show it; Ctrl-C ends it", err=True)
+        typer.echo(f"{republish(flight.parts, session, speed, stop.wait)} messages")
+
+
+def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: bool) -> None:
+    from flight_log.mcap_reading import FlightLogError
+    from flight_log.provenance import arithmetic, provenance
+    from ground_station.replay.agent_replay import TOLERANCE, changed, replay
+    from ground_station.replay.recorded_agent import recorded_agent
+
+    try:
+        recorded = recorded_agent(flight.parts, vehicle)
+    except FlightLogError as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(EXIT_FAILED) from None
+    same = arithmetic(recorded.metadata) == arithmetic(provenance())
+    fleet = changed(recorded.fleet, vehicle, changes) if changes else recorded.fleet
+    result = replay(recorded, fleet, 0.0 if same else TOLERANCE)
+    if as_json:
+        typer.echo(json.dumps(asdict(result), indent=2))
+    else:
+        typer.echo("\n".join(_lines(result, same)))
+    if not changes and (result.first is not None or not result.periods):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _lines(result: "Comparison", same: bool) -> list[str]:
+    rms = ", ".join(f"{value:.3g}" for value in result.rms_input)
+    rule = "must be the same to the last bit" if same else "another computer: small differences are allowed"
+    factor = result.flown_s / result.took_s if result.took_s else 0.0
+    lines = [
+        f"{result.vehicle}: {result.periods} control periods in {result.flown_s:.1f} s, "
+        f"{result.identical} the same to the last bit ({rule})",
+        f"  sticks (pitch, roll, thrust, yaw): rms {rms}; largest {result.largest_input:.3g}",
+        f"  plans: largest {result.largest_plan:.3g} m or m/s",
+        f"  replayed {factor:.1f} times as fast as flown",
+    ]
+    lines += [f"  note: {note}" for note in result.notes]
+    if result.first is not None:
+        first = result.first
+        lines.append(
+            f"  first difference after {first.time_s:.3f} s, frame {first.frame}: "
+            f"{first.cause}: {first.detail}"
+        )
+    return lines

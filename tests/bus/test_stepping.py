@@ -1,0 +1,153 @@
+"""Promises of a process that works in steps: nothing changes within one, and all that enters it is noted."""
+
+import zlib
+from collections.abc import Callable
+
+import pytest
+from support.bus import answering
+from support.waiting import FakeClock, wait_for
+
+from bus import channels
+from bus.codec import decode, encode
+from bus.log_messages import AgentSteps
+from bus.message import InvalidMessageError
+from bus.messages import Pose
+from bus.requests import Land, Recall, RecallReply
+from bus.session import Session
+from bus.stepping import STEPS_TOLD, SteppedSession
+
+Join = Callable[..., Session]
+
+
+def pose(frame: int) -> Pose:
+    return Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
+
+
+def stepped_until(stepped: SteppedSession, condition: Callable[[], bool], what: str) -> None:
+    def step() -> bool:
+        stepped.begin_step()
+        return condition()
+
+    wait_for(step, what)
+
+
+def test_what_arrives_during_a_step_waits_for_the_next_one(join: Join) -> None:
+    clock = FakeClock()
+    stepped, sender = SteppedSession(join(clock=clock)), join()
+    arrived = []
+    inbox = stepped.subscribe(channels.POSE, "h1")
+    store = inbox.store
+    stepped_until(
+        stepped, lambda: bool(sender.publish(channels.POSE, "h1", pose(1)) or inbox.latest()), "no pose"
+    )
+    before_s = stepped.clock()
+    clock.advance(1.0)
+    inbox.store = lambda payload, arrived_s: (arrived.append(payload), store(payload, arrived_s))  # type: ignore[assignment, func-returns-value]
+    sender.publish(channels.POSE, "h1", pose(2))
+    wait_for(lambda: bool(stepped._waiting), "the pose does not arrive")
+    assert arrived == []
+    assert stepped.clock() == before_s
+    received = inbox.latest()
+    assert received is not None
+    assert received.message.frame == 1
+    stepped.begin_step()
+    assert arrived[-1] == encode(pose(2))
+    assert stepped.clock() == before_s + 1.0
+
+
+def test_steps_are_told_with_all_that_they_took_in(join: Join) -> None:
+    clock = FakeClock()
+    bus, other = join(clock=clock), join()
+    told = other.subscribe(channels.AGENT_STEPS, "h1", depth=8)
+    stepped = SteppedSession(bus)
+    stepped.subscribe(channels.POSE, "h9")
+    inbox = stepped.subscribe(channels.POSE, "h1")
+    stepped_until(
+        stepped, lambda: bool(other.publish(channels.POSE, "h1", pose(1)) or inbox.latest()), "no pose"
+    )
+    stepped.note("word")
+    stepped.begin_step()
+    assert stepped.noted("word")
+    stepped.begin_step()
+    assert not stepped.noted("word")
+    estimate = [float(number) for number in range(16)]
+
+    def heard() -> bool:
+        stepped.end_step("h1", estimate)
+        stepped.begin_step()
+        return told.latest() is not None
+
+    wait_for(heard, "no steps")
+    # The first ones may have been told before the subscription was known everywhere.
+    received = told.latest()
+    assert received is not None
+    assert received.message.life == stepped.life
+    assert list(received.message.estimate) == estimate
+
+
+def test_columns_of_inputs_belong_together(join: Join) -> None:
+    stepped, sent = SteppedSession(join()), []
+    stepped._session.publish = lambda channel, unit, message: sent.append((channel, unit, message))  # type: ignore[method-assign]
+    inbox = stepped.subscribe(channels.POSE, "h1", depth=4)
+    for frame in (1, 2):
+        stepped._deliverer()  # a subscription without messages
+        stepped._waiting.append(stepped_input(stepped, inbox, frame))
+        stepped.begin_step()
+    stepped.end_step("h1", None)
+    assert sent == []
+    stepped.end_step("h1", [0.0])
+    ((channel, unit, message),) = sent
+    assert (channel, unit) == (channels.AGENT_STEPS, "h1")
+    assert decode(encode(message), AgentSteps) == message
+    assert message.counts == (1, 1)
+    assert message.keys == ("h1/pose", "h1/pose")
+    assert message.checksums == tuple(zlib.crc32(encode(pose(frame))) for frame in (1, 2))
+    assert [received.message.frame for received in inbox.drain()] == [1, 2]
+
+
+def stepped_input(stepped: SteppedSession, inbox: object, frame: int) -> object:
+    deliverer = stepped._deliverer()
+    deliverer(inbox, encode(pose(frame)), 0.1 * frame)  # type: ignore[arg-type]
+    return stepped._waiting.pop()
+
+
+def test_a_process_that_controls_nothing_tells_its_steps_now_and_then(join: Join) -> None:
+    stepped, sent = SteppedSession(join()), []
+    stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
+    for _ in range(2 * STEPS_TOLD):
+        stepped.begin_step()
+        stepped.end_step("h1", None)
+    assert [len(message.times_s) for message in sent] == [STEPS_TOLD, STEPS_TOLD]
+    assert [message.number for message in sent] == [0, 1]
+
+
+def test_requests_are_inputs_and_replies_are_told(join: Join) -> None:
+    stepped, other, sent = SteppedSession(join()), join(), []
+    other.serve("h1", ["recall"])
+    with answering(other, lambda _: RecallReply(accepted=True, age_s=2.0)):
+        reply = stepped.request("h1", Recall(), patience_s=5.0)
+    stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
+    stepped.begin_step()
+    stepped.end_step("h1", [0.0])
+    (message,) = sent
+    assert [decode(payload, RecallReply) for payload in message.replies] == [reply]
+    stepped.serve("h1", ["land"])
+    stepped_until(stepped, lambda: bool(ask(other)) or bool(stepped._requests), "no request")
+    (incoming, *_) = stepped.pending()
+    assert isinstance(incoming.request, Land)
+    assert stepped.pending() == []
+
+
+def ask(session: Session) -> None:
+    """Ask without waiting for the answer."""
+    key = channels.request_key(session.address.fleet, "h1", "land")
+    session._zenoh.get(key, payload=encode(Land()), timeout=0.2)
+
+
+def test_columns_of_other_lengths_are_refused() -> None:
+    steps = AgentSteps(
+        life=1, began_s=0.0, number=0, times_s=(1.0,), counts=(2,), keys=("a",), subscriptions=(1,),
+        checksums=(1,), arrivals_s=(0.0,),
+    )  # fmt: skip
+    with pytest.raises(InvalidMessageError, match="not as many inputs"):
+        steps.check()

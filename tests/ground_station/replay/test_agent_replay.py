@@ -1,0 +1,108 @@
+"""Promises of replays: an agent does the same again, and what differs first is told with its cause."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bus.codec import decode, encode
+from bus.messages import Pose
+from flight_log.mcap_reading import FlightLogError
+from ground_station.replay.agent_replay import TOLERANCE, changed
+from ground_station.replay.agent_replay import replay as replayed
+from ground_station.replay.recorded_agent import AgentStep, RecordedAgent, StepInput, recorded_agent
+
+FLIGHT = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
+"""Two vehicles that take off, move, change an offset, a horizon and a controller."""
+
+
+@pytest.fixture(scope="module")
+def follower() -> RecordedAgent:
+    return recorded_agent([FLIGHT], "h2")
+
+
+def with_step(recorded: RecordedAgent, number: int, step: AgentStep) -> RecordedAgent:
+    (life,) = recorded.lives
+    steps = [*life.steps[:number], step, *life.steps[number + 1 :]]
+    return replace(recorded, lives=(replace(life, steps=steps),))
+
+
+def flown_pose(recorded: RecordedAgent) -> tuple[int, int]:
+    """Step and number of an input that is a pose, in the second half of the flight."""
+    (life,) = recorded.lives
+    for number in range(len(life.steps) * 3 // 4, len(life.steps)):
+        for position, item in enumerate(life.steps[number].inputs):
+            if item.key == "h2/pose":
+                return number, position
+    raise AssertionError("no pose")
+
+
+def with_input(recorded: RecordedAgent, number: int, position: int, item: StepInput) -> RecordedAgent:
+    step = recorded.lives[0].steps[number]
+    inputs = (*step.inputs[:position], item, *step.inputs[position + 1 :])
+    return with_step(recorded, number, replace(step, inputs=inputs))
+
+
+@pytest.mark.parametrize("vehicle", ["h1", "h2"])
+def test_the_reference_flight_is_flown_the_same_again(vehicle: str) -> None:
+    recorded = recorded_agent([FLIGHT], vehicle)
+    result = replayed(recorded, recorded.fleet, TOLERANCE)
+    assert result.first is None, (result.first, "renew it: python tests/fixtures/renew_reference_flight.py")
+    assert result.periods > 100
+    assert (result.missing_inputs, result.unmatched, result.notes) == (0, 0, [])
+    assert result.largest_input <= TOLERANCE
+    assert result.largest_plan <= TOLERANCE
+
+
+def test_another_pose_is_told_as_another_estimate_in_the_period_it_enters(follower: RecordedAgent) -> None:
+    number, position = flown_pose(follower)
+    item = follower.lives[0].steps[number].inputs[position]
+    assert item.payload is not None
+    pose = decode(item.payload, Pose)
+    assert pose.position_m is not None
+    x, y, z = pose.position_m
+    moved = encode(
+        Pose(**{**{f: getattr(pose, f) for f in Pose.__struct_fields__}, "position_m": (x + 0.01, y, z)})
+    )
+    result = replayed(
+        with_input(follower, number, position, replace(item, payload=moved)), follower.fleet, TOLERANCE
+    )
+    assert result.first is not None
+    assert result.first.cause == "estimate"
+    began_s = follower.lives[0].steps[0].time_s
+    assert 0 <= result.first.time_s + began_s - follower.lives[0].steps[number].time_s < 0.1
+
+
+def test_an_input_that_the_log_has_lost_is_told_as_the_cause(follower: RecordedAgent) -> None:
+    number, position = flown_pose(follower)
+    item = follower.lives[0].steps[number].inputs[position]
+    result = replayed(
+        with_input(follower, number, position, replace(item, payload=None)), follower.fleet, TOLERANCE
+    )
+    assert result.first is not None
+    assert result.first.cause == "input"
+    assert result.missing_inputs == 1
+
+
+def test_another_controller_tells_what_it_would_have_commanded(follower: RecordedAgent) -> None:
+    result = replayed(follower, changed(follower.fleet, "h2", {"controller": "pid"}), TOLERANCE)
+    assert result.first is not None
+    assert result.first.cause == "solution"
+    assert result.largest_input > 0.01
+    assert max(result.rms_input) > 0.001
+
+
+def test_changes_are_those_of_one_vehicle_and_other_controllers_forget_its_settings(
+    follower: RecordedAgent,
+) -> None:
+    fleet = changed(follower.fleet, "h2", {"horizon": 20, "position_weight": 3.0})
+    assert (fleet.vehicles["h2"].control.horizon, fleet.vehicles["h2"].control.settings) == (
+        20, {"position_weight": 3.0},
+    )  # fmt: skip
+    assert fleet.vehicles["h1"] == follower.fleet.vehicles["h1"]
+    assert changed(fleet, "h2", {"controller": "pid"}).vehicles["h2"].control.settings == {}
+
+
+def test_a_vehicle_that_did_not_fly_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FlightLogError, match="h9: no such vehicle, the flight has h1, h2"):
+        recorded_agent([FLIGHT], "h9")
