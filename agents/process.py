@@ -1,8 +1,8 @@
 """The agent process: read poses and plans, call the pilot, publish plan and command."""
 
+import logging
 import math
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -20,6 +20,8 @@ from bus.messages import AgentStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
 from bus.stepping import StepBus, SteppedSession
+
+_LOG = logging.getLogger(__name__)
 
 REPORT_PERIOD_S = 0.2
 ORIENTATION_S = 0.5
@@ -180,7 +182,7 @@ class Agent:
             self._observation.pose_age_s, plan_age_s, self._external.client
         )
         for remark in set(diagnostics.remarks) - self._remarked:
-            print(remark, file=sys.stderr, flush=True)
+            _LOG.warning(remark)
         self._remarked = set(diagnostics.remarks)
         self._said = status_message(self._pilot, self._lost.following_mode, diagnostics)
         self._bus.publish(channels.AGENT_STATUS, self._settings.vehicle, self._said)

@@ -16,6 +16,7 @@ from deploy.fleet_check import check_fleet
 from deploy.fleet_file.schema import FleetError, FleetFile
 from deploy.fleet_file.snapshot import write_snapshot
 from deploy.membership import MembershipService
+from deploy.process_log import append
 from deploy.processes import RECORDER, processes_of
 from deploy.recall import RecallService
 from deploy.roles.addresses import bus_address
@@ -206,6 +207,7 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _tell(self, lines: list[str]) -> None:
         """For whoever started the fleet, and for everybody on the bus."""
+        append(self.directory / "log" / "launcher.log", lines)
         self.events.extend(lines)
         self._news.extend(lines)
 

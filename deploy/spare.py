@@ -14,8 +14,9 @@ from pathlib import Path
 from agents.process import run_agent
 from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from deploy.fleet_file.reading import load_fleet
+from deploy.process_log import set_up
 from deploy.roles.agent import pilot_of
-from deploy.roles.run import end_with_parent, name_process, run_reporting, runner
+from deploy.roles.run import end_with_parent, log_start, name_process, run_reporting, runner
 from deploy.spare_process import Job
 
 
@@ -40,6 +41,7 @@ def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | No
         os.dup2(log, descriptor)
     role, unit = order["role"], order["unit"]
     name_process(role, unit)
+    log_start(role, unit)
     if role == "agent":
         return lambda: run_agent(*pilots[unit])
     return lambda: runners[role](fleet, unit)
@@ -58,6 +60,7 @@ def _order() -> str:
 def main() -> None:
     """Entry point: `python -m deploy.spare SNAPSHOT ROLE:UNIT...`."""
     end_with_parent()
+    set_up()
     jobs = [(role, unit) for role, _, unit in (word.partition(":") for word in sys.argv[2:])]
     run = wait_for_job(Path(sys.argv[1]), jobs)
     if run is not None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bus.heartbeat import HeartbeatPage
 from deploy.liveness import Liveness
+from deploy.process_log import rotate
 from deploy.processes import ProcessSpec
 from deploy.spare_process import SpareProcess, Started, start_process
 from deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
@@ -125,6 +126,7 @@ class Supervisor:
         lines = []
         try:
             self._logs.mkdir(parents=True, exist_ok=True)
+            rotate(log_path)
             log_path.open("ab").close()
         except OSError as error:
             child.events["without_log"] += 1

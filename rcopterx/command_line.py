@@ -14,6 +14,7 @@ from rcopterx.commands import (
     identify,
     laboratory,
     launch,
+    logs,
     margins,
     radio,
     replay,
@@ -33,7 +34,7 @@ app = typer.Typer(
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.demo, fly.fly),
-    "Watch a running fleet": (watch.status, watch.check, watch.top, ground.ground),
+    "Watch a running fleet": (watch.status, watch.check, logs.logs, watch.top, ground.ground),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
         trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,

@@ -1,5 +1,6 @@
 """The transmitter gateway process: commands and poses in, serial frames out."""
 
+import logging
 import math
 import signal
 import sys
@@ -20,6 +21,8 @@ from transmitter_gateway.settings import GatewaySettings
 from transmitter_gateway.station import Station
 from transmitter_gateway.transmitter import Transmitter
 from transmitter_gateway.wakeup import Wakeup
+
+_LOG = logging.getLogger(__name__)
 
 STATUS_PERIOD_S = 0.2
 SHUTDOWN_LIMIT_S = 10.0
@@ -221,7 +224,7 @@ def _each(working: dict[str, Transmitter], act: Callable[[Transmitter], object])
             act(transmitter)
         except Exception:  # noqa: BLE001 - whatever is wrong with it, the others must come down
             traceback.print_exc()
-            print(f"{name}: cannot be brought down", file=sys.stderr, flush=True)
+            _LOG.error("%s: cannot be brought down", name)
             del working[name]
 
 

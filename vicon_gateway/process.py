@@ -1,8 +1,8 @@
 """The Vicon gateway process: frames of the Tracker in, one pose per vehicle out."""
 
+import logging
 import math
 import signal
-import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -20,6 +20,8 @@ from vicon_gateway.frame import CapturedFrame, SubjectPose
 from vicon_gateway.mapping import SubjectMap
 from vicon_gateway.recording_file import RecordingFile
 from vicon_gateway.settings import TrackerSettings
+
+_LOG = logging.getLogger(__name__)
 
 STATUS_PERIOD_S = 0.2
 POSES_KEPT = 8
@@ -105,7 +107,7 @@ class TrackerGateway:
             if self._epochs.epoch:
                 if now_s >= self._standby_until_s:
                     self._standbys += 1
-                    print("another gateway publishes poses; this one stands by", file=sys.stderr, flush=True)
+                    _LOG.warning("another gateway publishes poses; this one stands by")
                 self._standby_until_s = now_s + STANDBY_S
             self._epochs.leave_behind(epoch)
 

@@ -1,6 +1,6 @@
 """The role of the recorder: where the flight log goes, and what it says of the flight."""
 
-import sys
+import logging
 import time
 from pathlib import Path
 from typing import Final
@@ -25,7 +25,7 @@ def run(fleet: FleetFile, host: str) -> None:
     """Record what is on the bus."""
     run_recorder(
         recorder_settings(fleet, host, time.time_ns(), time.monotonic()),
-        lambda line: print(line, file=sys.stderr, flush=True),
+        logging.getLogger(__name__).error,
     )
 
 

@@ -4,6 +4,7 @@ Nothing here imports a command-line library, so that an agent that crashed in fl
 """
 
 import ctypes
+import logging
 import os
 import signal
 import sys
@@ -13,6 +14,7 @@ from setproctitle import setproctitle, setthreadtitle
 
 from bus.session import BusUnreachableError
 from deploy.fleet_file.schema import FleetError, FleetFile
+from deploy.process_log import set_up
 
 ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
 PR_SET_PDEATHSIG = 1
@@ -53,7 +55,13 @@ def run_role(role: str, unit: str, fleet: FleetFile) -> None:
     """
     check_unit(fleet, role, unit)
     name_process(role, unit)
+    log_start(role, unit)
     runner(role)(fleet, unit)
+
+
+def log_start(role: str, unit: str) -> None:
+    """Log that a role begins in this process."""
+    logging.info("%s %s: started, process %d", role, unit, os.getpid())
 
 
 def name_process(*words: str) -> None:
@@ -112,11 +120,12 @@ def runner(role: str) -> Callable[[FleetFile, str], None]:
 
 def run_reporting(run: Callable[[], None]) -> None:
     """Run a role; what ends it for a reason somebody can mend becomes a line and an exit code."""
+    set_up()
     try:
         run()
     except FleetError as error:
-        print(error, file=sys.stderr)
+        logging.error(error)
         sys.exit(EXIT_USAGE)
     except (BusUnreachableError, OSError) as error:
-        print(error, file=sys.stderr)
+        logging.error(error)
         sys.exit(EXIT_UNREACHABLE)

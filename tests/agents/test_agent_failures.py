@@ -17,7 +17,7 @@ class RaisingEstimator(ExactEstimator):
 
 
 def test_agent_flies_on_by_the_default_controller_when_its_own_raises(
-    join: Join, bus_address: BusAddress, capsys: pytest.CaptureFixture[str]
+    join: Join, bus_address: BusAddress, caplog: pytest.LogCaptureFixture
 ) -> None:
     bench = Bench(join, bus_address)
     bench.start()
@@ -37,7 +37,7 @@ def test_agent_flies_on_by_the_default_controller_when_its_own_raises(
     assert diagnostics.fallbacks["controller_replaced"] == 1
     (remark,) = diagnostics.remarks
     assert "the default controller flies until one is chosen" in remark
-    assert capsys.readouterr().err.count(remark) == 1
+    assert caplog.text.count(remark) == 1
 
 
 def test_agent_flies_on_by_the_default_estimator_when_its_own_raises(

@@ -215,7 +215,7 @@ def fail(*_: object, **__: object) -> None:
 
 @pytest.mark.parametrize("broken", ["request", "on_readable", "next_deadline_s"])
 def test_broken_transmitter_does_not_keep_the_others_from_landing(
-    laboratory: Laboratory, broken: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    laboratory: Laboratory, broken: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     laboratory.fly()
     monkeypatch.setattr(laboratory.transmitter("h2"), broken, fail)
@@ -226,7 +226,7 @@ def test_broken_transmitter_does_not_keep_the_others_from_landing(
     for name in ("h1", "h3"):
         assert laboratory.transmitter(name).arbiter.state is State.CUT
         assert laboratory.throttle_us[name][-25:] == [1100] * 25
-    assert ("h2: cannot be brought down" in capsys.readouterr().err) == (broken != "next_deadline_s")
+    assert ("h2: cannot be brought down" in caplog.text) == (broken != "next_deadline_s")
     assert not any(laboratory.transmitter(name).port.is_open for name in NAMES)
 
 

@@ -1,0 +1,55 @@
+"""How the processes of a fleet log: one line per event, with its time, on standard error, which is a file.
+
+A process that somebody runs by hand writes the same lines without the time.
+"""
+
+import logging
+import os
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+LARGEST_BYTES: Final = 1_000_000
+"""A larger log is put aside when its process is started; one older log is kept."""
+SUFFIX: Final = ".log"
+OLDER: Final = ".1"
+TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%S"
+
+
+def set_up() -> None:
+    """Let what this process logs, its end by an exception included, go to standard error."""
+    supervised = "RCOPTERX_PARENT" in os.environ
+    handler = logging.StreamHandler(sys.stderr)
+    form = "%(asctime)s.%(msecs)03dZ %(levelname)s %(message)s" if supervised else "%(message)s"
+    formatter = logging.Formatter(form, TIME_FORMAT)
+    formatter.converter = time.gmtime
+    handler.setFormatter(formatter)
+    logging.basicConfig(level=logging.INFO if supervised else logging.WARNING, handlers=[handler], force=True)
+    sys.excepthook = _log_exception
+
+
+def _log_exception(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+    logging.critical("ends by %s: %s", kind.__name__, error, exc_info=(kind, error, traceback))
+
+
+def append(path: Path, lines: list[str]) -> None:
+    """Add lines to a log; a disk that fails is nobody's end."""
+    now_s = time.time()
+    stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
+    with suppress(OSError), path.open("a", encoding="utf-8") as file:
+        file.writelines(f"{stamp} INFO {line}\n" for line in lines)
+
+
+def rotate(path: Path) -> None:
+    """Put a log aside that has become large.
+
+    Raises
+    ------
+    OSError
+        It cannot be renamed.
+    """
+    if path.exists() and path.stat().st_size > LARGEST_BYTES:
+        path.replace(path.with_name(path.name + OLDER))
