@@ -38,6 +38,6 @@ def _clock(state: LinkState, here: str) -> str:
 
 
 def _incidents(state: LinkState) -> str:
-    redialled = f", redialled {state.redials} times" if state.redials else ""
-    late = f", {state.late} beats late" if state.late else ""
+    redialled = f", redials: {state.redials}" if state.redials else ""
+    late = f", late beats: {state.late}" if state.late else ""
     return redialled + late

@@ -53,5 +53,5 @@ def test_a_missing_link_is_told_once_whoever_tells_it() -> None:
 def test_what_happened_to_a_link_is_told() -> None:
     state = linked(redials=2, late=7)
     assert host_notes({"main": RouterStatus(links={"control": state})}, "main") == [
-        "host control: linked, redialled 2 times, 7 beats late"
+        "host control: linked, redials: 2, late beats: 7"
     ]

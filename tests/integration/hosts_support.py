@@ -1,0 +1,92 @@
+"""A fleet over two network namespaces as hosts, started as a user starts it, and what its gateway did."""
+
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from integration_support import Flying, fleet_text
+
+from benchmarks.namespaces import Network, network
+from bus import channels
+from bus.messages import Applied
+from bus.subscription import Received
+from deploy.fleet_file.reading import load_fleet
+from ground_station.fleet import Fleet
+
+HOSTS = ("main", "second")
+"""The simulated laboratory and its gateways; the agents."""
+ROUTER_PORT = 7447
+TRACKER_PORT = 8010
+STOP_S = 30.0
+
+
+@contextmanager
+def fleet_on_two_hosts(directory: Path) -> Iterator[tuple[Network, Flying]]:
+    """Start a trio whose agents run on another host than its gateways; `RCOPTERX_RUN` has to be set.
+
+    The test itself is on neither host: it uses the Unix socket of the router of the host `main`.
+    """
+    with ExitStack() as stack:
+        net = stack.enter_context(network(HOSTS))
+        path = directory / "lab.toml"
+        hosts = {host: (net.addresses[host], ROUTER_PORT) for host in HOSTS}
+        path.write_text(fleet_text(TRACKER_PORT, hosts, agent_host="second"))
+        for host in HOSTS:
+            command = net.python(host, "-m", "rcopterx", "up", str(path), "--host", host)
+            stack.enter_context(_started(command, directory / f"up-{host}.log"))
+        fleet = Fleet(load_fleet(path), host="main", timeout_s=30)
+        stack.callback(fleet.close)
+        fleet.wait_ready(timeout_s=40)
+        yield net, Flying(path, fleet, {})
+
+
+@contextmanager
+def _started(command: list[str], log: Path) -> Iterator[None]:
+    with log.open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, env=os.environ)
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+class Obeyed:
+    """Which commands the transmitter gateway obeyed, by vehicle."""
+
+    def __init__(self, flying: Flying, names: tuple[str, ...]) -> None:
+        self._inboxes = {
+            name: flying.fleet.session.subscribe(channels.APPLIED, name, depth=8192) for name in names
+        }
+        self._frames: dict[str, list[Received[Applied]]] = {name: [] for name in names}
+
+    def frames(self, name: str) -> list[Received[Applied]]:
+        """Everything that was written to the radio so far."""
+        self._frames[name] += self._inboxes[name].drain()
+        return self._frames[name]
+
+    def since(self, name: str, from_s: float) -> float | None:
+        """When a fresh command was obeyed for the first time after a moment [monotonic s]."""
+        return next(
+            (
+                frame.arrived_s
+                for frame in self.frames(name)
+                if frame.arrived_s > from_s and frame.message.fresh and frame.message.state == "armed"
+            ),
+            None,
+        )
+
+    def states(self, name: str, from_s: float) -> list[str]:
+        """States of the arbiter after a moment, without repetitions."""
+        told: list[str] = []
+        for frame in self.frames(name):
+            if frame.arrived_s > from_s and (not told or told[-1] != frame.message.state):
+                told.append(frame.message.state)
+        return told
