@@ -8,6 +8,7 @@ import typer
 from rcopterx.commands import (
     bench,
     experiment,
+    export,
     flights,
     fly,
     ground,
@@ -40,7 +41,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
         trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,
         steer.reset,
     ),
-    "Flight logs": (flights.flights, replay.replay, flights.recover),
+    "Flight logs": (flights.flights, replay.replay, export.export, flights.recover),
     "Prepare vehicles": (identify.identify, margins.margins),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),

@@ -74,7 +74,7 @@ def test_every_command_explains_itself_and_its_options(name: str) -> None:
     assert f"rcopterx {name}" in shown or f"root {name}" in shown
     for unit in UNITS.get(name, ()):
         assert unit in shown
-    if name not in ("experiment", "flights", "recover", "replay-tracker", "udev-rules"):
+    if name not in ("experiment", "export", "flights", "recover", "replay", "replay-tracker", "udev-rules"):
         assert "Fleet file" in shown or "FLEET" in shown
 
 
