@@ -178,7 +178,7 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         return self._wrapped.problems(names)
 
     def notes(self) -> list[str]:
-        """Remarks that do not block take-off: subjects of no vehicle, recordings, what failed in flight."""
+        """Remarks that do not block take-off: subjects, recordings, hosts, what failed in flight."""
         return self._wrapped.notes()
 
     arm = awaited(Fleet.arm)
