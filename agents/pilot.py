@@ -118,6 +118,7 @@ class Pilot:
     ) -> None:
         self.model = model
         self.controller = controller
+        self._avoiding = _avoiding(controller)
         self.controller_replaced = False
         """Whether the default controller has taken the place of the one that was chosen."""
         self.step_guard = StepGuard(model, default_controller)
@@ -259,6 +260,7 @@ class Pilot:
     def use_controller(self, controller: Controller) -> None:
         """Fly with another controller from the next period on; it starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
+        self._avoiding = _avoiding(controller)
         self.step_guard.failure = ""
         self._begin_transfer()
         self._flown_by_controller = False
@@ -342,17 +344,17 @@ class Pilot:
 
     def _keep_clear(self, neighbours: Mapping[str, Neighbour], delay_s: float) -> None:
         """Tell the controller who comes near; only in free flight is there anywhere to go."""
-        controller = self.controller if isinstance(self.controller, AvoidsObstacles) else None
-        if controller is not None:
-            self.step_guard.tell(controller, lambda: controller.set_obstacles(()))
+        avoiding = self._avoiding
+        if avoiding is not None:
+            self.step_guard.tell(self.controller, lambda: avoiding.set_obstacles(()))
         if not neighbours or self.separation is None or self.plan is None or not self.guidance.followable:
             return
         period_s = self.controller.period_s
         own_m = self.plan.positions_from(period_s, period_s, self.controller.horizon)
         found = near(self.separation, neighbours, own_m, period_s, delay_s)
         self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
-        if controller is not None:
-            self.step_guard.tell(controller, lambda: controller.set_obstacles(found.obstacles))
+        if avoiding is not None:
+            self.step_guard.tell(self.controller, lambda: avoiding.set_obstacles(found.obstacles))
             self.avoiding_ticks += found.touching
         elif found.touching:
             self.fallbacks["cannot_avoid"] += 1
@@ -425,3 +427,7 @@ class Pilot:
         for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
             estimate = predict(self.model, estimate, value, duration_s)
         return estimate
+
+
+def _avoiding(controller: Controller) -> AvoidsObstacles | None:
+    return controller if isinstance(controller, AvoidsObstacles) else None

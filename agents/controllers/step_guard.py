@@ -72,6 +72,8 @@ class StepGuard:
         self._interrupted = False
         self._default_flies = False
         self._inputs: Array | None = None
+        self._known: Controller | None = None
+        self._early: StopsEarly | None = None
 
     @property
     def given_up(self) -> bool:
@@ -125,14 +127,18 @@ class StepGuard:
     ) -> ControlStep | None:
         """A usable step, or None after a failure, which is counted."""
         name, limit_s = _name(controller), STEP_SHARE * controller.period_s
+        if controller is not self._known:
+            # Asking for a protocol takes longer than most of what is done here, so it is done once.
+            self._known = controller
+            self._early = controller if isinstance(controller, StopsEarly) else None
         self._steps += 1
         if self._steps <= FIRST_STEPS:
             limit_s *= FIRST_STEPS_FACTOR
         try:
-            if isinstance(controller, StopsEarly):
+            if self._early is not None:
                 # It keeps the time by itself, and its best iterate is worth more than no step.
                 solver_s = SOLVER_SHARE / STEP_SHARE * limit_s
-                controller.set_deadline(lambda: self.limit.used_s() > solver_s)
+                self._early.set_deadline(lambda: self.limit.used_s() > solver_s)
                 with self.limit.within(np.inf):
                     step = controller.step(estimate, reference, last_input)
             else:
@@ -142,7 +148,7 @@ class StepGuard:
                     raise OutOfTimeError
             problem = self._problem(step, controller)
             if problem is None:
-                inputs = np.clip(step.inputs, self._model.u_min, self._model.u_max)
+                inputs = np.minimum(np.maximum(step.inputs, self._model.u_min), self._model.u_max)
                 return ControlStep(inputs, step.plan, step.fallback, step.iterations)
             self._note(UNUSABLE, f"{name}: {problem}")
         except OutOfTimeError:
