@@ -94,7 +94,7 @@ class Estimate:
         parts = [self.motion, self.actuator, self.disturbance]
         if self.tilt is not None:
             parts += [self.tilt.core, self.tilt.servo, self.tilt.wind_m_s2, self.tilt.trim]
-        return all(np.isfinite(part).all() for part in parts)
+        return bool(np.isfinite(np.concatenate(parts)).all())
 
 
 class Estimator(Protocol):

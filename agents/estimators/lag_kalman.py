@@ -28,6 +28,9 @@ _START_DEVIATION: Final = np.array(
 """Standard deviation of the state at a start."""
 
 
+_EYE: Final = np.eye(SIZE)
+
+
 class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     """Settings of the extended Kalman filter; four-vectors are body x, body y, z, yaw."""
 
@@ -168,9 +171,9 @@ class LagKalmanEstimator(PoseEstimator):
         self._motion = self._motion + change[:ACTUATOR]
         self._actuator = self._actuator + change[ACTUATOR:DISTURBANCE]
         disturbance = self._disturbance + change[DISTURBANCE:]
-        self._disturbance = np.clip(disturbance, -self._limit, self._limit)
+        self._disturbance = np.minimum(np.maximum(disturbance, -self._limit), self._limit)
         # Joseph's form stays symmetric and positive whatever the rounding of the gain.
-        keep = np.eye(SIZE)
+        keep = _EYE.copy()
         keep[:, :INPUT_SIZE] -= gain
         noise = gain * self._measurement_variance
         self._covariance = keep @ covariance @ keep.T + noise @ gain.T

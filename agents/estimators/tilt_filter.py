@@ -71,7 +71,7 @@ class TiltFilter:
         wind_rms_m_s2: float,
     ) -> None:
         self._model = model
-        self._position_variance, self._tilt_variance = position_noise_m**2, tilt_noise**2
+        self._variances: Array = np.array([position_noise_m**2] * 2 + [tilt_noise**2] * 2)
         self._velocity_density, self._tilt_density = velocity_density, tilt_density
         self._wind_rms_m_s2 = wind_rms_m_s2
         system = lateral_system(model, _ANY_PERIOD_S)
@@ -84,6 +84,13 @@ class TiltFilter:
         self._covariance: Array = np.zeros((self._size, self._size))
         self.tilts_left_out = 0
         """Measured tilts too far from the predicted one."""
+        # What stays the same from step to step is prepared: the matrices are small and the steps many.
+        self._state_limit: Array = np.full(self._size, np.inf)
+        self._state_limit[self._trim], self._state_limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
+        self._state_limit[self._wind] = WIND_LIMIT_M_S2
+        self._observed: Array = np.zeros((4, self._size))
+        self._observed[:2, POSITION] = self._observed[2:, self._tilt] = np.eye(2)
+        self._eye: Array = np.eye(self._size)
         self._forget_body()
 
     @property
@@ -105,7 +112,7 @@ class TiltFilter:
     @property
     def variances(self) -> Array:
         """Of a measured position and of a measured tilt, shape (4,)."""
-        return np.array([self._position_variance] * 2 + [self._tilt_variance] * 2)
+        return self._variances.copy()
 
     @property
     def covariance(self) -> Array:
@@ -191,7 +198,7 @@ class TiltFilter:
         demand = demand_matrix(self._model, yaw_rad)
         pole = system.servo_pole
         moving = slice(0, self._core.stop)
-        transition = np.eye(self._size)
+        transition = self._eye.copy()
         transition[: system.size, : system.size] = system.transition
         pushed = system.demand[moving] @ demand
         transition[moving, self._servo] = system.transition[moving, self._servo] @ demand
@@ -204,14 +211,10 @@ class TiltFilter:
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Take in what was measured; arguments of `start`."""
-        turn = heading_matrix(yaw_rad)
         surprise = position_m - self._state[POSITION]
-        observed = np.zeros((4, self._size))
-        observed[:2, POSITION] = np.eye(2)
-        variance = self.variances
+        observed, variance = self._observed, self._variances
         if tilt is not None:
-            observed[2:, self._tilt] = np.eye(2)
-            observed[2:, self._offset] = turn
+            observed[2:, self._offset] = heading_matrix(yaw_rad)
             tilt_surprise = tilt - observed[2:] @ self._state
             if np.abs(tilt_surprise).max() > TILT_GATE:
                 self.tilts_left_out += 1
@@ -222,17 +225,12 @@ class TiltFilter:
             observed, variance = observed[:2], variance[:2]
         spread = self._covariance @ observed.T
         innovation = observed @ spread
-        innovation[np.diag_indices_from(innovation)] += variance
+        innovation.flat[:: len(innovation) + 1] += variance
         gain = np.linalg.solve(innovation, spread.T).T
-        self._state = self._state + gain @ surprise
-        for part, limit in (
-            (self._trim, TRIM_LIMIT),
-            (self._offset, OFFSET_LIMIT_RAD),
-            (self._wind, WIND_LIMIT_M_S2),
-        ):
-            np.clip(self._state[part], -limit, limit, out=self._state[part])
+        state = self._state + gain @ surprise
+        self._state = np.minimum(np.maximum(state, -self._state_limit), self._state_limit)
         # Joseph's form stays symmetric and positive whatever the rounding of the gain.
-        keep = np.eye(self._size) - gain @ observed
+        keep = self._eye - gain @ observed
         self._covariance = keep @ self._covariance @ keep.T + (gain * variance) @ gain.T
 
     def _forget_body(self) -> None:

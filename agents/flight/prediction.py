@@ -5,7 +5,6 @@ plain floats because arrays of eight numbers cost more than the arithmetic on th
 """
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -90,7 +89,7 @@ def _with_tilt(
     motion[XD_BODY:ZD_BODY] = heading_matrix(end_rad).T @ state[VELOCITY]
     servo = stick + system.servo_pole * (tilt.servo - stick)
     after = TiltEstimate(state[system.core], servo, state[system.wind], tilt.trim)
-    return replace(end, motion=motion, tilt=after)
+    return Estimate(motion, end.actuator, end.disturbance, after)
 
 
 def actuator_response(
