@@ -103,6 +103,8 @@ class ActiveSetQP:
         self._factor: Array | None = None
         self._factor_side: Array | None = None
         self._warm = False
+        self._values: Array = chain.values()
+        """Rows at the point that solves the problem."""
 
     def _weigh_bounds(self) -> None:
         chain = self._chain
@@ -142,8 +144,10 @@ class ActiveSetQP:
             solved, further = self._interior_point(target)
             iterations += further
         self._warm = True
-        inputs = chain.values()[:-1, chain.inputs]
-        if not solved:
+        if solved:
+            inputs = self._values[:-1, chain.inputs]
+        else:
+            inputs = chain.values()[:-1, chain.inputs]
             inputs = np.clip(inputs, *self._input_bounds(target))
             chain.roll_out(inputs)
         return ChainSolution(chain.positions(), inputs - balance, solved, iterations)
@@ -185,6 +189,7 @@ class ActiveSetQP:
             settled = _same(side, active.side)
             active.side = side
             if settled and self._update_multipliers(values, target):
+                self._values = values
                 return True, iteration
             changes += not settled
             if changes == most:
@@ -256,6 +261,7 @@ class ActiveSetQP:
             if solved:
                 return True, method.iterations
             self._chain.restore(inside)
+            self._values = self._chain.values()
             if not closed:
                 break
         return closed, method.iterations

@@ -143,12 +143,12 @@ class GuardedController(ABC):
         lower, upper = self._reference_min, self._reference_max
         yaw = estimate.motion[YAW]
         lower[YAW], upper[YAW] = yaw - _REFERENCE_YAW_CAP_RAD, yaw + _REFERENCE_YAW_CAP_RAD
-        return Trajectory(np.clip(reference.samples, lower, upper), self._period_s)
+        return Trajectory(np.minimum(np.maximum(reference.samples, lower), upper), self._period_s)
 
     def _usable_input(self, last_input: Array) -> Array:
         if not np.isfinite(last_input).all():
             return self._model.hover_input
-        return np.clip(last_input, self._model.u_min, self._model.u_max)
+        return np.minimum(np.maximum(last_input, self._model.u_min), self._model.u_max)
 
     def _hold_set_point(self, estimate: Estimate) -> Trajectory:
         place = estimate.motion[:4] if self._set_point is None else self._set_point
@@ -187,7 +187,7 @@ class GuardedController(ABC):
         return command
 
     def _deliver(self, inputs: Array, plan: Trajectory, fallback: str | None, iterations: int) -> ControlStep:
-        within = np.clip(inputs, self._limits.input_min, self._limits.input_max)
+        within = np.minimum(np.maximum(inputs, self._limits.input_min), self._limits.input_max)
         self._last_inputs, self._last_plan = within, plan
         return ControlStep(within, plan, fallback, iterations)
 
