@@ -15,9 +15,11 @@ from agents.identification.parameters import Candidate
 from agents.identification.recording import FlightRecording, RecordingError, load_recording
 from deploy.fleet_edit import check_own, write_model
 from deploy.fleet_file.reading import load_fleet
+from deploy.fleet_file.schema import FleetError
 from deploy.fleet_file.shipped import fleet_path
 from deploy.roles.vehicle_models import model_of
 from ground_station.identification import IdentificationError, excited_flight
+from ground_station.joining import fleet_that_is_up
 from rcopterx.commands.steer import known_vehicles
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from vehicles.model import Model
@@ -46,7 +48,7 @@ class Outputs:
 
 
 def identify_vehicle(
-    vehicle: str, fleet: str, flight: Excitation | Path, positions_only: bool, outputs: Outputs
+    vehicle: str, fleet: str | None, flight: Excitation | Path, positions_only: bool, outputs: Outputs
 ) -> None:
     """Fit the model of a vehicle to a flight that is flown now, or to a recorded one.
 
@@ -60,10 +62,10 @@ def identify_vehicle(
         typer.echo(text, err=outputs.as_json)
 
     with user_errors():
-        path = fleet_path(fleet)
+        path = None if fleet is None else fleet_path(fleet)
         if not outputs.dry_run:
-            check_own(path)
-        file = load_fleet(path)
+            _check_writable(path)
+        file = fleet_that_is_up()[0] if path is None else load_fleet(path)
         known_vehicles(file.vehicles, [vehicle])
         known = model_of(file, vehicle)
     try:
@@ -86,11 +88,24 @@ def identify_vehicle(
         for problem in found.problems:
             typer.echo(f"error: {vehicle}: {problem}", err=True)
         raise typer.Exit(EXIT_FAILED)
-    if not outputs.dry_run:
+    if path is not None and not outputs.dry_run:
         _write(path, vehicle, found.model, say)
 
 
-def _fly(vehicle: str, flight: Excitation, fleet: str, say: Callable[[str], None]) -> FlightRecording:
+def _check_writable(path: Path | None) -> None:
+    """Refuse to fly for a model that could not be kept afterwards.
+
+    Raises
+    ------
+    FleetError
+        No file is named, or a shipped one.
+    """
+    if path is None:
+        raise FleetError("name the fleet file that the model goes into (-f FILE), or give --dry-run")
+    check_own(path)
+
+
+def _fly(vehicle: str, flight: Excitation, fleet: str | None, say: Callable[[str], None]) -> FlightRecording:
     with running_fleet(fleet) as running:
         running.wait_for_status([vehicle])
         say(f"{vehicle}: its sticks move for {flight.seconds:g} s")

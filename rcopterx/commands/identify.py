@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.experiment import check_plot
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption
+from rcopterx.fleet_option import RunningFleetOption
 
 
 def identify(
@@ -39,7 +39,7 @@ def identify(
         bool, typer.Option("--dry-run", help="Print the model and leave the fleet file alone.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
-    fleet: FleetOption = DEFAULT_FLEET,
+    fleet: RunningFleetOption = None,
 ) -> None:
     """Move the sticks of a hovering vehicle a little, fit its model, and write it into the fleet file.
 

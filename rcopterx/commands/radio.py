@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption
+from rcopterx.fleet_option import FleetOption
 
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
 STEPS = ("signs", "throttle", "trim")
@@ -13,8 +13,8 @@ STEPS = ("signs", "throttle", "trim")
 
 def bind(
     vehicle: Vehicle,
+    fleet: FleetOption,
     yes: Annotated[bool, typer.Option("--yes", help="The vehicle waits in bind mode; do not ask.")] = False,
-    fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Bind the receiver of a vehicle to its transmitter. The fleet must be down."""
     from rcopterx.radio_bench import Dialogue, own_model_match, workbench
@@ -40,11 +40,11 @@ def bind(
 
 def range_check(
     vehicle: Vehicle,
+    fleet: FleetOption,
     seconds: Annotated[
         float,
         typer.Option(metavar="S", min=1, max=600, help="Ends after this time, or with a line on stdin."),
     ] = 60.0,
-    fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Send with reduced power and move the swash plate: 30 paces away the vehicle must still follow."""
     from rcopterx.radio_bench import Dialogue, workbench
@@ -71,6 +71,7 @@ Sign = Annotated[
 
 def calibrate(
     vehicle: Vehicle,
+    fleet: FleetOption,
     step: Annotated[
         list[str] | None, typer.Option(metavar="signs|throttle|trim", help="Only this step; may be repeated.")
     ] = None,
@@ -88,7 +89,6 @@ def calibrate(
     seconds: Annotated[
         float, typer.Option(metavar="S", min=1, max=60, help="How long the hover is measured.")
     ] = 10.0,
-    fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Calibrate a transmitter and write the result into the fleet file.
 

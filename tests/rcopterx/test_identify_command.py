@@ -100,5 +100,7 @@ def test_wrong_files_and_vehicles_are_refused(flight: Path, file: Path, tmp_path
     assert (code, "no recording of a flight" in err) == (1, True)
     code, _, err = identify("h9", "--from", flight, "-f", file)
     assert (code, "h9" in err) == (2, True)
-    code, _, err = identify("h1", "--from", flight)
+    code, _, err = identify("h1", "--from", flight, "-f", "trio")
     assert (code, "comes with the package" in err) == (2, True)
+    code, _, err = identify("h1", "--from", flight)
+    assert (code, "name the fleet file that the model goes into (-f FILE)" in err) == (2, True)
