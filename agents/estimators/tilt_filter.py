@@ -233,6 +233,12 @@ class TiltFilter:
         keep = self._eye - gain @ observed
         self._covariance = keep @ self._covariance @ keep.T + (gain * variance) @ gain.T
 
+    def forget_offset(self) -> None:
+        """The body frame is not known any more, as what was measured of the tilt was wrong."""
+        self._state[self._offset] = 0.0
+        self._covariance[self._offset, :] = self._covariance[:, self._offset] = 0.0
+        self._covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
+
     def _forget_body(self) -> None:
         """Trim and body frame as of a vehicle never seen before."""
         self._state[self._trim] = self._state[self._offset] = 0.0

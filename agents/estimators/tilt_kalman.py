@@ -1,19 +1,27 @@
 """Extended Kalman filter for vehicles with a tilt model: the tilt is a state, and it is measured.
 
-The horizontal motion is estimated by `TiltFilter`; height and heading, and what a first-order lag would need
+The horizontal motion is estimated by two filters side by side, `TiltFilter` with the measured tilt and with
+positions only. The second one is believed where no tilt is measured, or one that does not go with the motion
+(`agents.estimators.tilt_trust`). Height and heading, and what a first-order lag would need
 to explain the flight (for controllers that know nothing else), by the filter for vehicles with lags.
 """
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
 from agents.estimators.tilt_filter import TiltFilter
+from agents.estimators.tilt_trust import TiltTrust
 from agents.interfaces import Estimate, Measurement
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
 
+DISTRUSTED: Final = "tilt_distrusted"
+TRUSTED_AGAIN: Final = "tilt_trusted_again"
 TILT_DENSITY_OF_GAIN = 7.0
 """Random-walk density of the tilt rate per unit of what the gain may be wrong
 (`vehicles.model.Uncertainty`)."""
@@ -48,9 +56,12 @@ class TiltKalmanEstimator(LagKalmanEstimator):
     """
 
     def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
-        self._tilt_filter = tilt_filter_of(model, settings)
+        self._with_tilt, self._positions_only = (tilt_filter_of(model, settings) for _ in range(2))
         self._use_tilt = settings.measured_tilt
         self._measured_tilt: Array | None = None
+        self._trust = TiltTrust()
+        self._since_pose_s = 0.0
+        self._counted: Counter[str] = Counter()
         self._present: Estimate | None = None
         super().__init__(model, period_s, settings)
 
@@ -58,7 +69,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
     def estimate(self) -> Estimate:
         """The current estimate; put together once after each change, because a control period asks often."""
         if self._present is None:
-            lagged, found = self._lagged, self._tilt_filter
+            lagged, found = self._lagged, self.tilt_filter
             motion = lagged.motion.copy()
             motion[:2] = found.position_m
             motion[XD_BODY:ZD_BODY] = heading_matrix(motion[YAW]).T @ found.velocity_m_s
@@ -67,8 +78,13 @@ class TiltKalmanEstimator(LagKalmanEstimator):
 
     @property
     def tilt_filter(self) -> TiltFilter:
-        """The filter of the horizontal motion."""
-        return self._tilt_filter
+        """The filter of the horizontal motion that is believed."""
+        return self._with_tilt if self._use_tilt and self._trust.trusted else self._positions_only
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """How often a measured tilt was distrusted, and trusted again."""
+        return self._counted
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest at a measured pose (`PoseEstimator.reset`)."""
@@ -93,8 +109,16 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         self._measured_tilt = None
         super().take_over(estimate)
         if estimate.tilt is not None:
-            self._tilt_filter.take_over(estimate.tilt)
+            for tilt_filter, _ in self._filters():
+                tilt_filter.take_over(estimate.tilt)
         self._present = None
+
+    def _filters(self) -> tuple[tuple[TiltFilter, Array | None], ...]:
+        """The filters that run, and the tilt that each takes in."""
+        blind = self._positions_only, None
+        if not self._use_tilt:
+            return (blind,)
+        return (self._with_tilt, self._measured_tilt if self._trust.trusted else None), blind
 
     def _tilt_of(self, measurement: Measurement) -> Array | None:
         tilt = measurement.tilt if self._use_tilt else None
@@ -102,31 +126,57 @@ class TiltKalmanEstimator(LagKalmanEstimator):
 
     def _settle(self, applied_input: Array) -> None:
         super()._settle(applied_input)
-        self._tilt_filter.settle(applied_input[:2])
+        for tilt_filter, _ in self._filters():
+            tilt_filter.settle(applied_input[:2])
 
     def _start(self, pose: Array, rates: Array) -> None:
         super()._start(pose, rates)
         yaw_rad = float(pose[YAW])
-        if self.standing:
-            self._tilt_filter.stand(pose[:2], self._measured_tilt, yaw_rad)
-        else:
-            self._tilt_filter.start(pose[:2], rates[:2], self._measured_tilt, yaw_rad)
+        self._trust.forget()
+        for tilt_filter, tilt in self._filters():
+            if self.standing:
+                tilt_filter.stand(pose[:2], tilt, yaw_rad)
+            else:
+                tilt_filter.start(pose[:2], rates[:2], tilt, yaw_rad)
 
     def _move(self, applied_input: Array, period_s: float) -> None:
         standing, yaw_rad = self.standing, float(self._motion[YAW])
         super()._move(applied_input, period_s)
-        if standing:
-            self._tilt_filter.rest(applied_input[:2], period_s)
-        else:
-            middle_rad = yaw_rad + 0.5 * period_s * float(self._motion[YAW_RATE])
-            self._tilt_filter.predict(applied_input[:2], middle_rad, period_s)
+        self._since_pose_s += period_s
+        middle_rad = yaw_rad + 0.5 * period_s * float(self._motion[YAW_RATE])
+        for tilt_filter, _ in self._filters():
+            if standing:
+                tilt_filter.rest(applied_input[:2], period_s)
+            else:
+                tilt_filter.predict(applied_input[:2], middle_rad, period_s)
 
     def _take_in(self, innovation: Array) -> None:
         pose = self._motion[:INPUT_SIZE] + innovation
-        pose[:2] = self._tilt_filter.position_m + innovation[:2]
+        pose[:2] = self.tilt_filter.position_m + innovation[:2]
         standing = self.standing
         super()._take_in(pose - self._motion[:INPUT_SIZE])
-        if standing:
-            self._tilt_filter.stand(pose[:2], self._measured_tilt, float(pose[YAW]))
+        yaw_rad = float(pose[YAW])
+        if not standing:
+            self._judge(yaw_rad)
+        for tilt_filter, tilt in self._filters():
+            if standing:
+                tilt_filter.stand(pose[:2], tilt, yaw_rad)
+            else:
+                tilt_filter.correct(pose[:2], tilt, yaw_rad)
+        self._since_pose_s = 0.0
+
+    def _judge(self, yaw_rad: float) -> None:
+        """Compare the measured tilt with the one that positions let expect."""
+        if self._measured_tilt is None:
+            return
+        to_heading = heading_matrix(yaw_rad).T
+        expected = self._positions_only.estimate.core[:2]
+        if not self._trust.observe(
+            to_heading @ self._measured_tilt, to_heading @ expected, self._since_pose_s
+        ):
+            return
+        if self._trust.trusted:
+            self._counted[TRUSTED_AGAIN] += 1
         else:
-            self._tilt_filter.correct(pose[:2], self._measured_tilt, float(pose[YAW]))
+            self._counted[DISTRUSTED] += 1
+            self._with_tilt.forget_offset()

@@ -1,0 +1,91 @@
+"""Whether a measured tilt is the vehicle's: compared with what the positions say it must have been.
+
+A Tracker that mixes up markers of an object, or a gateway that reports every body level, gives a tilt that
+does not go with the motion. The tilt that positions and sticks alone let expect is less exact, but the two
+swing together where both are of the same vehicle. Only how they swing counts: how the markers sit on the body
+shifts the measured one, which says nothing.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from vehicles.state import Array
+
+WINDOW_S: Final = 2.0
+"""Time constant of the means."""
+LEAST_TILT: Final = 0.008
+"""Root mean square of the expected swing below which nothing can be told."""
+DISTRUSTED_BELOW: Final = 0.2
+TRUSTED_ABOVE: Final = 0.4
+"""Concordance: 1 for two tilts that are the same, 0 for two that have nothing to do with each other."""
+DISTRUSTED_AFTER_S: Final = 0.5
+TRUSTED_AFTER_S: Final = 2.0
+"""How long the concordance has to stay beyond its limit."""
+
+
+class TiltTrust:
+    """Judges the measured tilt of one vehicle.
+
+    Attributes
+    ----------
+    trusted
+        Whether the measured tilt is to be used; it is to begin with.
+    """
+
+    def __init__(self) -> None:
+        self.trusted = True
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin the means anew, as after a start; what was found stays."""
+        self._mean: Array | None = None
+        self._energy = self._expected_energy = self._common = 0.0
+        self._beyond_s = self._seen_s = 0.0
+
+    @property
+    def concordance(self) -> float | None:
+        """Of measured and expected tilt; None as long as it cannot be told."""
+        if self._seen_s < WINDOW_S or self._expected_energy < LEAST_TILT**2:
+            return None
+        return 2.0 * self._common / self._energy
+
+    def observe(self, measured: Array, expected: Array, period_s: float) -> bool:
+        """Take in a pose.
+
+        Parameters
+        ----------
+        measured, expected
+            Tilt in the heading frame, shape (2,).
+        period_s
+            Time since the last one.
+
+        Returns
+        -------
+        bool
+            True if `trusted` has changed.
+        """
+        both = np.stack((measured, expected))
+        if self._mean is None:
+            self._mean = both
+        share = min(period_s / WINDOW_S, 1.0)
+        self._mean = self._mean + share * (both - self._mean)
+        swing_measured, swing_expected = both - self._mean
+        expected_energy = float(swing_expected @ swing_expected)
+        energy = float(swing_measured @ swing_measured) + expected_energy
+        self._expected_energy += share * (expected_energy - self._expected_energy)
+        self._energy += share * (energy - self._energy)
+        self._common += share * (float(swing_measured @ swing_expected) - self._common)
+        self._seen_s += period_s
+        return self._judge(period_s)
+
+    def _judge(self, period_s: float) -> bool:
+        found = self.concordance
+        if found is None:
+            return False
+        against = found < DISTRUSTED_BELOW if self.trusted else found > TRUSTED_ABOVE
+        self._beyond_s = self._beyond_s + period_s if against else 0.0
+        if self._beyond_s < (DISTRUSTED_AFTER_S if self.trusted else TRUSTED_AFTER_S):
+            return False
+        self.trusted, self._beyond_s = not self.trusted, 0.0
+        return True
