@@ -133,6 +133,8 @@ class Pilot:
         """Newest plan of the controller; None on the floor."""
         self.fault: VehicleFault | None = None
         """Why the vehicle lands, or has landed, without being asked to."""
+        self.watching = True
+        """Whether the vehicle lands by itself when it does not do what it is told."""
         self._watched_at_s = 0.0
         self._watch = VehicleWatch(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
@@ -361,7 +363,8 @@ class Pilot:
 
     def _watch_vehicle(self, command: Array, time_s: float) -> None:
         """Land if the vehicle does not do what it is told."""
-        watched = self.guidance.phase in (Phase.TAKEOFF, Phase.FLYING) and self.fault is None
+        watched = self.watching and self.fault is None
+        watched = watched and self.guidance.phase in (Phase.TAKEOFF, Phase.FLYING)
         gap_s, self._watched_at_s = time_s - self._watched_at_s, time_s
         if not watched or self._blind_s > 0.0 or gap_s > 1.5 * self.controller.period_s:
             self._watch.forget()

@@ -81,12 +81,15 @@ class RigOptions:
         references may cross.
     guard
         Vehicles that oscillate lower their bandwidth, as agents do. A change takes over in the next period.
+    watch
+        Vehicles that do not do what they are told land by themselves, as agents do.
     """
 
     frame_period_s: float = 0.02
     previous_frame: bool = False
     clearance: SeparationEllipsoid | None = None
     guard: bool = False
+    watch: bool = False
 
 
 SAME_FRAME: Final = RigOptions()
@@ -155,6 +158,7 @@ class Rig:
             name: OscillationGuard(pilot, self.tunings[name]) for name, pilot in self.pilots.items()
         }
         for name, pilot in self.pilots.items():
+            pilot.watching = options.watch
             pilot.observe(self._measured(name))
             # Like an agent that starts while its vehicle is in the air: the arbiter's word puts it in flight.
             pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)

@@ -7,7 +7,9 @@ says
 
 so the change of the velocity, less damping, turning and gravity, is what the stick has done; its ratio to
 what the model says is the axis's effect: 1 for the model, 0 for a dead axis, negative for a reversed one.
-Wind adds to it, and so only windows count in which a stick asked for more than any wind indoors does.
+Wind adds to it, and so only windows count in which a stick asked for more than any wind indoors does. A
+stick that swings from one side to the other does not count: a vehicle that oscillates answers late and is
+not broken.
 """
 
 from collections import deque
@@ -41,6 +43,8 @@ REVERSED_EFFECT: Final = -0.3
 AXIS_PATIENCE_S: Final = 0.3
 """How long windows have to agree about an axis."""
 
+SWING_S: Final = 2.5
+"""A stick that was as far on the other side so shortly before swings."""
 MOST_TURNED_RAD: Final = 0.5
 """A rotor's tilt stays behind the heading, so windows that turn further say nothing of pitch and roll."""
 
@@ -152,6 +156,7 @@ class VehicleWatch:
         self._window: deque[_Sums] = deque(maxlen=1 + round(THRUST_WINDOW_S / self._period_s))
         self._full_for_s = 0.0
         self._suspect_s = np.zeros(INPUT_SIZE)
+        self._since_far_s = np.full((2, INPUT_SIZE), np.inf)
 
     @property
     def warning(self) -> str:
@@ -190,6 +195,8 @@ class VehicleWatch:
         self._under_way.append(command)
         arrived = self._under_way[0]
         self._acting = arrived if self._acting is None else arrived + self._pole * (self._acting - arrived)
+        far = np.stack((-self._acting, self._acting)) > self._least
+        self._since_far_s = np.where(far, 0.0, self._since_far_s + period_s)
         rates = motion[XD_BODY:]
         turning = np.zeros(INPUT_SIZE)
         turning[U_PITCH] = motion[YAW_RATE] * motion[YD_BODY]
@@ -244,6 +251,7 @@ class VehicleWatch:
         asked, done = last.asked - first.asked, last.done - first.done
         side = (asked > 0.0).astype(int)
         counts = np.abs(asked) >= WINDOW_S * self._model.b * self._least[side, np.arange(INPUT_SIZE)]
+        counts &= self._since_far_s[1 - side, np.arange(INPUT_SIZE)] >= SWING_S
         counts[U_THRUST] = False
         if abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
             counts[[U_PITCH, U_ROLL]] = False

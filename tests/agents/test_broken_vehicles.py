@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.events import Event, GoTo
-from experiments.rig import Rig, RigVehicle
+from experiments.rig import Rig, RigOptions, RigVehicle
 from simulator.conditions import HELICOPTERS, Conditions
 from simulator.plant import PlantFaults, Pose
 from vehicles.types import COAXIAL
@@ -21,7 +21,8 @@ WINDY = (0.4, 0.4, 0.25, 1.0)
 
 
 def rig_of(seed: int, conditions: Conditions = HELICOPTERS) -> Rig:
-    return Rig([RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), "cascade")], conditions, seed)
+    vehicle = RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), "cascade")
+    return Rig([vehicle], conditions, seed, RigOptions(watch=True))
 
 
 def broken(seed: int, faults: PlantFaults, after_s: float, longest_s: float) -> Rig:

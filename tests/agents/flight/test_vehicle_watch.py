@@ -102,6 +102,18 @@ def test_sound_axes_are_left_alone_in_any_manoeuvre_and_wind(
     assert flown.fly(2.8, stick) is None
 
 
+@pytest.mark.parametrize("frequency_hz", [1.0, 2.0, 3.0, 5.0])
+def test_a_vehicle_that_oscillates_is_not_broken(frequency_hz: float) -> None:
+    """Its answer comes so late that it is the opposite of what is asked."""
+    flown = Flown()
+    flown.gain[:2] = -1.0
+
+    def stick(time_s: float) -> Array:
+        return held(U_PITCH, float(np.clip(3.0 * np.sin(2 * np.pi * frequency_hz * time_s), -1.0, 1.0)))
+
+    assert flown.fly(4.0, stick) is None
+
+
 @pytest.mark.parametrize("left", [0.65, 0.5])
 def test_a_rotor_that_becomes_weak_is_noticed_within_two_seconds(left: float) -> None:
     flown = Flown()
