@@ -82,7 +82,33 @@ FAULT_ROWS: Final = (
         "The Vicon gateway hangs: agents predict, transmitter gateways hold, a successor continues",
         8.0,
         _broken("tracker", signal.SIGSTOP),
-        (*in_the_air(), played_in_state("h1", "hold"), distance_kept(), ends_at("h1", (0.2, 0.0, 1.1))),
+        (
+            *in_the_air(), longest_silence("h2", 0.6), position_kept("h2", 150.0), distance_kept(),
+            played_in_state("h1", "hold"),
+            ends_at("h1", (0.2, 0.0, 1.1)),
+        ),
+        launched=True,
+    ),
+    Manoeuvre(
+        "transmitter-gateway-hangs",
+        "The transmitter gateway hangs; receivers hold, its successor takes over in flight",
+        8.0,
+        _broken("transmitters", signal.SIGSTOP),
+        (
+            *in_the_air(), longest_silence("h2", 0.6), position_kept("h2", 150.0), distance_kept(),
+            ends_at("h1", (0.2, 0.0, 1.1)),
+        ),
+        launched=True,
+    ),
+    Manoeuvre(
+        "router-hangs",
+        "The bus router hangs; its successor continues and everybody flies on",
+        8.0,
+        _broken("router", signal.SIGSTOP),
+        (
+            *in_the_air(), longest_silence("h2", 0.6), position_kept("h2", 150.0), distance_kept(),
+            ends_at("h1", (0.2, 0.0, 1.1)),
+        ),
         launched=True,
     ),
     Manoeuvre(
