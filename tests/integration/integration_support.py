@@ -17,10 +17,11 @@ import pytest
 
 from bus import channels
 from bus.messages import LaboratoryVehicle
+from bus.session import RequestFailedError
 from deploy.fleet_file.reading import load_fleet
 from deploy.launcher import Launcher
 from ground_station.fleet import Fleet
-from ground_station.vehicle import FLIGHT_ERRORS
+from ground_station.vehicle import FLIGHT_ERRORS, RefusedError
 
 NAMES = ("h1", "h2", "h3")
 GENTLE_M_S = 1.7
@@ -311,3 +312,13 @@ def wait_for_successor(flying: Flying, name: str, process: int) -> None:
     flying.fleet.wait_until(
         lambda: flown_by(flying, name) not in (None, process), 15, f"{name} is not flown again", [name]
     )
+
+
+def not_killed(flying: Flying, name: str) -> bool:
+    """Whether a vehicle is not killed, or can be reset now: not while its gateway starts, for instance."""
+    if transmitter_state(flying, name) == "killed":
+        try:
+            flying.fleet[name].reset()
+        except (RefusedError, RequestFailedError):
+            return False
+    return True

@@ -73,14 +73,15 @@ def test_five_vehicles_swap_places_by_each_others_plans(
     fly_and_judge("place-swapping", path_of_five, tmp_path / "out", environment)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "name",
     [
         "take-off-and-land",
-        pytest.param("refusals", marks=pytest.mark.campaign),
-        pytest.param("occlusion", marks=pytest.mark.campaign),
-        pytest.param("leave-and-join", marks=pytest.mark.campaign),
-        pytest.param("follower-killed", marks=pytest.mark.campaign),
+        "refusals",
+        "occlusion",
+        "leave-and-join",
+        "follower-killed",
     ],
 )
 def test_a_manoeuvre_is_flown_judged_and_reported(

@@ -9,11 +9,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from integration_support import NAMES, Flying, Truth, fleets, transmitter_state
+from integration_support import NAMES, Flying, Truth, fleets, not_killed, transmitter_state
 
-from bus.session import RequestFailedError
 from ground_station.scenario import inject_faults
-from ground_station.vehicle import RefusedError
 from simulator.faults import Recover
 
 HEIGHT_M = 0.8
@@ -104,16 +102,6 @@ def bring_up(flying: Flying, truth: Truth) -> None:
     fleet.wait_for_formation()
     truth.start_watch()
     fleet.wait_until(truth.rested, 20, "no rest", NAMES)
-
-
-def not_killed(flying: Flying, name: str) -> bool:
-    """Whether a vehicle is not killed, or can be reset now: its transmitter gateway may just be starting."""
-    if transmitter_state(flying, name) == "killed":
-        try:
-            flying.fleet[name].reset()
-        except (RefusedError, RequestFailedError):
-            return False
-    return True
 
 
 def settled(flying: Flying, name: str) -> bool:

@@ -90,16 +90,17 @@ def resume(pid: int) -> None:
 def test_frozen_agent_is_bridged_by_its_plan_and_then_held(flying: Flying, truth: Truth) -> None:
     before = {what: counter(flying, "h2", what) for what in ("planned inputs played", "entered HOLD")}
     pid = flying.pid("agent-h2")
-    os.kill(pid, signal.SIGSTOP)
-    try:
-        flying.fleet.wait_until(
-            lambda: all(counter(flying, "h2", what) > count for what, count in before.items()),
-            10,
-            "not bridged and held",
-            ["h2"],
-        )
-    finally:
-        resume(pid)
+    with flying.unwatched():
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            flying.fleet.wait_until(
+                lambda: all(counter(flying, "h2", what) > count for what, count in before.items()),
+                10,
+                "not bridged and held",
+                ["h2"],
+            )
+        finally:
+            resume(pid)
     flying.fleet.wait_until(lambda: flown_by(flying, "h2") is not None, 10, "not flown again", ["h2"])
     flying.fleet.wait_until(lambda: in_formation(flying, truth), 15, "no formation")
     assert truth.height_m("h1") > 0.5

@@ -93,6 +93,7 @@ def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(flying: Flying, 
         assert [round(throttle) for throttle in last] == [THROTTLE_LOW_US] * 25
 
 
+@pytest.mark.campaign
 def test_exception_in_the_gateway_brings_everybody_down_and_ends_on_throttle_low(
     flying: Flying, truth: Truth, tmp_path: Path
 ) -> None:

@@ -181,6 +181,7 @@ def test_swapped_vehicles_end_up_landed_gently_where_they_were_and_the_others_fl
     laboratory.assert_flies_on("h1")
 
 
+@pytest.mark.campaign
 def test_vehicle_whose_pose_stands_still_lands_gently_and_the_others_fly_on(laboratory: Laboratory) -> None:
     place = laboratory.place("h2")
     laboratory.inject(faults.FreezePose("heli2", duration_s=LONG_S))
