@@ -66,6 +66,7 @@ def intent_of(
         path=None if path is None else FloatArray.of(path.path.knots),
         path_elapsed_s=0.0 if path is None else time_s - path.start_s,
         floor_m=task.floor_m,
+        interrupted=None if task.interrupted is None else task.interrupted.value,
         assigned=tuple(target_link(link) for link in task.assigned),
         following=tuple(link.leader for link in task.followed),
         joined=tuple(sorted(task.joined)),
@@ -122,7 +123,8 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
         followed = tuple(_moving(link, moves.get(link.leader), told_s) for link in assigned)
         joined = frozenset(intent.joined)
     # Else others stood in for lost leaders: whether they still have to is decided anew.
-    return Task(Phase(intent.phase), source, followed, assigned, joined, intent.floor_m)
+    interrupted = None if intent.interrupted is None else Phase(intent.interrupted)
+    return Task(Phase(intent.phase), source, followed, assigned, joined, intent.floor_m, interrupted)
 
 
 def configuration_of(flown: Intent | FlownBy) -> Configuration:

@@ -33,7 +33,8 @@ from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
-BRIDGE_STAGES = 6
+BRIDGED_S: Final = 0.12
+"""Planned inputs that go with a command last so long."""
 BLIND_LIMIT_S = 0.3
 CONTROLLER_REPLACED: Final = "controller_replaced"
 """Counted when the default controller takes the place of one that fails."""
@@ -148,6 +149,9 @@ class Pilot:
         self._expected_yaw_rad = 0.0
         self._lift_off = LiftOff(model)
         self._blind_s = 0.0
+        """Time since the last pose that was believed."""
+        self._unseen_s = 0.0
+        """Time since the last pose, believed or not."""
         self._flown_by_controller = False
         self._transfer = BumplessTransfer(model)
 
@@ -192,13 +196,17 @@ class Pilot:
             self._pass_period()
         if frame.measurement is None:
             self._blind_s += frame.period_s
+            self._unseen_s += frame.period_s
             self.fallbacks["occluded"] += 1
-        elif first or self._standing or self._blind_s >= BLIND_LIMIT_S:
+            return True
+        unseen_s, self._unseen_s = self._unseen_s, 0.0
+        if first or self._standing or unseen_s >= BLIND_LIMIT_S:
             self._reset_estimator(frame.measurement)
             self._blind_s = 0.0
         elif self.estimator.correct(frame.measurement):
             self._blind_s = 0.0
         else:
+            # However long it goes on: when refused poses are to be believed is the estimator's decision.
             self._blind_s += frame.period_s
             self.fallbacks["gated_pose"] += 1
         return True
@@ -222,6 +230,7 @@ class Pilot:
         self.clock.coast()
         self._predict(start_s)
         self._blind_s += self.clock.period_s
+        self._unseen_s += self.clock.period_s
         self.fallbacks["pose_extrapolated"] += 1
         return self.ready
 
@@ -329,7 +338,10 @@ class Pilot:
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan = step.plan
-        smoothed = self._transfer.smoothed(step.inputs[: 1 + BRIDGE_STAGES], self.input_history.newest)
+        bridged = 1 + round(BRIDGED_S / self.controller.period_s)
+        smoothed = self._transfer.smoothed(
+            step.inputs[:bridged], self.input_history.newest, self.controller.period_s
+        )
         inputs = self._excited(smoothed, time_s)
         if self.fault is not None and self.fault.axis is not None:
             inputs = inputs.copy()

@@ -61,6 +61,8 @@ class Intent(Message, frozen=True, kw_only=True):
     """Settings that the fleet file or a request has given; all others have their defaults."""
     estimator: Name
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+    interrupted: Name | None = None
+    """Phase that goes on once the transmitter gateway obeys again; only in the phase `emergency`."""
     previous: FlownBy | None = None
     """What flew before the last change, to go back to if the change ends the process."""
 

@@ -29,7 +29,8 @@ from bus.message import (
 
 MAX_STAGES = 200
 PLAN_COLUMNS = 12
-MAX_NEXT_INPUTS = 16
+MAX_NEXT_INPUTS = 60
+"""Enough for the time that planned inputs bridge, at the shortest control period."""
 MAX_KNOTS = 600
 KNOT_COLUMNS = 13
 MAX_REMARKS = 8

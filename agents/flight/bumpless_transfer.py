@@ -7,8 +7,8 @@ import numpy as np
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, Array
 
-DECAY: Final = 0.8
-"""What is left, after a period, of the difference that another controller or estimator makes to the input."""
+FADING_TIME_S: Final = 0.09
+"""Time constant with which the difference fades that another controller or estimator makes to the input."""
 END: Final = 1e-3
 """A difference this small is dropped."""
 
@@ -31,7 +31,7 @@ class BumplessTransfer:
         """The next inputs come from another controller or estimator."""
         self._pending = True
 
-    def smoothed(self, inputs: Array, last_input: Array) -> Array:
+    def smoothed(self, inputs: Array, last_input: Array, period_s: float) -> Array:
         """Inputs with what is left of the difference.
 
         Parameters
@@ -40,6 +40,8 @@ class BumplessTransfer:
             Of this period and the following ones, shape (k, 4).
         last_input
             Input of the last period, shape (4,).
+        period_s
+            Time between the inputs.
 
         Returns
         -------
@@ -51,6 +53,7 @@ class BumplessTransfer:
             self._difference = last_input - inputs[0]
         if not self._difference.any():
             return inputs
-        fading = self._difference * DECAY ** np.arange(1, len(inputs) + 1)[:, None]
+        ages_s = period_s * np.arange(1, len(inputs) + 1)
+        fading: Array = self._difference * np.exp(-ages_s / FADING_TIME_S)[:, None]
         self._difference = fading[0] if np.abs(fading[0]).max() > END else np.zeros(INPUT_SIZE)
         return np.clip(inputs + fading, self._model.u_min, self._model.u_max)

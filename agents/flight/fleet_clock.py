@@ -25,7 +25,7 @@ class FleetClock:
         self.started = False
 
     def frames_until(self, epoch: int, frame: int, period_s: float) -> int:
-        """Frame periods that pass up to a newly received frame; negative for an old frame.
+        """Frame periods that pass up to a newly received frame; negative for an old frame or epoch.
 
         Parameters
         ----------
@@ -38,7 +38,9 @@ class FleetClock:
             Number of periods still to be predicted before the pose counts: 0 where coasting already covered
             them, 1 in undisturbed flight.
         """
-        if not self.started or epoch != self.epoch:
+        if self.started and epoch < self.epoch:
+            return -1  # Epochs only grow: this one comes from a gateway that has been replaced.
+        if not self.started or epoch > self.epoch:
             elapsed = 0 if not self.started else 1
         elif frame <= self.frame:
             return -1

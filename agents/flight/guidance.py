@@ -237,7 +237,13 @@ class Guidance:
     def task(self) -> Task:
         """Everything that was asked of the vehicle, for a successor."""
         return Task(
-            self.phase, self.source, self.followed, self.assigned, self._joined, self._touchdown.floor_m
+            self.phase,
+            self.source,
+            self.followed,
+            self.assigned,
+            self._joined,
+            self._touchdown.floor_m,
+            self._interrupted if self.phase is Phase.EMERGENCY else None,
         )
 
     def restore(self, task: Task, estimate: Estimate, time_s: float) -> None:
@@ -258,10 +264,15 @@ class Guidance:
             return
         self._touchdown.floor_m = task.floor_m
         self._restored_at_s = time_s
-        if task.phase is Phase.LANDING:
+        unfinished = task.phase if task.interrupted is None else task.interrupted
+        if unfinished is Phase.LANDING:
             self.land(estimate, time_s)
         if self.phase is not Phase.LANDING or isinstance(task.source, PathReference):
             self.source = task.source
+        if unfinished is Phase.TAKEOFF:
+            # As a climb, not as a path: the gateway may interrupt it, which an agent that died makes likely.
+            self._climb_end_m, _ = self.set_point()
+            self.on_event(Event.TAKE_OFF, estimate)
 
     def _begin_transitions(
         self,

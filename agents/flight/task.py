@@ -25,6 +25,8 @@ class Task:
         Leaders whose offsets have begun to move from the vehicle's own place.
     floor_m
         Height of the floor below the vehicle when it took off.
+    interrupted
+        Phase that the transmitter gateway has interrupted and that goes on when it is over; None for none.
     """
 
     phase: Phase
@@ -33,3 +35,4 @@ class Task:
     assigned: tuple[FollowedLeader, ...]
     joined: frozenset[str]
     floor_m: float
+    interrupted: Phase | None = None

@@ -15,7 +15,7 @@ from agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic
 from agents.references.trajectory import COLUMNS, YAW
 from agents.references.turns import nearest_heading, whole_turns
 from vehicles.model import Model
-from vehicles.state import Array, heading_matrix
+from vehicles.state import Array
 from vehicles.tuples import Three
 
 KNOT_COLUMNS: Final = 1 + COLUMNS
@@ -114,10 +114,9 @@ def path_problem(path: FlightPath, model: Model, low_m: Three, high_m: Three) ->
                 f"at {times[at]:.2f} s {name} is {samples[at, axis]:.2f} m, outside the flight volume "
                 f"{low_m[axis]:g} .. {high_m[axis]:g} m"
             )
-    to_body = np.stack([heading_matrix(float(yaw)).T for yaw in samples[:, YAW]])
     rate, acceleration = samples[:, 4:8].copy(), samples[:, 8:12].copy()
-    rate[:, :2] = (to_body @ samples[:, 4:6, None])[:, :, 0]
-    acceleration[:, :2] = (to_body @ samples[:, 8:10, None])[:, :, 0]
+    for horizontal in (rate, acceleration):
+        horizontal[:, :2] = _to_body(samples[:, YAW], horizontal[:, :2])
     allowed = np.minimum(-np.array(model.state_min)[3:7], np.array(model.state_max)[3:7])
     up, down = model.u_max - model.hover_input, model.hover_input - model.u_min
     reach = np.abs(model.b) * np.minimum(up, down)
@@ -137,3 +136,10 @@ def path_problem(path: FlightPath, model: Model, low_m: Three, high_m: Three) ->
                 f"the vehicle can; {factor:.2f} times as slow it could be flown"
             )
     return None
+
+
+def _to_body(yaw_rad: Array, inertial: Array) -> Array:
+    """Horizontal vectors, shape (k, 2), in the frames of their headings."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    x, y = inertial.T
+    return np.column_stack((c * x + s * y, c * y - s * x))

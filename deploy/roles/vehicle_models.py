@@ -21,9 +21,10 @@ def model_of(fleet: FleetFile, name: str) -> Model:
     if vehicle.type not in TYPES:
         raise FleetError(f"{where}.type: unknown type {vehicle.type!r}, allowed are {', '.join(TYPES)}")
     model = replaced(TYPES[vehicle.type], vehicle.model, f"{where}.model")
-    low, high = fleet.volume.min_m, fleet.volume.max_m
+    # Set points stay within the volume, which may begin above the floor; flights begin and end on the floor.
+    (low_x, low_y, low_z), high = fleet.volume.min_m, fleet.volume.max_m
     return replace(
         model,
-        state_min=(*low, *model.state_min[3:]),
+        state_min=(low_x, low_y, min(low_z, 0.0), *model.state_min[3:]),
         state_max=(*high, *model.state_max[3:]),
     )

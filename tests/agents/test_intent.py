@@ -73,7 +73,8 @@ def tasks(draw: st.DrawFn) -> Task:
     assigned = tuple(FollowedLeader(link.leader, link.target, link.weight) for link in followed)
     joined = frozenset(link.leader for link in followed)
     phase = draw(st.sampled_from((Phase.FLYING, Phase.TAKEOFF, Phase.EMERGENCY)))
-    return Task(phase, draw(sources()), followed, assigned, joined, draw(numbers))
+    interrupted = draw(st.sampled_from((None, Phase.TAKEOFF))) if phase is Phase.EMERGENCY else None
+    return Task(phase, draw(sources()), followed, assigned, joined, draw(numbers), interrupted)
 
 
 def told(task: Task, time_s: float) -> Intent:
@@ -97,6 +98,7 @@ def test_references_and_offsets_go_on_as_if_nothing_had_happened(
             assert is_now.yaw_rad == pytest.approx(was.yaw_rad, abs=1e-6)
             assert (is_now.frame, new.weight) == (was.frame, old.weight)
     assert (restored.phase, restored.joined, restored.floor_m) == (task.phase, task.joined, task.floor_m)
+    assert restored.interrupted is task.interrupted
 
 
 def plan(yaw_rad: float) -> LeaderPlan:

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
+from support.flight import ExactEstimator, NotedController
 
 from agents.flight.followed import FollowedLeader
+from agents.flight.guidance import Guidance
 from agents.flight.lift_off import SPOOL_UP_S
 from agents.formation.law import FormationOffset
 from agents.identification.excitation import Excitation
 from agents.phases import Event, Phase
-from agents.pilot import BRIDGE_STAGES, Pilot
+from agents.pilot import BRIDGED_S, Pilot
 from vehicles.state import U_THRUST
 from vehicles.types import COAXIAL_LAG
 
@@ -180,8 +182,15 @@ def test_the_next_inputs_are_those_after_the_command() -> None:
     pilot = airborne(noted(inputs=inputs))
     flight = pilot.control({})
     assert flight.input == pytest.approx(inputs[0])
-    assert flight.next_inputs == pytest.approx(inputs[1 : 1 + BRIDGE_STAGES])
+    assert flight.next_inputs == pytest.approx(inputs[1 : 1 + round(BRIDGED_S / 0.02)])
     assert flight.start_s == COAXIAL_LAG.delay_s
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02, 0.04])
+def test_the_next_inputs_last_for_the_same_time_at_any_control_period(period_s: float) -> None:
+    controller = NotedController(HOVER[None, :], period_s, horizon=40)
+    pilot = airborne(Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance()))
+    assert len(pilot.control({}).next_inputs) * period_s == pytest.approx(BRIDGED_S)
 
 
 def test_every_fallback_of_the_controller_is_counted_by_kind() -> None:

@@ -116,6 +116,19 @@ def test_a_refused_pose_is_counted_as_blind_flight() -> None:
     assert pilot.fallbacks["gated_pose"] == 3
 
 
+def test_refused_poses_are_not_believed_by_the_pilot_however_long_they_go_on() -> None:
+    class Distrustful(ExactEstimator):
+        def correct(self, measurement: Measurement) -> bool:
+            return False
+
+    pilot = airborne(Pilot(COAXIAL_LAG, NotedController(HOVER[None, :]), Distrustful(), Guidance()))
+    frames = round(2 * BLIND_LIMIT_S / 0.02)
+    for frame in range(1, frames):
+        pilot.observe(seen(frame, (9.0, 9.0, 9.0)))
+    assert not pilot.ready
+    assert abs(pilot.estimate.motion[0]) < 1.0
+
+
 @pytest.mark.parametrize("frame", [5, 4, 0])
 def test_old_frames_are_refused(frame: int) -> None:
     pilot = airborne(noted(), frame=5)

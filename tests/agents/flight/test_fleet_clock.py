@@ -48,6 +48,14 @@ def test_old_and_repeated_frames_are_refused_and_change_nothing(frame: int) -> N
     assert (clock.frame, clock.time_s, clock.current_frame) == (10, 0.0, 10)
 
 
+def test_an_epoch_that_is_over_is_refused_and_changes_nothing() -> None:
+    clock = started(frame=10, epoch=5)
+    assert take(clock, 11, epoch=4) < 0
+    assert (clock.epoch, clock.frame, clock.time_s) == (5, 10, 0.0)
+    assert take(clock, 3, epoch=6) == 1
+    assert (clock.epoch, clock.frame) == (6, 3)
+
+
 def test_coasted_frames_are_not_counted_a_second_time() -> None:
     clock = started()
     clock.coast()

@@ -384,3 +384,37 @@ def test_the_set_point_is_where_the_own_reference_ends() -> None:
     position_m, yaw_rad = guidance.set_point()
     assert position_m == pytest.approx([1.0, 2.0, 3.0])
     assert yaw_rad == pytest.approx(3 * np.pi)
+
+
+def interrupted_climb() -> tuple[Guidance, np.ndarray]:
+    guidance = Guidance()
+    guidance.on_event(Event.ARM, FLOOR)
+    guidance.take_off(FLOOR, 1.0, 0.0)
+    return guidance, guidance.set_point()[0]
+
+
+@pytest.mark.parametrize("held_before", [False, True])
+def test_a_successor_goes_on_with_a_climb_that_the_gateway_interrupts_again(held_before: bool) -> None:
+    """Commands are late while an agent is replaced, so the gateway holds the vehicle."""
+    guidance, end_m = interrupted_climb()
+    if held_before:
+        guidance.on_event(Event.OVERRIDE, ALOFT)
+    halfway = at((0.2, 0.1, 0.5), climb_m_s=0.3)
+    successor = flying(estimate=halfway)
+    successor.restore(guidance.task(), halfway, 3.0)
+    assert successor.phase is Phase.TAKEOFF
+    for event in (Event.OVERRIDE, Event.ARM):
+        successor.on_event(event, halfway)
+        successor.go_on(halfway, 3.1)
+    assert successor.phase is Phase.TAKEOFF
+    assert successor.set_point()[0] == pytest.approx(end_m)
+    assert not successor.followable
+
+
+def test_a_successor_lands_a_vehicle_whose_landing_was_interrupted() -> None:
+    guidance = flying()
+    guidance.land(ALOFT, 0.0)
+    guidance.on_event(Event.OVERRIDE, ALOFT)
+    successor = flying()
+    successor.restore(guidance.task(), ALOFT, 3.0)
+    assert successor.phase is Phase.LANDING

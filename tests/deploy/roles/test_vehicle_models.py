@@ -24,3 +24,11 @@ def test_the_model_is_that_of_the_type_with_changes_and_the_bounds_of_the_volume
     assert (model.kind, model.delay_s, model.lag_s) == ("quadrotor", 0.04, QUADROTOR.lag_s)
     assert model.state_max == (3.0, 3.0, 2.5, *QUADROTOR.state_max[3:])
     assert model.state_min[:3] == fleet.volume.min_m
+
+
+def test_a_volume_above_the_floor_bounds_set_points_and_not_flights_which_begin_and_end_on_the_floor() -> (
+    None
+):
+    fleet = parse_fleet(PAIR + "[volume]\nmin_m = [-1.0, -1.0, 0.4]\n")
+    assert model_of(fleet, "h1").state_min[:3] == (-1.0, -1.0, 0.0)
+    assert fleet.volume.min_m[2] == 0.4
