@@ -230,3 +230,21 @@ def test_a_stopped_process_is_found_while_most_others_are_late_through_load() ->
     found = [hung for _ in range(9) for hung in host.look(DEAF, OTHER, THIRD, excuse=reasons.__getitem__)]
     assert [hung.process for hung in found] == [DEAF]
     assert host.look(OTHER, THIRD) == []
+
+
+def test_silence_as_long_as_the_limit_is_no_hang_yet() -> None:
+    """Times are powers of two, so that sums are exact."""
+    watchdog = Watchdog(WatchdogLimits(flight_s=0.25, floor_s=0.5, start_s=30.0))
+    looks = {DEAF: Look(1, Phase.WORKING)}
+    found = [watchdog.check(number / 16, looks, no_excuse) for number in range(10)]
+    assert [len(hung) for hung in found] == [0] * 9 + [1]
+    assert watchdog.check(1.0, {OTHER: Look(1, Phase.WORKING)}, no_excuse) == []
+    assert watchdog.longest_s(OTHER) == 0.0
+
+
+def test_a_look_just_in_time_is_not_late() -> None:
+    watchdog = Watchdog(LIMITS)
+    for now_s in (0.0, LATE_S):
+        assert watchdog.check(now_s, {DEAF: Look(1, Phase.WORKING)}, no_excuse) == []
+    assert watchdog.forgiven == {}
+    assert watchdog.silent_s(DEAF) == LATE_S
