@@ -39,7 +39,11 @@ else
 	$(BIN)/python -m pytest -m "not campaign" $(ARGS)
 endif
 
-campaign: $(VENV)/.test
+$(VENV)/.browser: $(VENV)/.test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[browser]'
+	@touch $@
+
+campaign: $(VENV)/.browser
 	$(BIN)/python -m pytest -m campaign $(ARGS)
 	$(BIN)/python -m pytest -n 2 -m "hypothesis and not integration" --hypothesis-profile=search
 

@@ -1,0 +1,129 @@
+"""Promises of the page in a real browser: KILL by mouse and space bar, on a telephone too; a drawn scene."""
+
+import io
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+from support.bus import free_port
+from support.scripted import ScriptedVehicle
+from support.waiting import wait_for
+
+from ground_station.fleet import Fleet
+from ground_station.page.page import FleetPage
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright pillow")
+image = pytest.importorskip("PIL.Image", reason="pip install playwright pillow")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.timeout(300),
+    pytest.mark.skipif(CHROMIUM is None, reason="apt-get install chromium"),
+]
+SOFTWARE_RENDERING = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
+DESKTOP = (1200, 700)
+TELEPHONE = (390, 800)
+PRESSES = 20
+
+Vehicles = dict[str, ScriptedVehicle]
+Browse = Callable[[tuple[int, int]], Any]
+
+
+@contextmanager
+def kept_up_to_date(page: FleetPage) -> Iterator[None]:
+    """The page's loop, in a thread: the browser's calls block this one."""
+    end = threading.Event()
+
+    def run() -> None:
+        while not end.wait(0.05):
+            page.update(time.monotonic())
+
+    loop = threading.Thread(target=run)
+    loop.start()
+    try:
+        yield
+    finally:
+        end.set()
+        loop.join()
+
+
+@pytest.fixture
+def browse(fleet: Fleet) -> Iterator[Browse]:
+    """Open the page in a window of a size."""
+    port = free_port()
+    server = viser.ViserServer("127.0.0.1", port, verbose=False)
+    with kept_up_to_date(FleetPage(fleet, server)), sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_RENDERING)
+
+        def opened(size: tuple[int, int]) -> Any:
+            window = browser.new_page(viewport={"width": size[0], "height": size[1]})
+            window.goto(f"http://127.0.0.1:{port}")
+            window.get_by_role("button", name="KILL: cut").wait_for(state="visible", timeout=60_000)
+            return window
+
+        yield opened
+        browser.close()
+    server.stop()
+
+
+def all_killed(vehicles: Vehicles) -> bool:
+    return all(vehicle.state == "killed" for vehicle in vehicles.values())
+
+
+@pytest.mark.parametrize("size", [DESKTOP, TELEPHONE], ids=["desktop", "telephone"])
+def test_the_kill_button_is_always_there_and_cuts_everybody(
+    browse: Browse, vehicles: Vehicles, size: tuple[int, int]
+) -> None:
+    window = browse(size)
+    button = window.get_by_role("button", name="KILL: cut")
+    window.get_by_role("tab", name="Events").click(force=True)
+    box = button.bounding_box()
+    assert box["x"] >= 0.0
+    assert box["y"] >= 0.0
+    assert box["x"] + box["width"] <= size[0]
+    assert box["width"] > 250.0
+    assert box["height"] > 40.0
+    window.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    wait_for(lambda: all_killed(vehicles), "not killed", 30.0)
+
+
+def test_the_space_bar_cuts_everybody_every_time(browse: Browse, vehicles: Vehicles) -> None:
+    window = browse(DESKTOP)
+    window.mouse.click(100, 500)
+    pressed_ms = []
+    for _ in range(PRESSES):
+        for vehicle in vehicles.values():
+            vehicle.state = "armed"
+        from_s = time.monotonic()
+        window.keyboard.press("Space")
+        wait_for(lambda: all_killed(vehicles), "not killed", 30.0)
+        pressed_ms.append(1000.0 * (time.monotonic() - from_s))
+    print(f"space bar to killed: median {np.median(pressed_ms):.0f} ms, largest {max(pressed_ms):.0f} ms")
+
+
+def test_buttons_do_what_they_say(browse: Browse, vehicles: Vehicles) -> None:
+    window = browse(DESKTOP)
+    window.get_by_role("button", name="Take off").click(force=True)
+    wait_for(lambda: all(vehicle.phase == "flying" for vehicle in vehicles.values()), "not flying", 30.0)
+    window.get_by_role("button", name="Land", exact=True).click(force=True)
+    wait_for(lambda: all(vehicle.phase == "ground" for vehicle in vehicles.values()), "not landed", 30.0)
+
+
+def test_the_scene_is_not_blank(browse: Browse, vehicles: Vehicles) -> None:
+    for vehicle in vehicles.values():
+        vehicle.phase = "flying"
+        vehicle.plan_at((0.0, 0.0, 1.0))
+    window = browse(DESKTOP)
+
+    def drawn() -> bool:
+        picture = np.asarray(image.open(io.BytesIO(window.screenshot())).convert("RGB"), dtype=float)
+        scene = picture[100:, :800]
+        return float((np.ptp(scene, axis=2) > 60.0).mean()) > 1e-4 and float(scene.std()) > 3.0
+
+    wait_for(drawn, "nothing coloured is drawn", 60.0)
