@@ -45,11 +45,24 @@ class Hangar:
         self._stack.close()
 
 
-@pytest.fixture(scope="package")
-def hangar(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hangar]:
+HANGAR = pytest.StashKey[Hangar]()
+
+
+@pytest.fixture(scope="session")
+def hangar(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Hangar]:
     hangar = Hangar(tmp_path_factory.mktemp("fleet"))
+    request.config.stash[HANGAR] = hangar
     yield hangar
     hangar.close()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, None, None]:
+    """Stop the fleet after the last test of this folder, so that it does not fly beside others."""
+    yield
+    hangar = item.config.stash.get(HANGAR, None)
+    if hangar is not None and (nextitem is None or Path(__file__).parent not in nextitem.path.parents):
+        hangar.close()
 
 
 @pytest.hookimpl(wrapper=True)
