@@ -336,7 +336,7 @@ class Session:
         NobodyServesError
             Nobody serves it.
         RequestFailedError
-            No answer in time, refused as malformed, or the answer is malformed.
+            No answer in time, refused as malformed, the answer is malformed, or the session is closed.
         """
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)
@@ -344,7 +344,11 @@ class Session:
         give_up_s = time.monotonic() + patience_s
         while True:
             asked_s = time.monotonic()
-            for reply in self._zenoh.get(key, payload=payload, timeout=timeout_s):
+            try:
+                replies = self._zenoh.get(key, payload=payload, timeout=timeout_s)
+            except zenoh.ZError as error:
+                raise RequestFailedError(f"{unit} was not asked to {verb.name}: {error}") from error
+            for reply in replies:
                 if reply.ok is not None:
                     return self._reply(unit, verb, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else ""

@@ -85,6 +85,8 @@ def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
         try:
             fleet.land()
         except (NotReachedError, RuntimeError) as error:
+            if interrupts.count > before:
+                return
             typer.echo(f"error: {error}; the transmitter gateways bring the vehicles down", err=True)
 
     landing = threading.Thread(target=work, daemon=True)

@@ -248,6 +248,13 @@ def test_a_request_nobody_serves_fails_at_once_and_says_so(join: Join) -> None:
         join().request("h9", Land())
 
 
+def test_a_request_of_a_closed_session_fails_in_words(join: Join) -> None:
+    session = join()
+    session.close()
+    with pytest.raises(RequestFailedError, match="h1 was not asked to land"):
+        session.request("h1", Land())
+
+
 def test_a_request_that_is_not_answered_in_time_fails_says_so_and_is_not_repeated(join: Join) -> None:
     server, asker = join(), join()
     server.serve("h1", ["land", "lead"])
