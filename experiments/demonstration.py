@@ -8,6 +8,7 @@ from collections.abc import Callable
 from rich.table import Table
 from rich.text import Text
 
+from agents.phases import Phase
 from experiments.manoeuvres import fly_paper_sequence
 from experiments.steps import leader_of
 from ground_station.fleet import Fleet
@@ -94,7 +95,8 @@ class Demonstration:
         until_s = time.monotonic() + seconds - KNOWN_S
         while (left_s := until_s - time.monotonic()) > 0.0:
             self._pause(min(LOOK_S, left_s))
-            if self._task() != given:
+            now = self._task()
+            if given is not None and now is not None and now != given:
                 self._say(f"{self._leader} is steered by somebody else now; Ctrl-C lands")
                 while True:
                     self._pause(LOOK_S)
@@ -105,12 +107,12 @@ class Demonstration:
             raise _Stopped
 
     def _task(self) -> object:
-        """What the leader is told to do."""
+        """What the leader is told to do; None while nobody can tell, as while the arbiter lands it."""
         state = self._fleet[self._leader].state
         agent = state.agent
-        return (
-            None if agent is None else (agent.phase, agent.set_point, state.assigned, agent.path_left_s > 0.0)
-        )
+        if agent is None or agent.phase not in (Phase.FLYING, Phase.LANDING):
+            return None
+        return agent.phase, agent.set_point, state.assigned, agent.path_left_s > 0.0
 
     def summary(self) -> Table:
         """Figures of the flight, or of its last minute or so."""
