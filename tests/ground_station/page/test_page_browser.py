@@ -18,8 +18,7 @@ from support.waiting import wait_for
 from ground_station.fleet import Fleet
 from ground_station.page.page import FleetPage
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright pillow")
-image = pytest.importorskip("PIL.Image", reason="pip install playwright pillow")
+NEEDED = "pip install playwright pillow"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = [
     pytest.mark.campaign,
@@ -56,6 +55,7 @@ def kept_up_to_date(page: FleetPage) -> Iterator[None]:
 @pytest.fixture
 def browse(fleet: Fleet) -> Iterator[Browse]:
     """Open the page in a window of a size."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason=NEEDED)
     port = free_port()
     server = viser.ViserServer("127.0.0.1", port, verbose=False)
     with kept_up_to_date(FleetPage(fleet, server)), sync_api.sync_playwright() as playwright:
@@ -116,6 +116,7 @@ def test_buttons_do_what_they_say(browse: Browse, vehicles: Vehicles) -> None:
 
 
 def test_the_scene_is_not_blank(browse: Browse, vehicles: Vehicles) -> None:
+    image = pytest.importorskip("PIL.Image", reason=NEEDED)
     for vehicle in vehicles.values():
         vehicle.phase = "flying"
         vehicle.plan_at((0.0, 0.0, 1.0))
