@@ -22,14 +22,16 @@ from agents.flight.followed import LeaderPlan
 from agents.flight.guidance import Guidance, resting
 from agents.flight.lift_off import LiftOff
 from agents.flight.prediction import predict
+from agents.flight.self_check import SelfCheck
 from agents.flight.time_limit import TimeLimit
-from agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleFault, VehicleWatch
+from agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
 from agents.identification.exciter import Exciter
-from agents.interfaces import AvoidsObstacles, Controller, Estimate, Estimator, Measurement
+from agents.interfaces import Controller, Estimate, Estimator, Measurement
 from agents.phases import Event, Phase
 from agents.references.trajectory import Trajectory
 from agents.references.turns import nearest_heading
-from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
+from agents.separation.avoidance import Neighbour, SeparationEllipsoid
+from agents.separation.plan_avoidance import PlanAvoidance
 from vehicles.model import Model
 from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
@@ -119,25 +121,16 @@ class Pilot:
     ) -> None:
         self.model = model
         self.controller = controller
-        self._avoiding = _avoiding(controller)
         self.controller_replaced = False
         """Whether the default controller has taken the place of the one that was chosen."""
         self.step_guard = StepGuard(model, default_controller)
         self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
-        self.separation = separation
-        self.avoiding_ticks = 0
-        """Control periods in which separation constraints held the plan off another one."""
-        self.closest_m: float | None = None
-        """Smallest distance to another plan in any of them."""
+        self.avoidance = PlanAvoidance(separation, self.step_guard)
+        self.avoidance.use(controller)
         self.plan: Trajectory | None = None
         """Newest plan of the controller; None on the floor."""
-        self.fault: VehicleFault | None = None
-        """Why the vehicle lands, or has landed, without being asked to."""
-        self.watching = True
-        """Whether the vehicle lands by itself when it does not do what it is told."""
-        self._watched_at_s = 0.0
-        self._watch = VehicleWatch(model, hover_thrust_limits, controller.period_s)
+        self.self_check = SelfCheck(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
         self.clock = FleetClock()
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
@@ -163,9 +156,7 @@ class Pilot:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What people should know: what failed last, and what has taken its place for good."""
-        found = [] if self.fault is None else [f"it lands: {self.fault.text}"]
-        if self.fault is None and self._watch.warning:
-            found.append(self._watch.warning)
+        found = [self.self_check.remark] if self.self_check.remark else []
         if self.step_guard.failure:
             stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
             found.append(self.step_guard.failure + stays)
@@ -260,8 +251,7 @@ class Pilot:
         refusal = self.guidance.take_off(self.estimate, height_m, time_s)
         if refusal is None:
             self._lift_off.begin(time_s, float(self.estimate.motion[Z]))
-            self._watch.begin()
-            self.fault = None
+            self.self_check.begin()
         return refusal
 
     def limit_time(self, limit: TimeLimit) -> None:
@@ -271,7 +261,7 @@ class Pilot:
     def use_controller(self, controller: Controller) -> None:
         """Fly with another controller from the next period on; it starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
-        self._avoiding = _avoiding(controller)
+        self.avoidance.use(controller)
         self.step_guard.failure = ""
         self._begin_transfer()
         self._flown_by_controller = False
@@ -333,7 +323,8 @@ class Pilot:
         if not self._flown_by_controller:
             self.step_guard.reset(self.controller, estimate, self.input_history.newest)
             self._flown_by_controller = True
-        self._keep_clear(neighbours, delay_s)
+        if not self.avoidance.tend(neighbours, self.plan, self.guidance.followable, delay_s):
+            self.fallbacks["cannot_avoid"] += 1
         step = self.step_guard.step(self.controller, estimate, reference, self.input_history.newest)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
@@ -342,11 +333,8 @@ class Pilot:
         smoothed = self._transfer.smoothed(
             step.inputs[:bridged], self.input_history.newest, self.controller.period_s
         )
-        inputs = self._excited(smoothed, time_s)
-        if self.fault is not None and self.fault.axis is not None:
-            inputs = inputs.copy()
-            inputs[:, self.fault.axis] = self.model.hover_input[self.fault.axis]
-        self._watch_vehicle(inputs[0], time_s)
+        inputs = self.self_check.without_broken_axis(self._excited(smoothed, time_s))
+        self._check_vehicle(inputs[0], time_s)
         self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
         return ControlOutput(
             inputs[0],
@@ -356,34 +344,13 @@ class Pilot:
             reference.samples[0, :4],
         )
 
-    def _keep_clear(self, neighbours: Mapping[str, Neighbour], delay_s: float) -> None:
-        """Tell the controller who comes near; only in free flight is there anywhere to go."""
-        avoiding = self._avoiding
-        if avoiding is not None:
-            self.step_guard.tell(self.controller, lambda: avoiding.set_obstacles(()))
-        if not neighbours or self.separation is None or self.plan is None or not self.guidance.followable:
-            return
-        period_s = self.controller.period_s
-        own_m = self.plan.positions_from(period_s, period_s, self.controller.horizon)
-        found = near(self.separation, neighbours, own_m, period_s, delay_s)
-        self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
-        if avoiding is not None:
-            self.step_guard.tell(self.controller, lambda: avoiding.set_obstacles(found.obstacles))
-            self.avoiding_ticks += found.touching
-        elif found.touching:
-            self.fallbacks["cannot_avoid"] += 1
-
-    def _watch_vehicle(self, command: Array, time_s: float) -> None:
+    def _check_vehicle(self, command: Array, time_s: float) -> None:
         """Land if the vehicle does not do what it is told."""
-        watched = self.watching and self.fault is None
-        watched = watched and self.guidance.phase in (Phase.TAKEOFF, Phase.FLYING)
-        gap_s, self._watched_at_s = time_s - self._watched_at_s, time_s
-        if not watched or self._blind_s > 0.0 or gap_s > 1.5 * self.controller.period_s:
-            self._watch.forget()
-            return
-        self.fault = self._watch.observe(command, self.estimate.motion)
-        if self.fault is not None:
-            self.fallbacks[self.fault.kind] += 1
+        telling = self._blind_s == 0.0 and self.guidance.phase in (Phase.TAKEOFF, Phase.FLYING)
+        motion, period_s = self.estimate.motion, self.controller.period_s
+        fault = self.self_check.observe(command, motion, time_s, period_s, telling)
+        if fault is not None:
+            self.fallbacks[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)
 
     def _excited(self, inputs: Array, time_s: float) -> Array:
@@ -442,7 +409,3 @@ class Pilot:
         for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
             estimate = predict(self.model, estimate, value, duration_s)
         return estimate
-
-
-def _avoiding(controller: Controller) -> AvoidsObstacles | None:
-    return controller if isinstance(controller, AvoidsObstacles) else None

@@ -158,7 +158,7 @@ class Rig:
             name: OscillationGuard(pilot, self.tunings[name]) for name, pilot in self.pilots.items()
         }
         for name, pilot in self.pilots.items():
-            pilot.watching = options.watch
+            pilot.self_check.active = options.watch
             pilot.observe(self._measured(name))
             # Like an agent that starts while its vehicle is in the air: the arbiter's word puts it in flight.
             pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)

@@ -140,7 +140,7 @@ def _swap(record: FlightRecord, rig: Rig, names: list[str], goals: Array) -> Swa
         record[names[0]].time_s[rows] - START_S,
         goals,
         total_fallbacks(record),
-        sum(rig.pilots[name].avoiding_ticks for name in names),
+        sum(rig.pilots[name].avoidance.ticks for name in names),
         sum(len(record[name].time_s) for name in names),
     )
 

@@ -102,13 +102,13 @@ def test_a_controller_that_cannot_avoid_says_so(controller: str) -> None:
     for _ in range(3):
         pilot.control({}, ACROSS)
     if isinstance(pilot.controller, AvoidsObstacles):
-        assert pilot.avoiding_ticks == 2
-        assert pilot.closest_m is not None
-        assert 0.0 <= pilot.closest_m < 0.31
+        assert pilot.avoidance.ticks == 2
+        assert pilot.avoidance.closest_m is not None
+        assert 0.0 <= pilot.avoidance.closest_m < 0.31
         assert not pilot.fallbacks["cannot_avoid"]
     else:
         assert pilot.fallbacks["cannot_avoid"] == 2
-        assert pilot.avoiding_ticks == 0
+        assert pilot.avoidance.ticks == 0
 
 
 def test_a_vehicle_that_takes_off_or_lands_goes_straight_on() -> None:
@@ -117,4 +117,4 @@ def test_a_vehicle_that_takes_off_or_lands_goes_straight_on() -> None:
     pilot.guidance.on_event(Event.LAND, pilot.estimate)
     for _ in range(3):
         pilot.control({}, ACROSS)
-    assert pilot.avoiding_ticks == 0
+    assert pilot.avoidance.ticks == 0

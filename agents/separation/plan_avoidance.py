@@ -1,0 +1,80 @@
+"""Keeps the plan of one vehicle clear of the plans of others, as far as its controller can."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from agents.controllers.step_guard import StepGuard
+from agents.interfaces import AvoidsObstacles, Controller
+from agents.references.trajectory import Trajectory
+from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
+
+
+class PlanAvoidance:
+    """Tells the controller of one vehicle who comes near.
+
+    Parameters
+    ----------
+    ellipsoid
+        Around the vehicle, that no other one is to enter; None for no avoidance.
+    step_guard
+        Through which the controller is told.
+
+    Attributes
+    ----------
+    ticks
+        Control periods in which separation constraints held the plan off another one.
+    closest_m
+        Smallest distance to another plan in any of them; None before the first.
+    """
+
+    def __init__(self, ellipsoid: SeparationEllipsoid | None, step_guard: StepGuard) -> None:
+        self._ellipsoid = ellipsoid
+        self._step_guard = step_guard
+        self._controller: Controller | None = None
+        self._avoiding: AvoidsObstacles | None = None
+        self.ticks = 0
+        self.closest_m: float | None = None
+
+    def use(self, controller: Controller) -> None:
+        """Tell another controller from now on."""
+        self._controller = controller
+        self._avoiding = controller if isinstance(controller, AvoidsObstacles) else None
+
+    def tend(
+        self, neighbours: Mapping[str, Neighbour], plan: Trajectory | None, free: bool, delay_s: float
+    ) -> bool:
+        """Look at the plans of others once in a control period.
+
+        Parameters
+        ----------
+        neighbours
+            Vehicles that may come near.
+        plan
+            Newest plan of the own controller, if any.
+        free
+            Whether there is anywhere to go, which only free flight offers.
+        delay_s
+            From the present to the first stage of the plan.
+
+        Returns
+        -------
+        bool
+            False if plans touch and the controller avoids nothing.
+        """
+        controller, avoiding = self._controller, self._avoiding
+        if controller is None:
+            return True
+        if avoiding is not None:
+            self._step_guard.tell(controller, lambda: avoiding.set_obstacles(()))
+        if not neighbours or self._ellipsoid is None or plan is None or not free:
+            return True
+        period_s = controller.period_s
+        own_m = plan.positions_from(period_s, period_s, controller.horizon)
+        found = near(self._ellipsoid, neighbours, own_m, period_s, delay_s)
+        self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
+        if avoiding is None:
+            return not found.touching
+        self._step_guard.tell(controller, lambda: avoiding.set_obstacles(found.obstacles))
+        self.ticks += found.touching
+        return True
