@@ -1,6 +1,5 @@
 """The agent process: read poses and plans, call the pilot, publish plan and command."""
 
-import logging
 import math
 import signal
 import threading
@@ -12,18 +11,15 @@ import numpy as np
 from agents.alarm import AlarmTimeLimit
 from agents.assembly import TUNED, assemble
 from agents.pilot import ControlOutput, Pilot
+from agents.reporting import Reporter
 from agents.settings import AgentSettings
-from agents.telemetry import command_message, plan_message, status_message
+from agents.telemetry import command_message, plan_message
 from bus import channels
 from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from bus.messages import AgentStatus
 from bus.realtime import request_realtime, settle
 from bus.session import Session
 from bus.stepping import StepBus, SteppedSession
 
-_LOG = logging.getLogger(__name__)
-
-REPORT_PERIOD_S = 0.2
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
 
@@ -53,22 +49,15 @@ class Agent:
     ) -> None:
         self._settings, self._pilot, self._bus, self._clock = settings, pilot, bus, bus.clock
         self._stopwatch = stopwatch
-        parts = assemble(settings, pilot, bus, realtime)
-        self._observation, self._handover, self._requests = parts.observation, parts.handover, parts.requests
-        self._plans, self._peers, self._traffic = parts.plans, parts.peers, parts.traffic
-        self._changes, self._lost, self._limit_scaling = parts.changes, parts.lost, parts.limit_scaling
-        self._tuning, self._external, self._guard = parts.tuning, parts.external, parts.guard
-        self._pacing, self._solve, self._diagnostics = parts.pacing, parts.solve, parts.diagnostics
+        self._parts = assemble(settings, pilot, bus, realtime)
+        self._reporter = Reporter(settings, pilot, bus, self._parts)
         # Sequences continue over restarts because they start from the wall clock.
         self._first_sequence = bus.life
         self._control_by_s: float | None = None
-        self._report_at_s = self._clock() + REPORT_PERIOD_S
-        self._said: AgentStatus | None = None
         self._estimate: list[float] | None = None
-        self._remarked: set[str] = set()
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
         self._answer_from_s = self._clock() + ORIENTATION_S
-        bus.serve(settings.vehicle, self._requests.verbs)
+        bus.serve(settings.vehicle, self._parts.requests.verbs)
         bus.announce(settings.vehicle, "agent")
 
     def step(self) -> None:
@@ -77,17 +66,89 @@ class Agent:
         self._estimate = None
         self._read()
         self._decide()
-        if self._control_by_s is not None and (
-            self._clock() >= self._control_by_s or self._plans.complete(self._pilot.clock, self._followed())
-        ):
-            self._control()
-        if self._clock() >= self._report_at_s:
-            self._report()
+        if self._control_by_s is not None and (self._clock() >= self._control_by_s or self._plans_are_here()):
+            self._publish(self._control())
+        if self._clock() >= self._reporter.due_s:
+            self._reporter.report()
         self._bus.end_step(self._settings.vehicle, self._estimate)
+
+    def _read(self) -> None:
+        """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle."""
+        parts, guidance = self._parts, self._pilot.guidance
+        if self._pilot.informed or self._clock() >= self._answer_from_s:
+            for incoming in self._bus.pending():
+                parts.requests.handle(incoming)
+                self._reporter.soon()
+        was_flying = guidance.rotor_on
+        parts.observation.take_applied(self._first_sequence)
+        if not was_flying and guidance.rotor_on and parts.handover.resume():
+            parts.changes.keep_leaders()
+            parts.lost.expect()
+        for began_s in parts.observation.frames():
+            self._begin_period(began_s)
+
+    def _decide(self) -> None:
+        """Settle what was waiting for a leader's plan, or for a controller to be built."""
+        leaders_settled = self._parts.changes.settle()
+        tuned = self._bus.noted(TUNED) and self._parts.requests.settle_tuning()
+        if leaders_settled or tuned or self._parts.tuning.note_replaced():
+            self._reporter.soon()
+
+    def _begin_period(self, now_s: float) -> None:
+        """Change leaders at this frame if it was agreed, and say until when the period waits for plans."""
+        parts, clock, guidance = self._parts, self._pilot.clock, self._pilot.guidance
+        parts.changes.begin_due()
+        flying = guidance.rotor_on
+        if self._pilot.informed and parts.pacing.control_due(clock.current_frame, clock.period_s, flying):
+            if self._control_by_s is not None and flying:
+                parts.pacing.on_overtaken()
+            self._control_by_s = now_s + (self._settings.leader_wait_s if guidance.follows else 0)
+
+    def _plans_are_here(self) -> bool:
+        followed = [link.leader for link in self._pilot.guidance.followed]
+        return self._parts.plans.complete(self._pilot.clock, followed)
+
+    def _control(self) -> ControlOutput:
+        """Fly one control period."""
+        parts, pilot = self._parts, self._pilot
+        self._control_by_s = None
+        plans = parts.plans.plans(pilot.clock, parts.changes.cycles_from_frame)
+        if parts.lost.tend(plans):
+            parts.changes.keep_leaders()
+        parts.external.before_control()
+        known = pilot.estimate
+        self._estimate = np.concatenate((known.motion, known.actuator, known.disturbance)).tolist()
+        started_s = self._stopwatch()
+        output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans))
+        parts.solve.add(self._stopwatch() - started_s)
+        return output
+
+    def _publish(self, output: ControlOutput) -> None:
+        """Publish command and plan, and do what has time until they are on their way."""
+        parts = self._parts
+        # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
+        first, then = self._publish_plan, self._publish_command
+        if self._pilot.guidance.follows:
+            first, then = then, first
+        first(output)
+        then(output)
+        parts.external.after_control()
+        parts.guard.watch(output, flown_by_own=not parts.external.client)
+        if self._reporter.said is not None and parts.traffic.due():
+            parts.traffic.tend(self._reporter.said, parts.peers.statuses())
+
+    def _publish_command(self, output: ControlOutput) -> None:
+        sequence = self._first_sequence + self._pilot.sequence
+        command = command_message(self._settings, self._pilot, output, sequence)
+        self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
+
+    def _publish_plan(self, output: ControlOutput) -> None:
+        plan = plan_message(self._settings, self._pilot, output, self._parts.plans)
+        self._bus.publish(channels.PLAN, self._settings.vehicle, plan)
 
     def wait_for_tuning(self) -> None:
         """Wait until what is under way is prepared; for a replay, which is told by the log when that was."""
-        self._tuning.wait()
+        self._parts.tuning.wait()
 
     @property
     def flying(self) -> bool:
@@ -98,95 +159,8 @@ class Agent:
         """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
         if self._control_by_s is not None:
             return self._control_by_s
-        overdue_at_s = self._observation.overdue_at_s
-        return min(self._report_at_s, math.inf if overdue_at_s is None else overdue_at_s)
-
-    def _read(self) -> None:
-        """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle."""
-        if self._pilot.informed or self._clock() >= self._answer_from_s:
-            for incoming in self._bus.pending():
-                self._requests.handle(incoming)
-                self._report_soon()
-        was_flying = self._pilot.guidance.rotor_on
-        self._observation.take_applied(self._first_sequence)
-        if not was_flying and self._pilot.guidance.rotor_on and self._handover.resume():
-            self._changes.keep_leaders()
-            self._lost.expect()
-        for began_s in self._observation.frames():
-            self._begin_period(began_s)
-
-    def _decide(self) -> None:
-        """Settle what was waiting for a leader's plan, or for a controller to be built."""
-        leaders_settled = self._changes.settle()
-        tuned = self._bus.noted(TUNED) and self._requests.settle_tuning()
-        if leaders_settled or tuned or self._tuning.note_replaced():
-            self._report_soon()
-
-    def _report_soon(self) -> None:
-        """Whoever restarts this agent a moment later must know of a change."""
-        self._report_at_s = self._clock()
-
-    def _followed(self) -> list[str]:
-        return [link.leader for link in self._pilot.guidance.followed]
-
-    def _begin_period(self, now_s: float) -> None:
-        self._changes.begin_due()
-        clock, guidance = self._pilot.clock, self._pilot.guidance
-        flying = guidance.rotor_on
-        if self._pilot.informed and self._pacing.control_due(clock.current_frame, clock.period_s, flying):
-            if self._control_by_s is not None and flying:
-                self._pacing.on_overtaken()
-            self._control_by_s = now_s + (self._settings.leader_wait_s if guidance.follows else 0)
-
-    def _control(self) -> None:
-        """Fly one control period and publish its command and plan."""
-        self._control_by_s = None
-        plans = self._plans.plans(self._pilot.clock, self._changes.cycles_from_frame)
-        if self._lost.tend(plans):
-            self._changes.keep_leaders()
-        self._external.before_control()
-        known = self._pilot.estimate
-        self._estimate = np.concatenate((known.motion, known.actuator, known.disturbance)).tolist()
-        started_s = self._stopwatch()
-        output = self._pilot.control(plans, self._traffic.neighbours(self._pilot.clock, plans))
-        self._solve.add(self._stopwatch() - started_s)
-        # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
-        publish_first, publish_then = self._publish_command, self._publish_plan
-        if not self._pilot.guidance.follows:
-            publish_first, publish_then = publish_then, publish_first
-        publish_first(output)
-        publish_then(output)
-        self._external.after_control()
-        self._guard.watch(output, flown_by_own=not self._external.client)
-        if self._said is not None and self._traffic.due():
-            self._traffic.tend(self._said, self._peers.statuses())
-
-    def _publish_command(self, output: ControlOutput) -> None:
-        sequence = self._first_sequence + self._pilot.sequence
-        command = command_message(self._settings, self._pilot, output, sequence)
-        self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
-
-    def _publish_plan(self, output: ControlOutput) -> None:
-        plan = plan_message(self._settings, self._pilot, output, self._plans)
-        self._bus.publish(channels.PLAN, self._settings.vehicle, plan)
-
-    def _report(self) -> None:
-        """Publish status and intent; between them leaders are given the limits their followers leave them."""
-        now_s = self._clock()
-        self._report_at_s = now_s + REPORT_PERIOD_S
-        links = {name: status.following for name, status in self._peers.statuses().items()}
-        controller, chosen = self._pilot.controller, self._tuning.configuration.controller_settings
-        self._pilot.step_guard.tell(controller, lambda: self._limit_scaling.tend(controller, chosen, links))
-        plan_age_s = self._plans.plan_age_s(now_s, self._followed())
-        diagnostics = self._diagnostics.collect(
-            self._observation.pose_age_s, plan_age_s, self._external.client
-        )
-        for remark in set(diagnostics.remarks) - self._remarked:
-            _LOG.warning(remark)
-        self._remarked = set(diagnostics.remarks)
-        self._said = status_message(self._pilot, self._lost.following_mode, diagnostics)
-        self._bus.publish(channels.AGENT_STATUS, self._settings.vehicle, self._said)
-        self._handover.publish()
+        overdue_at_s = self._parts.observation.overdue_at_s
+        return min(self._reporter.due_s, math.inf if overdue_at_s is None else overdue_at_s)
 
 
 def run_agent(settings: AgentSettings, pilot: Pilot) -> None:

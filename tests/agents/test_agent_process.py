@@ -104,14 +104,14 @@ def test_an_occluded_vehicle_is_commanded_for_a_while_and_then_left_to_its_gatew
 
 def test_a_command_that_two_frames_at_once_left_no_time_for_is_counted_as_missed(bench: Bench) -> None:
     bench.start()
-    sent, missed = len(bench.sent), bench.agent._pacing.missed_ticks
+    sent, missed = len(bench.sent), bench.agent._parts.pacing.missed_ticks
     bench.clock.advance(0.02)
     for _ in range(2):
         bench.frame += 1
-        bench.agent._observation._poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent._parts.observation._poses.store(encode(bench.pose(publish=False)), bench.clock())
     bench.command_of(bench.frame)
     assert len(bench.sent) == sent + 1
-    assert bench.agent._pacing.missed_ticks == missed + 1
+    assert bench.agent._parts.pacing.missed_ticks == missed + 1
 
 
 @pytest.mark.parametrize("topic", ["pose", "applied"])
@@ -123,7 +123,7 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
 
         def counted() -> bool:
             stranger.put(channels.key("lab", "h9", topic), b"\xc1")
-            return sum(bench.agent._observation.rejected.values()) > 0
+            return sum(bench.agent._parts.observation.rejected.values()) > 0
 
         bench.step_until(counted, "not counted")
     bench.see()
@@ -213,6 +213,6 @@ def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_a
         bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock, wake=woken.set)), realtime=False
     )
     woken.clear()
-    agent._tuning.begin(agent._tuning.configuration.changed("lqr", {}, None, {}))
+    agent._parts.tuning.begin(agent._parts.tuning.configuration.changed("lqr", {}, None, {}))
     assert woken.wait(20.0)
-    assert isinstance(agent._tuning.finish(), str)
+    assert isinstance(agent._parts.tuning.finish(), str)

@@ -1,0 +1,66 @@
+"""What an agent tells of itself: status for others and for people, intent for its successor."""
+
+import logging
+from typing import Final
+
+from agents.assembly import AgentParts
+from agents.pilot import Pilot
+from agents.settings import AgentSettings
+from agents.telemetry import status_message
+from bus import channels
+from bus.messages import AgentStatus
+from bus.stepping import StepBus
+
+_LOG = logging.getLogger(__name__)
+
+REPORT_PERIOD_S: Final = 0.2
+
+
+class Reporter:
+    """Publishes status and intent of one agent, at its period and soon after a change.
+
+    Parameters
+    ----------
+    settings, pilot
+        The vehicle's.
+    bus
+        The agent's seat on it.
+    parts
+        What the agent is made of.
+
+    Attributes
+    ----------
+    due_s
+        Time of the next report [monotonic s].
+    said
+        Newest status that was published; None before the first.
+    """
+
+    def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts) -> None:
+        self._vehicle, self._pilot, self._bus, self._parts = settings.vehicle, pilot, bus, parts
+        self._remarked: set[str] = set()
+        self.due_s = bus.clock() + REPORT_PERIOD_S
+        self.said: AgentStatus | None = None
+
+    def soon(self) -> None:
+        """Whoever restarts this agent a moment later must know of a change."""
+        self.due_s = self._bus.clock()
+
+    def report(self) -> None:
+        """Publish status and intent; between them leaders are given the limits their followers leave them."""
+        now_s, pilot, parts = self._bus.clock(), self._pilot, self._parts
+        self.due_s = now_s + REPORT_PERIOD_S
+        links = {name: status.following for name, status in parts.peers.statuses().items()}
+        controller, chosen = pilot.controller, parts.tuning.configuration.controller_settings
+        pilot.step_guard.tell(controller, lambda: parts.limit_scaling.tend(controller, chosen, links))
+        leaders = [link.leader for link in pilot.guidance.followed]
+        plan_age_s = parts.plans.plan_age_s(now_s, leaders)
+        diagnostics = parts.diagnostics.collect(
+            parts.observation.pose_age_s, plan_age_s, parts.external.client
+        )
+        for remark in set(diagnostics.remarks) - self._remarked:
+            _LOG.warning(remark)
+        self._remarked = set(diagnostics.remarks)
+        self.said = status_message(pilot, parts.lost.following_mode, diagnostics)
+        self._bus.publish(channels.AGENT_STATUS, self._vehicle, self.said)
+        parts.handover.publish()
