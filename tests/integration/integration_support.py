@@ -288,9 +288,22 @@ def in_formation(flying: Flying, truth: Truth, tolerance_m: float = 0.1) -> bool
 
 
 def fly_to(flying: Flying, truth: Truth, position_m: tuple[float, float, float]) -> None:
-    """Send the leader somewhere; everybody really gets there in formation."""
-    flying.fleet["h1"].go_to(position_m)
-    flying.fleet.wait_until(lambda: at(truth, "h1", position_m), 15, f"h1 is not at {position_m}", ["h1"])
+    """Send the leader somewhere; everybody really gets there in formation.
+
+    A transmitter gateway that had to hold the leader makes it stay where it is, so it is told again.
+    """
+    leader = flying.fleet["h1"]
+
+    def there() -> bool:
+        status = leader.state.agent
+        astray = status is None or np.linalg.norm(np.subtract(status.set_point.position_m, position_m)) > 1e-3
+        if astray and leader.state.phase == "flying":
+            with suppress(RefusedError):
+                leader.go_to(position_m)
+        return at(truth, "h1", position_m)
+
+    leader.go_to(position_m)
+    flying.fleet.wait_until(there, 20, f"h1 is not at {position_m}", ["h1"])
     flying.fleet.wait_until(lambda: in_formation(flying, truth), 15, "no formation", NAMES)
 
 

@@ -155,7 +155,7 @@ def test_everybody_lands_gently_when_the_tracker_freezes(laboratory: Laboratory,
     laboratory.inject(fault)
     laboratory.wait_until_landed_gently(*NAMES)
     assert all(laboratory.counter(name, "entered HOLD") > held for name, held in before.items())
-    laboratory.wait_for_problem("Tracker")
+    laboratory.wait_for_problem("no pose")
 
 
 def test_vehicles_that_stay_unseen_are_held_then_land_gently_and_the_others_fly_on(
