@@ -191,7 +191,7 @@ def _flown_by(state: VehicleState) -> Text:
 
 
 def _position(state: VehicleState) -> str:
-    position = None if state.agent is None else state.agent.position_m
+    position = state.position_m
     return UNKNOWN if position is None else " ".join(f"{value:5.2f}" for value in position)
 
 

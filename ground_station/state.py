@@ -75,6 +75,11 @@ class VehicleState:
         return self.phase in AIRBORNE
 
     @property
+    def position_m(self) -> tuple[float, float, float] | None:
+        """Where the vehicle is, as its agent says; None while it does not know."""
+        return None if self.agent is None else self.agent.position_m
+
+    @property
     def alarming(self) -> bool:
         """Whether the arbiter flies the vehicle, or has cut its motors, instead of its agent."""
         return self.transmitter_state in ALARMING_STATES
@@ -102,8 +107,8 @@ class VehicleState:
         if self.agent is not None:
             words.append(f"flown by {self.flown_by}")
             words.append(f"follows {', '.join(self.leaders)}" if self.leaders else "leads")
-            if self.agent.position_m is not None:
-                x, y, z = self.agent.position_m
+            if self.position_m is not None:
+                x, y, z = self.position_m
                 words.append(f"at {x:.2f} {y:.2f} {z:.2f} m")
             if self.agent.yaw_rad is not None:
                 words.append(f"heading {math.degrees(self.agent.yaw_rad):.0f} deg")

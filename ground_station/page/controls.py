@@ -204,9 +204,9 @@ class Waypoints:
         """Let the vehicle fly through the waypoints, from where it is."""
         name = self.vehicle.value
         state = self._fleet[name].state
-        place = None if state.agent is None else state.agent.position_m
+        place = state.position_m
         if place is None or not self.places:
-            self._steering.ask("waypoints", self._none)
+            self._steering.refuse("click waypoints in the scene first")
             return
         yaw_rad = 0.0 if state.agent is None else state.agent.set_point.yaw_rad
         rows, time_s, before = [(0.0, *place, yaw_rad)], 0.0, place
@@ -215,7 +215,3 @@ class Waypoints:
             rows.append((time_s, *after, yaw_rad))
             before = after
         self._steering.ask(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))
-
-    @staticmethod
-    def _none() -> None:
-        raise ValueError("click waypoints in the scene first")

@@ -20,12 +20,6 @@ def heading_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
     return (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
 
 
-def tilt_rad(quaternion_xyzw: Sequence[float]) -> float:
-    """Angle between the vertical and the vertical axis of a body."""
-    x, y, _, _ = quaternion_xyzw
-    return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
-
-
 def polyline(points: Array) -> Array:
     """Line through points as segments, shape (n - 1, 2, 3) [m]; a point where there are fewer than two."""
     return np.stack((points[:-1], points[1:]), axis=1) if len(points) > 1 else NOWHERE

@@ -44,7 +44,7 @@ class History:
             return
         self._newest_s = now_s
         agent, plan = state.agent, state.plan
-        place = _UNKNOWN if agent is None or agent.position_m is None else agent.position_m
+        place = state.position_m or _UNKNOWN
         flown = plan is not None and plan.airborne and plan.reference is not None
         reference = plan.reference[:3] if flown and plan is not None and plan.reference else _UNKNOWN
         error_mm = math.nan if state.error_m is None else 1000.0 * state.error_m

@@ -114,7 +114,7 @@ class VehicleShape:
         """Show the present of the vehicle."""
         self._state = state
         self._leader = states.get(state.assigned[0].leader) if len(state.assigned) == 1 else None
-        place = place_of(state)
+        place = state.position_m
         self.body.visible = place is not None
         if place is not None:
             self.body.position = place
@@ -158,14 +158,9 @@ class VehicleShape:
             steering.follow(self._name, (link_to(state.assigned[0], (x, y, z), *stands),))
 
 
-def place_of(state: VehicleState) -> Point | None:
-    """Where the vehicle is, as its agent says."""
-    return None if state.agent is None else state.agent.position_m
-
-
 def _stand(leader: VehicleState) -> tuple[Point, float] | None:
     """Place and heading of a leader."""
-    place = place_of(leader)
+    place = leader.position_m
     if place is None or leader.agent is None:
         return None
     return place, leader.agent.yaw_rad or 0.0
@@ -182,7 +177,7 @@ def _attitude(state: VehicleState) -> tuple[float, float, float, float]:
 def _links(states: Mapping[str, VehicleState]) -> Array:
     """Lines from vehicles to their leaders, shape (n, 2, 3) [m]."""
     places: dict[str, Sequence[float]] = {
-        name: place for name, state in states.items() if (place := place_of(state)) is not None
+        name: place for name, state in states.items() if (place := state.position_m) is not None
     }
     ends = [
         (places[name], places[leader])

@@ -4,10 +4,10 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
+from bus.message import Setting
 from bus.messages import LeaderLink
 from ground_station.fleet import Fleet
 from ground_station.page.formations import formation_links
-from ground_station.state import VehicleState
 from ground_station.vehicle import FLIGHT_ERRORS
 
 KILL_REASON: Final = "ground station"
@@ -70,13 +70,17 @@ class Steering:
         self._notice(done or (answer if isinstance(answer, str) and answer else what), refused=False)
         return True
 
+    def refuse(self, reason: str) -> None:
+        """Show why nothing was asked."""
+        self._notice(reason, refused=True)
+
     def take_off(self) -> None:
         """Arm and take off with everybody who is ready."""
         self.ask("take-off", self._take_off)
 
     def _take_off(self) -> str:
         behind = self._fleet.take_off()
-        return "; ".join(["all fly", *behind]) if not behind else f"flying; on the floor: {'; '.join(behind)}"
+        return f"flying; on the floor: {'; '.join(behind)}" if behind else "all fly"
 
     def land(self, names: Sequence[str] | None = None) -> None:
         """Land some or all vehicles."""
@@ -118,9 +122,9 @@ class Steering:
         if leader is None:
             self.follow(name, ())
             return
-        own, other = _place(self._fleet[name].state), _place(self._fleet[leader].state)
+        own, other = self._fleet[name].state.position_m, self._fleet[leader].state.position_m
         if own is None or other is None:
-            self._notice(f"{name} or {leader} has not told where it is", refused=True)
+            self.refuse(f"{name} or {leader} has not told where it is")
             return
         x, y, z = (round(a - b, 3) for a, b in zip(own, other, strict=True))
         self.follow(name, (LeaderLink(leader=leader, offset_m=(x, y, z)),))
@@ -129,10 +133,10 @@ class Steering:
         """Bring everybody who flies into a formation behind a vehicle that leads."""
         flying = [vehicle.name for vehicle in self._fleet if vehicle.state.phase == "flying"]
         if leader not in flying:
-            self._notice(f"{leader} does not fly", refused=True)
+            self.refuse(f"{leader} does not fly")
             return
         if self._fleet[leader].state.leaders:
-            self._notice(f"{leader} follows somebody; let it lead first", refused=True)
+            self.refuse(f"{leader} follows somebody; let it lead first")
             return
         followers = [name for name in flying if name != leader]
         for name, link in formation_links(shape, leader, followers, spacing_m).items():
@@ -142,11 +146,7 @@ class Steering:
         """Make a vehicle the leader of its formation."""
         self.ask("promotion", lambda: "; ".join(self._fleet.promote(name)))
 
-    def tune(self, name: str, controller: str | None = None, **settings: object) -> bool:
+    def tune(self, name: str, controller: str | None = None, **settings: Setting) -> bool:
         """Change the controller of a vehicle, or settings of it."""
         vehicle = self._fleet[name]
-        return self.ask(f"tuning of {name}", lambda: vehicle.tune(controller, **settings))  # type: ignore[arg-type]
-
-
-def _place(state: VehicleState) -> tuple[float, float, float] | None:
-    return None if state.agent is None else state.agent.position_m
+        return self.ask(f"tuning of {name}", lambda: vehicle.tune(controller, None, None, **settings))
