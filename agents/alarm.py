@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.time_limit import OutOfTimeError, TimeLimit
+from rcopterx.agents.flight.time_limit import OutOfTimeError, TimeLimit
 
 LONGEST_WAIT_S: Final = 0.1
 """Wall time of a step; shorter than what a watchdog takes for a hung process."""

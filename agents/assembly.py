@@ -3,27 +3,27 @@
 from dataclasses import dataclass
 from typing import Final
 
-from agents.external_control import ExternalControl
-from agents.flight.guidance import Guidance
-from agents.following.leader_changes import LeaderChanges
-from agents.following.leader_plans import LeaderPlans
-from agents.following.links import followed_leader
-from agents.following.lost_leaders import LostLeaders
-from agents.following.peers import PeerStatuses
-from agents.formation.limit_scaling import LimitScaling
-from agents.formation.placement import Room
-from agents.handover import Handover
-from agents.observation import Observation
-from agents.pacing import Pacing, SolveTimer
-from agents.pilot import Pilot
-from agents.request_handler import RequestHandler
-from agents.separation.traffic import Traffic
-from agents.settings import AgentSettings
-from agents.telemetry import DiagnosticsCollector
-from agents.tuning.changes import Tuning
-from agents.tuning.guard import OscillationGuard
-from bus import channels
-from bus.stepping import StepBus
+from rcopterx.agents.external_control import ExternalControl
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.following.leader_changes import LeaderChanges
+from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.lost_leaders import LostLeaders
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.formation.limit_scaling import LimitScaling
+from rcopterx.agents.formation.placement import Room
+from rcopterx.agents.handover import Handover
+from rcopterx.agents.observation import Observation
+from rcopterx.agents.pacing import Pacing, SolveTimer
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.request_handler import RequestHandler
+from rcopterx.agents.separation.traffic import Traffic
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.telemetry import DiagnosticsCollector
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.guard import OscillationGuard
+from rcopterx.bus import channels
+from rcopterx.bus.stepping import StepBus
 
 TUNED: Final = "tuned"
 """Note of the thread that prepares another controller."""

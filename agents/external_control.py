@@ -3,15 +3,15 @@
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from agents.controllers.external import ExternalController
-from agents.phases import Phase
-from agents.pilot import Pilot
-from bus.message import FloatArray
-from bus.messages import ControlTask, ExternalInput
-from bus.requests import TakeControl
-from bus.subscription import Inbox
-from vehicles.state import Array
-from vehicles.tuples import four
+from rcopterx.agents.controllers.external import ExternalController
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.pilot import Pilot
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import ControlTask, ExternalInput
+from rcopterx.bus.requests import TakeControl
+from rcopterx.bus.subscription import Inbox
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import four
 
 
 class ExternalControl:

@@ -2,16 +2,16 @@
 
 from typing import Final
 
-from agents.intent import configuration_of, intent_of, passed_s, task_of
-from agents.pilot import Pilot
-from agents.tuning.changes import Tuning
-from bus import channels
-from bus.intent import Intent
-from bus.message import FloatArray
-from bus.requests import Recall, RecallReply
-from bus.session import RequestFailedError
-from bus.stepping import StepBus
-from vehicles.state import YAW
+from rcopterx.agents.intent import configuration_of, intent_of, passed_s, task_of
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.bus import channels
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.requests import Recall, RecallReply
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.bus.stepping import StepBus
+from rcopterx.vehicles.state import YAW
 
 LONG_PERIOD_S: Final = 1.0
 """An intent with a path is long: as long as nothing changes it is told only so often."""

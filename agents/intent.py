@@ -4,26 +4,26 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.followed import FollowedLeader
-from agents.flight.task import Task
-from agents.following.links import followed_leader, target_link
-from agents.formation.law import FormationOffset
-from agents.phases import Phase
-from agents.references.paths import FlightPath
-from agents.references.set_points import (
+from rcopterx.agents.flight.followed import FollowedLeader
+from rcopterx.agents.flight.task import Task
+from rcopterx.agents.following.links import followed_leader, target_link
+from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.references.paths import FlightPath
+from rcopterx.agents.references.set_points import (
     PathReference,
     ReferenceSource,
     SetPointReference,
     SmoothMove,
     SmoothTurn,
 )
-from agents.references.trajectory import COLUMNS, POSITION, YAW
-from agents.telemetry import in_message
-from agents.tuning.configuration import Configuration
-from bus.intent import FlownBy, Intent, OffsetMove
-from bus.message import FloatArray
-from bus.messages import SetPoint
-from vehicles.tuples import three
+from rcopterx.agents.references.trajectory import COLUMNS, POSITION, YAW
+from rcopterx.agents.telemetry import in_message
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.bus.intent import FlownBy, Intent, OffsetMove
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import SetPoint
+from rcopterx.vehicles.tuples import three
 
 _END_OF_TIME_S: Final = 1e9
 

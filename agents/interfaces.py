@@ -11,8 +11,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from agents.references.trajectory import Trajectory
-from vehicles.state import Array
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.state import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class TiltEstimate:
-    """What an estimator knows of the tilt of a vehicle that has a tilt model (`vehicles.tilt`).
+    """What an estimator knows of the tilt of a vehicle that has a tilt model (`rcopterx.vehicles.tilt`).
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Estimate:
     Attributes
     ----------
     motion
-        Motion state of `vehicles.state`, shape (8,), yaw unwrapped.
+        Motion state of `rcopterx.vehicles.state`, shape (8,), yaw unwrapped.
     actuator
         Inputs after their lag, shape (4,).
     disturbance

@@ -5,12 +5,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from agents.interfaces import Measurement
-from agents.pacing import Pacing
-from agents.pilot import Pilot, StampedMeasurement
-from agents.telemetry import prefixed
-from bus.messages import Applied, Pose
-from bus.subscription import Inbox
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.pacing import Pacing
+from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.telemetry import prefixed
+from rcopterx.bus.messages import Applied, Pose
+from rcopterx.bus.subscription import Inbox
 
 
 class Observation:

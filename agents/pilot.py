@@ -14,26 +14,26 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.step_guard import StepGuard
-from agents.estimators.estimator_guard import EstimatorGuard
-from agents.flight.bumpless_transfer import BumplessTransfer
-from agents.flight.fleet_clock import FleetClock, InputHistory
-from agents.flight.followed import LeaderPlan
-from agents.flight.guidance import Guidance, resting
-from agents.flight.lift_off import LiftOff
-from agents.flight.prediction import predict
-from agents.flight.self_check import SelfCheck
-from agents.flight.time_limit import TimeLimit
-from agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
-from agents.identification.exciter import Exciter
-from agents.interfaces import Controller, Estimate, Estimator, Measurement
-from agents.phases import Event, Phase
-from agents.references.trajectory import Trajectory
-from agents.references.turns import nearest_heading
-from agents.separation.avoidance import Neighbour, SeparationEllipsoid
-from agents.separation.plan_avoidance import PlanAvoidance
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
+from rcopterx.agents.controllers.step_guard import StepGuard
+from rcopterx.agents.estimators.estimator_guard import EstimatorGuard
+from rcopterx.agents.flight.bumpless_transfer import BumplessTransfer
+from rcopterx.agents.flight.fleet_clock import FleetClock, InputHistory
+from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.flight.guidance import Guidance, resting
+from rcopterx.agents.flight.lift_off import LiftOff
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.flight.self_check import SelfCheck
+from rcopterx.agents.flight.time_limit import TimeLimit
+from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
+from rcopterx.agents.identification.exciter import Exciter
+from rcopterx.agents.interfaces import Controller, Estimate, Estimator, Measurement
+from rcopterx.agents.phases import Event, Phase
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.agents.references.turns import nearest_heading
+from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
+from rcopterx.agents.separation.plan_avoidance import PlanAvoidance
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
 BRIDGED_S: Final = 0.12
 """Planned inputs that go with a command last so long."""
@@ -95,7 +95,7 @@ class Pilot:
     model
         Nominal model of the vehicle.
     controller, estimator
-        Any pair that keeps the promises of `agents.interfaces`.
+        Any pair that keeps the promises of `rcopterx.agents.interfaces`.
     guidance
         Phase and task.
     separation

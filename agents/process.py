@@ -8,17 +8,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from agents.alarm import AlarmTimeLimit
-from agents.assembly import TUNED, assemble
-from agents.pilot import ControlOutput, Pilot
-from agents.reporting import Reporter
-from agents.settings import AgentSettings
-from agents.telemetry import command_message, plan_message
-from bus import channels
-from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from bus.realtime import request_realtime, settle
-from bus.session import Session
-from bus.stepping import StepBus, SteppedSession
+from rcopterx.agents.alarm import AlarmTimeLimit
+from rcopterx.agents.assembly import TUNED, assemble
+from rcopterx.agents.pilot import ControlOutput, Pilot
+from rcopterx.agents.reporting import Reporter
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.telemetry import command_message, plan_message
+from rcopterx.bus import channels
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.session import Session
+from rcopterx.bus.stepping import StepBus, SteppedSession
 
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""

@@ -3,13 +3,13 @@
 import logging
 from typing import Final
 
-from agents.assembly import AgentParts
-from agents.pilot import Pilot
-from agents.settings import AgentSettings
-from agents.telemetry import status_message
-from bus import channels
-from bus.messages import AgentStatus
-from bus.stepping import StepBus
+from rcopterx.agents.assembly import AgentParts
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.telemetry import status_message
+from rcopterx.bus import channels
+from rcopterx.bus.messages import AgentStatus
+from rcopterx.bus.stepping import StepBus
 
 _LOG = logging.getLogger(__name__)
 

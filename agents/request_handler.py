@@ -5,22 +5,22 @@ from typing import Any
 
 import numpy as np
 
-from agents.external_control import ExternalControl
-from agents.following.leader_changes import LeaderChanges, reply_of
-from agents.following.links import target_link
-from agents.following.peers import PeerStatuses
-from agents.formation.limit_scaling import turn_limits_of
-from agents.formation.placement import Room, move_problem, take_off_problem
-from agents.formation.present import formation_of
-from agents.formation.topology import FormationGraph, followers, places
-from agents.identification.excitation import Excitation
-from agents.interfaces import AvoidsObstacles
-from agents.pilot import Pilot
-from agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
-from agents.settings import AgentSettings
-from agents.tuning.changes import Tuning
-from agents.tuning.guard import without_guard
-from bus.requests import (
+from rcopterx.agents.external_control import ExternalControl
+from rcopterx.agents.following.leader_changes import LeaderChanges, reply_of
+from rcopterx.agents.following.links import target_link
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.formation.limit_scaling import turn_limits_of
+from rcopterx.agents.formation.placement import Room, move_problem, take_off_problem
+from rcopterx.agents.formation.present import formation_of
+from rcopterx.agents.formation.topology import FormationGraph, followers, places
+from rcopterx.agents.identification.excitation import Excitation
+from rcopterx.agents.interfaces import AvoidsObstacles
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.guard import without_guard
+from rcopterx.bus.requests import (
     CommitLeaders,
     Excite,
     Fly,
@@ -37,8 +37,8 @@ from bus.requests import (
     WithdrawLeaders,
     verb_of,
 )
-from bus.session import Incoming
-from vehicles.state import Array
+from rcopterx.bus.session import Incoming
+from rcopterx.vehicles.state import Array
 
 Decision = tuple[str | None, str]
 """Why a request is refused, or None and what happens."""

@@ -3,15 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
-from agents.formation.succession import Succession
-from agents.interfaces import FULL_LIMITS, LimitScale
-from agents.separation.avoidance import SeparationEllipsoid
-from agents.tuning.configuration import Configuration
-from bus.messages import LeaderLink
-from bus.session import BusAddress
-from vehicles.model import Model
-from vehicles.tuples import Three
+from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
+from rcopterx.agents.formation.succession import Succession
+from rcopterx.agents.interfaces import FULL_LIMITS, LimitScale
+from rcopterx.agents.separation.avoidance import SeparationEllipsoid
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.session import BusAddress
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.tuples import Three
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,17 @@ from typing import Protocol
 
 import msgspec
 
-from agents.following.leader_plans import LeaderPlans
-from agents.following.links import present_link, target_link
-from agents.pacing import Pacing, SolveTimer
-from agents.pilot import ControlOutput, Pilot
-from agents.settings import AgentSettings
-from agents.tuning.changes import Tuning
-from agents.tuning.guard import effort_factor
-from bus.message import FloatArray, Setting
-from bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, SetPoint
-from vehicles.state import YAW, Array, heading_matrix
-from vehicles.tuples import three
+from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.links import present_link, target_link
+from rcopterx.agents.pacing import Pacing, SolveTimer
+from rcopterx.agents.pilot import ControlOutput, Pilot
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.guard import effort_factor
+from rcopterx.bus.message import FloatArray, Setting
+from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, SetPoint
+from rcopterx.vehicles.state import YAW, Array, heading_matrix
+from rcopterx.vehicles.tuples import three
 
 
 class Source(Protocol):

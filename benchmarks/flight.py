@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.controllers.registry import CONTROLLERS
-from agents.interfaces import Estimate
-from agents.references.trajectory import Trajectory, hold
-from vehicles.model import Model, input_behind_gyro, motion_derivative
-from vehicles.state import Array
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import Trajectory, hold
+from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
+from rcopterx.vehicles.state import Array
 
 SET_POINTS = (
     (0.0, 0.0, 1.0, 0.0),

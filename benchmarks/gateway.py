@@ -16,20 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from bus import channels
-from bus.message import FloatArray
-from bus.messages import Command, Pose
-from bus.requests import Arm
-from bus.router import run_router
-from bus.session import BusAddress, Session
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_multi import MultiModule
-from simulator.radio_receiver import Receiver
-from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.process import run_gateway
-from transmitter_gateway.protocols.registry import create_protocol, default_line
-from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
+from rcopterx.bus import channels
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import Command, Pose
+from rcopterx.bus.requests import Arm
+from rcopterx.bus.router import run_router
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_multi import MultiModule
+from rcopterx.simulator.radio_receiver import Receiver
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.process import run_gateway
+from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line
+from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 
 PERIOD_S = 0.02
 IDLE_S = 1.5

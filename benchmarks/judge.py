@@ -4,13 +4,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.controllers.active_set import ChainSolution
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.chain_qp import ChainQP
-from agents.controllers.stage_qp import StageQP, StageSolution
-from benchmarks.peer_piqp import ExactChainQP, ExactStageQP
-from vehicles.model import Model
-from vehicles.state import Array
+from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.agents.controllers.stage_qp import StageQP, StageSolution
+from rcopterx.benchmarks.peer_piqp import ExactChainQP, ExactStageQP
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
 
 EVERY: Final = 10
 """One step in so many is judged."""

@@ -16,16 +16,16 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
-from benchmarks.namespaces import Network, network
-from bus.endpoints import client_config
-from bus.session import BusAddress, Session
-from deploy.spare_process import child_environment
+from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.bus.endpoints import client_config
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.spare_process import child_environment
 
 HOSTS: Final = ("a", "b")
 ROUTER: Final = """
 import json, sys
-from bus.requests import IdentifyReply
-from bus.router import run_router
+from rcopterx.bus.requests import IdentifyReply
+from rcopterx.bus.router import run_router
 listen, connect, host, other = json.loads(sys.argv[1])
 identity = IdentifyReply(accepted=True, fleet="bench", host=host, digest="", vehicles=())
 run_router(listen, connect, None, 26, identity, [other])

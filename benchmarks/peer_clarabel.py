@@ -6,8 +6,8 @@ from typing import Any, Final
 import numpy as np
 from scipy import sparse
 
-from agents.controllers.stage_qp import Outcome, StageQP, sparse_with_places
-from vehicles.state import Array
+from rcopterx.agents.controllers.stage_qp import Outcome, StageQP, sparse_with_places
+from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6
 """As of the other interior-point methods."""

@@ -6,8 +6,8 @@ from typing import Any, Final
 import numpy as np
 from scipy import sparse
 
-from agents.controllers.stage_qp import Outcome, StageQP
-from vehicles.state import Array
+from rcopterx.agents.controllers.stage_qp import Outcome, StageQP
+from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6
 STAND_IN_FOR_INFINITY: Final = 100.0

@@ -6,11 +6,11 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
-from agents.controllers.active_set import ChainSolution
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.chain_qp import ChainQP
-from agents.controllers.stage_qp import Indices, Outcome, StageQP, sparse_with_places
-from vehicles.state import Array
+from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.agents.controllers.stage_qp import Indices, Outcome, StageQP, sparse_with_places
+from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6
 """Looser ones leave inputs a hundredth of their range from the solution at set-point steps."""

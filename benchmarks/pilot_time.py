@@ -1,6 +1,6 @@
 """Processor time of a formation in flight, of this checkout and of another one, in alternating runs.
 
-    python -m benchmarks.pilot_time --against DIRECTORY
+    python -m rcopterx.benchmarks.pilot_time --against DIRECTORY
 
 Alternating, because a machine is not equally fast from minute to minute. The laboratory is part of it
 (about a sixth); processes, bus and messages are not.
@@ -15,10 +15,10 @@ import time
 from pathlib import Path
 from typing import Final
 
-from experiments.formation import SLOTS, events, formation
-from experiments.rig import Rig
-from experiments.schemes import CASCADE
-from simulator.conditions import PRESETS
+from rcopterx.experiments.formation import SLOTS, events, formation
+from rcopterx.experiments.rig import Rig
+from rcopterx.experiments.schemes import CASCADE
+from rcopterx.simulator.conditions import PRESETS
 
 HORIZON: Final = 30
 FLIGHT_S: Final = 20.0

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from bus.requests import Recall
-from ground_station.fleet import Fleet
-from ground_station.launched import launched
-from ground_station.report import percentiles
+from rcopterx.bus.requests import Recall
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.launched import launched
+from rcopterx.ground_station.report import percentiles
 
 PAUSE_S: Final = 0.031
 """Between two requests; no multiple of the control period, so that they meet every phase of it."""

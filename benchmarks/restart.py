@@ -17,18 +17,18 @@ from typing import Any
 
 import numpy as np
 
-from bus import channels
-from bus.messages import AgentStatus, TransmitterStatus
-from bus.session import Session
-from deploy.fleet_file.reading import load_fleet
-from deploy.launcher import Launcher
-from deploy.roles.addresses import bus_address
-from deploy.roles.agent import pilot_of
-from ground_station.fleet import Fleet
-from ground_station.launched import launched
-from ground_station.recorder import Recorder, Recording
-from ground_station.report import percentiles
-from ground_station.waiting import NotReachedError
+from rcopterx.bus import channels
+from rcopterx.bus.messages import AgentStatus, TransmitterStatus
+from rcopterx.bus.session import Session
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.launcher import Launcher
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.agent import pilot_of
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.launched import launched
+from rcopterx.ground_station.recorder import Recorder, Recording
+from rcopterx.ground_station.report import percentiles
+from rcopterx.ground_station.waiting import NotReachedError
 
 SETTLE_S = 3.0
 WATCH_S = 4.0

@@ -13,13 +13,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from bus import channels
-from deploy.launcher import Launcher
-from ground_station.launched import launched
-from ground_station.recorder import Recorder
-from ground_station.report import FlightFigures, percentiles
-from ground_station.vehicle import FLIGHT_ERRORS, lines_of
-from ground_station.waiting import NotReachedError
+from rcopterx.bus import channels
+from rcopterx.deploy.launcher import Launcher
+from rcopterx.ground_station.launched import launched
+from rcopterx.ground_station.recorder import Recorder
+from rcopterx.ground_station.report import FlightFigures, percentiles
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
+from rcopterx.ground_station.waiting import NotReachedError
 
 SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
 HORIZON: Final = 30

@@ -21,15 +21,15 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from agents.controllers.cascade import CascadeController, CascadeSettings
-from agents.controllers.chain_qp import ChainQP
-from agents.controllers.paper import PaperController, PaperSettings
-from agents.controllers.stage_qp import StageQP
-from agents.interfaces import Controller
-from benchmarks.flight import Moment, record_flight
-from benchmarks.judge import judged_chain, judged_stage
-from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.agents.controllers.paper import PaperController, PaperSettings
+from rcopterx.agents.controllers.stage_qp import StageQP
+from rcopterx.agents.interfaces import Controller
+from rcopterx.benchmarks.flight import Moment, record_flight
+from rcopterx.benchmarks.judge import judged_chain, judged_stage
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 HORIZONS: Final = (10, 18, 30, 50, 80, 110)
 STEPS: Final = 2000
@@ -87,7 +87,7 @@ class Contestant:
         if self.workspace is None:
             return own
         module, name = self.workspace.split(":")
-        peer: type[Any] = getattr(import_module(f"benchmarks.{module}"), name)
+        peer: type[Any] = getattr(import_module(f"rcopterx.benchmarks.{module}"), name)
         return peer
 
 

@@ -14,7 +14,7 @@ def draw_solver(document: Mapping[str, Any], figure: Any) -> None:
     Parameters
     ----------
     document
-        As `benchmarks.solver.run` returns it.
+        As `rcopterx.benchmarks.solver.run` returns it.
     figure
         Empty `matplotlib.figure.Figure`.
     """

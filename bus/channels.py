@@ -7,9 +7,9 @@ elsewhere. Figures: zenoh_bus.md section 7.1.
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
-from bus import log_messages, messages
-from bus.intent import Intent
-from bus.keys import (
+from rcopterx.bus import log_messages, messages
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.keys import (
     EVERY_FLEET,
     FLEET_UNIT,
     KILL_TOPIC,
@@ -21,8 +21,8 @@ from bus.keys import (
     key,
     request_key,
 )
-from bus.link_messages import Beat, RouterStatus
-from bus.message import SCHEMA_VERSION, Message
+from rcopterx.bus.link_messages import Beat, RouterStatus
+from rcopterx.bus.message import SCHEMA_VERSION, Message
 
 __all__ = [
     "AGENT_STATUS", "AGENT_STEPS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK",

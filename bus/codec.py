@@ -6,7 +6,7 @@ from typing import TypeVar
 import msgpack
 import msgspec
 
-from bus.message import InvalidMessageError, Message
+from rcopterx.bus.message import InvalidMessageError, Message
 
 M = TypeVar("M", bound=Message)
 

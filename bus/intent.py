@@ -4,8 +4,8 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from bus.message import Count, FloatArray, Heading, Message, Name, Place, Seconds, Settings
-from bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
+from rcopterx.bus.message import Count, FloatArray, Heading, Message, Name, Place, Seconds, Settings
+from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 
 class OffsetMove(Struct, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""How keys of the bus are made; `bus.channels` is the table of what travels under them.
+"""How keys of the bus are made; `rcopterx.bus.channels` is the table of what travels under them.
 
 Apart from that table because `rcopterx kill` needs keys and has no time to import message types.
 """

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from bus.message import Count, Message, Name, Seconds
+from rcopterx.bus.message import Count, Message, Name, Seconds
 
 RouterId = Annotated[str, Meta(pattern="^[0-9a-f]{1,32}$")]
 """Zenoh's identity of a router process; another one after every start."""

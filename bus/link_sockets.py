@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Final
 
-from bus.link_watch import RouterLink
+from rcopterx.bus.link_watch import RouterLink
 
 DIAL_LIMIT_S: Final = 0.06
 """In a laboratory connecting takes a millisecond; TCP repeats a lost request for a connection after 1 s."""

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 from msgspec import structs
 
-from bus.clock_offset import ClockFilter
-from bus.link_messages import Beat, Echo, LinkState
+from rcopterx.bus.clock_offset import ClockFilter
+from rcopterx.bus.link_messages import Beat, Echo, LinkState
 
 SILENCE_S: Final = 0.25
 """A direction without a beat for so long is dead: five beats."""

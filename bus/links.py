@@ -8,12 +8,12 @@ from typing import Final
 
 import zenoh
 
-from bus import channels
-from bus.codec import encode
-from bus.link_messages import RouterStatus
-from bus.link_sockets import Dials, close_link, hasten
-from bus.link_watch import LinkWatch, RouterLink
-from bus.subscription import Subscription
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.link_sockets import Dials, close_link, hasten
+from rcopterx.bus.link_watch import LinkWatch, RouterLink
+from rcopterx.bus.subscription import Subscription
 
 BEAT_S: Final = 0.05
 DIAL_CHECK_S: Final = 0.02

@@ -1,13 +1,13 @@
 """Messages that exist for flight logs: what was asked and answered, what the launcher saw, and the recorder.
 
-Messages about how to fly are in `bus.messages`.
+Messages about how to fly are in `rcopterx.bus.messages`.
 """
 
 from typing import Annotated, ClassVar, Final
 
 from msgspec import Meta
 
-from bus.message import Count, InvalidMessageError, Message, Name, Seconds, Text
+from rcopterx.bus.message import Count, InvalidMessageError, Message, Name, Seconds, Text
 
 MAX_REQUEST_BYTES: Final = 131072
 """Of the largest request, a trajectory."""

@@ -2,14 +2,15 @@
 
 Every message carries `schema_version`. Fields are only ever appended, with defaults, so that old and new
 programs understand each other. Numbers are finite, names are key-safe, arrays state their shape; `check`
-holds what types cannot say. The table of channels is `bus.channels`, the coding `bus.codec`.
+holds what types cannot say. The table of channels is `rcopterx.bus.channels`, the coding
+`rcopterx.bus.codec`.
 """
 
 from typing import Annotated
 
 from msgspec import Meta, Struct, field
 
-from bus.message import (
+from rcopterx.bus.message import (
     MAX_POSITION_M,
     Count,
     Eight,

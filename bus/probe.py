@@ -6,9 +6,9 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from bus.endpoints import client_config
-from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from bus.keys import probe_key
+from rcopterx.bus.endpoints import client_config
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.bus.keys import probe_key
 
 PERIOD_S: Final = LONGEST_WAIT_S / 2
 OPENING_LIMIT_S: Final = 10.0

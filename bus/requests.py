@@ -8,9 +8,9 @@ from typing import Annotated, ClassVar, Final
 
 from msgspec import Meta, Struct
 
-from bus.intent import Intent
-from bus.message import FloatArray, InvalidMessageError, Message, Name, Seconds, Settings, Text
-from bus.messages import KNOT_COLUMNS, MAX_KNOTS, Applied, LeaderLink, SetPoint
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.message import FloatArray, InvalidMessageError, Message, Name, Seconds, Settings, Text
+from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, Applied, LeaderLink, SetPoint
 
 MAX_PATH_S: Final = 600.0
 REST_TOLERANCE: Final = 1e-6

@@ -8,13 +8,13 @@ from contextlib import ExitStack
 import zenoh
 from zenoh.handlers import Callback
 
-from bus import channels
-from bus.codec import encode
-from bus.endpoints import reason_of, router_config
-from bus.links import LinkService
-from bus.probe import probe_until
-from bus.realtime import request_realtime
-from bus.requests import IdentifyReply
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.endpoints import reason_of, router_config
+from rcopterx.bus.links import LinkService
+from rcopterx.bus.probe import probe_until
+from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.requests import IdentifyReply
 
 
 def run_router(
@@ -32,7 +32,7 @@ def run_router(
     Parameters
     ----------
     listen, connect, namespace
-        See `bus.endpoints.router_config`.
+        See `rcopterx.bus.endpoints.router_config`.
     realtime_priority
         SCHED_FIFO priority, 0 for none.
     identity

@@ -13,14 +13,14 @@ from typing import Final, NamedTuple, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from bus import channels
-from bus.channels import Channel
-from bus.codec import RejectedError, decode, encode
-from bus.endpoints import client_config, reason_of
-from bus.log_messages import AnsweredRequest
-from bus.message import Message
-from bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
-from bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
+from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.codec import RejectedError, decode, encode
+from rcopterx.bus.endpoints import client_config, reason_of
+from rcopterx.bus.log_messages import AnsweredRequest
+from rcopterx.bus.message import Message
+from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
+from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)

@@ -10,14 +10,14 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
-from bus import channels
-from bus.channels import Channel
-from bus.codec import encode
-from bus.log_messages import AgentSteps
-from bus.message import Message
-from bus.requests import Reply, Request
-from bus.session import Incoming, Session
-from bus.subscription import Inbox
+from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.codec import encode
+from rcopterx.bus.log_messages import AgentSteps
+from rcopterx.bus.message import Message
+from rcopterx.bus.requests import Reply, Request
+from rcopterx.bus.session import Incoming, Session
+from rcopterx.bus.subscription import Inbox
 
 M = TypeVar("M", bound=Message)
 
@@ -38,7 +38,7 @@ class Inboxes(Protocol[M]):
 
 
 class StepBus(Protocol):
-    """What a process that works in steps needs of the bus; `bus.session.Session` tells more of each."""
+    """What a process that works in steps needs of the bus; `Session` tells more of each."""
 
     life: int
     """Wall clock at the start of the process [ms]."""

@@ -13,9 +13,9 @@ from typing import Any, Generic, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from bus.channels import Channel
-from bus.codec import RejectedError, decode
-from bus.message import Message
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.codec import RejectedError, decode
+from rcopterx.bus.message import Message
 
 M = TypeVar("M", bound=Message)
 

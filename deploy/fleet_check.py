@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from deploy.fleet_file.schema import FleetFile
-from deploy.formation_check import check_formation
-from deploy.roles.agent import check_period, pilot_of
-from deploy.roles.arbiter_limits import limits_of
-from deploy.roles.simulator import simulator_settings
-from deploy.roles.tracker import tracker_settings
-from deploy.roles.transmitters import gateway_settings
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.formation_check import check_formation
+from rcopterx.deploy.roles.agent import check_period, pilot_of
+from rcopterx.deploy.roles.arbiter_limits import limits_of
+from rcopterx.deploy.roles.simulator import simulator_settings
+from rcopterx.deploy.roles.tracker import tracker_settings
+from rcopterx.deploy.roles.transmitters import gateway_settings
 
 
 def check_fleet(fleet: FleetFile, directory: Path) -> None:

@@ -11,13 +11,13 @@ import msgspec
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from deploy.fleet_file.reading import load_fleet, parse_fleet
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.fleet_file.shipped import shipped_fleets
-from deploy.roles.transmitters import calibration_of
-from deploy.roles.vehicle_models import model_of
-from transmitter_gateway.calibration import Calibration
-from vehicles.model import Model
+from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.shipped import shipped_fleets
+from rcopterx.deploy.roles.transmitters import calibration_of
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.vehicles.model import Model
 
 DIGITS = 4
 FITTED = (

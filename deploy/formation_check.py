@@ -4,9 +4,9 @@ from itertools import combinations
 
 import numpy as np
 
-from agents.formation.topology import FormationGraph, places, roots
-from bus.messages import LeaderLink
-from deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.agents.formation.topology import FormationGraph, places, roots
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 
 TOLERANCE_M = 1e-6
 

@@ -10,22 +10,22 @@ from collections.abc import Collection
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from bus.realtime import request_realtime
-from bus.session import BusUnreachableError
-from deploy.fleet_check import check_fleet
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.fleet_file.snapshot import write_snapshot
-from deploy.membership import MembershipService
-from deploy.process_log import append
-from deploy.processes import RECORDER, processes_of
-from deploy.recall import RecallService
-from deploy.roles.addresses import bus_address
-from deploy.roles.priorities import Priority
-from deploy.roles.tracker import check_motion_capture, tracker_address
-from deploy.run_directory import flight_path, run_directory, serial_path, snapshot_path
-from deploy.supervisor import Supervisor
-from deploy.watchdog import WatchdogLimits
-from flight_log.flights import flight_name
+from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.session import BusUnreachableError
+from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.snapshot import write_snapshot
+from rcopterx.deploy.membership import MembershipService
+from rcopterx.deploy.process_log import append
+from rcopterx.deploy.processes import RECORDER, processes_of
+from rcopterx.deploy.recall import RecallService
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.deploy.roles.tracker import check_motion_capture, tracker_address
+from rcopterx.deploy.run_directory import flight_path, run_directory, serial_path, snapshot_path
+from rcopterx.deploy.supervisor import Supervisor
+from rcopterx.deploy.watchdog import WatchdogLimits
+from rcopterx.flight_log.flights import flight_name
 
 WATCH_S = 0.02
 """Between two looks at the progress of all processes."""

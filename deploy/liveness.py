@@ -5,9 +5,9 @@ import signal
 from collections.abc import Mapping
 from contextlib import suppress
 
-from bus.heartbeat import HeartbeatPage
-from deploy.processor_time import Threads, excuse_of, threads_of
-from deploy.watchdog import Duty, Excuse, Hung, Look, Watchdog
+from rcopterx.bus.heartbeat import HeartbeatPage
+from rcopterx.deploy.processor_time import Threads, excuse_of, threads_of
+from rcopterx.deploy.watchdog import Duty, Excuse, Hung, Look, Watchdog
 
 
 class Liveness:

@@ -4,13 +4,13 @@ import threading
 from collections import deque
 from collections.abc import Mapping
 
-from agents.phases import AIRBORNE
-from bus import channels
-from bus.log_messages import LauncherEvent
-from bus.messages import LauncherStatus
-from bus.requests import Reply, StartVehicle, StopVehicle
-from bus.session import BusAddress, Session
-from deploy.supervisor import Child, Supervisor
+from rcopterx.agents.phases import AIRBORNE
+from rcopterx.bus import channels
+from rcopterx.bus.log_messages import LauncherEvent
+from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.requests import Reply, StartVehicle, StopVehicle
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.supervisor import Child, Supervisor
 
 REPORT_PERIOD_S = 0.5
 MAX_TEXT = 400

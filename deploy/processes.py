@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 
 RECORDER: Final = "recorder"
 """Name and role of the process that writes the flight log."""
@@ -34,7 +34,7 @@ class ProcessSpec:
 
     def command(self, snapshot: Path) -> list[str]:
         """Command line that starts the process by the snapshot of a fleet file."""
-        return [sys.executable, "-m", "deploy.roles", self.role, self.unit, str(snapshot)]
+        return [sys.executable, "-m", "rcopterx.deploy.roles", self.role, self.unit, str(snapshot)]
 
 
 def recording_host(fleet: FleetFile) -> str:

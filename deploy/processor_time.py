@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from deploy.watchdog import Excuse
+from rcopterx.deploy.watchdog import Excuse
 
 STOPPED: Final = "T"
 TRACED: Final = "t"

@@ -4,11 +4,11 @@ import threading
 from collections.abc import Callable
 from typing import TypeVar
 
-from bus import channels
-from bus.message import Message
-from bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
-from bus.session import BusAddress, Session
-from bus.subscription import Inbox, Received
+from rcopterx.bus import channels
+from rcopterx.bus.message import Message
+from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.subscription import Inbox, Received
 
 M = TypeVar("M", bound=Message)
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from deploy.run_directory import base_directory
+from rcopterx.deploy.run_directory import base_directory
 
 LOCK_PATIENCE_S = 2.0
 """How long a router that replaces another one waits for the lock."""

@@ -11,13 +11,13 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from agents.process import run_agent
-from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from deploy.fleet_file.reading import load_fleet
-from deploy.process_log import set_up
-from deploy.roles.agent import pilot_of
-from deploy.roles.run import end_with_parent, log_start, name_process, run_reporting, runner
-from deploy.spare_process import Job
+from rcopterx.agents.process import run_agent
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.process_log import set_up
+from rcopterx.deploy.roles.agent import pilot_of
+from rcopterx.deploy.roles.run import end_with_parent, log_start, name_process, run_reporting, runner
+from rcopterx.deploy.spare_process import Job
 
 
 def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | None:
@@ -58,7 +58,7 @@ def _order() -> str:
 
 
 def main() -> None:
-    """Entry point: `python -m deploy.spare SNAPSHOT ROLE:UNIT...`."""
+    """Entry point: `python -m rcopterx.deploy.spare SNAPSHOT ROLE:UNIT...`."""
     end_with_parent()
     set_up()
     jobs = [(role, unit) for role, _, unit in (word.partition(":") for word in sys.argv[2:])]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from bus.heartbeat import VARIABLE, HeartbeatPage, Phase
+from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, Phase
 
 Job = tuple[str, str]
 """Role and unit of a process."""
@@ -99,7 +99,7 @@ class SpareProcess:
             return
         self.close()
         words = [f"{role}:{unit}" for role, unit in self._jobs]
-        command = [sys.executable, "-m", "deploy.spare", str(self._snapshot), *words]
+        command = [sys.executable, "-m", "rcopterx.deploy.spare", str(self._snapshot), *words]
         self._started = start_process(command, self._log, subprocess.PIPE)
 
     def take(self, role: str, unit: str, log: Path) -> Started | None:

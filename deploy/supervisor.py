@@ -10,12 +10,12 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bus.heartbeat import HeartbeatPage
-from deploy.liveness import Liveness
-from deploy.process_log import rotate
-from deploy.processes import ProcessSpec
-from deploy.spare_process import SpareProcess, Started, start_process
-from deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
+from rcopterx.bus.heartbeat import HeartbeatPage
+from rcopterx.deploy.liveness import Liveness
+from rcopterx.deploy.process_log import rotate
+from rcopterx.deploy.processes import ProcessSpec
+from rcopterx.deploy.spare_process import SpareProcess, Started, start_process
+from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
 SETTLED_S = 1.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
-from bus.heartbeat import Phase
+from rcopterx.bus.heartbeat import Phase
 
 LATE_S: Final = 0.1
 """A supervisor that looks later than this after its last look was itself kept from working."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from experiments import (
+from rcopterx.experiments import (
     chain,
     family,
     fleets,
@@ -18,8 +18,8 @@ from experiments import (
     tuning,
     turning,
 )
-from experiments.runner import Options, Result, Tell
-from simulator.conditions import PRESETS
+from rcopterx.experiments.runner import Options, Result, Tell
+from rcopterx.simulator.conditions import PRESETS
 
 FIRST_REPORTED_VEHICLE: Final = 100
 """Helicopters drawn by smaller seeds are for tuning; what is reported is flown by those from here on."""

@@ -10,16 +10,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.formation.topology import ancestors, places
-from bus.messages import LeaderLink
-from experiments.events import Event, GoTo
-from experiments.record import rms
-from experiments.rig import Progress, Rig, RigVehicle
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, HORIZON
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from vehicles.state import Array
+from rcopterx.agents.formation.topology import ancestors, places
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.experiments.events import Event, GoTo
+from rcopterx.experiments.record import rms
+from rcopterx.experiments.rig import Progress, Rig, RigVehicle
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import CASCADE, HORIZON
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import Array
 
 SLOT_S: Final = 5.0
 SETTLED_S: Final = 5.0

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ground_station.report import FlightFigures, percentiles
+from rcopterx.ground_station.report import FlightFigures, percentiles
 
 Tables = dict[str, dict[str, Any]]
 Result = tuple[bool, Any]

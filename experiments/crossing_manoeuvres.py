@@ -4,11 +4,11 @@ from typing import Final
 
 import numpy as np
 
-from experiments import steps
-from experiments.checks import avoided, controlled, distance_kept, ends_at, transmitters_undisturbed
-from experiments.manoeuvre import Manoeuvre
-from experiments.steps import Step, in_order, pause
-from vehicles.tuples import Three
+from rcopterx.experiments import steps
+from rcopterx.experiments.checks import avoided, controlled, distance_kept, ends_at, transmitters_undisturbed
+from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.steps import Step, in_order, pause
+from rcopterx.vehicles.tuples import Three
 
 RADIUS_M: Final = 0.8
 FIVE: Final = ("h1", "h2", "h3", "h4", "h5")

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from rich.table import Table
 from rich.text import Text
 
-from agents.phases import Phase
-from experiments.manoeuvres import fly_paper_sequence
-from experiments.steps import leader_of
-from ground_station.fleet import Fleet
-from ground_station.recorder import Recorder
-from ground_station.report import FlightFigures
-from ground_station.vehicle import FLIGHT_ERRORS
+from rcopterx.agents.phases import Phase
+from rcopterx.experiments.manoeuvres import fly_paper_sequence
+from rcopterx.experiments.steps import leader_of
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.recorder import Recorder
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000

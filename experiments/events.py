@@ -6,14 +6,14 @@ from typing import Protocol
 
 import numpy as np
 
-from agents.controllers.registry import CONTROLLERS
-from agents.flight.followed import LeaderPlan
-from agents.following.links import followed_leader
-from agents.pilot import Pilot
-from agents.references.paths import FlightPath
-from agents.references.set_points import TurnLimits
-from bus.messages import LeaderLink
-from vehicles.tuples import Three
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.references.paths import FlightPath
+from rcopterx.agents.references.set_points import TurnLimits
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.vehicles.tuples import Three
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.references.path_shapes import figure_eight
-from experiments.events import Event, Fly, GoTo
-from experiments.family_figure import draw_family
-from experiments.knowledge import Knowledge
-from experiments.record import VehicleRecord, rms
-from experiments.rig import Progress, Rig
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, Scheme
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from vehicles.state import INPUT_SIZE, YAW, Array
-from vehicles.tuples import Three
+from rcopterx.agents.references.path_shapes import figure_eight
+from rcopterx.experiments.events import Event, Fly, GoTo
+from rcopterx.experiments.family_figure import draw_family
+from rcopterx.experiments.knowledge import Knowledge
+from rcopterx.experiments.record import VehicleRecord, rms
+from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import CASCADE, Scheme
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.vehicles.tuples import Three
 
 HOME_M: Final[Three] = (0.0, 0.0, 1.0)
 LOST_M: Final = 0.5

@@ -3,8 +3,8 @@
 import signal
 from typing import Final
 
-from experiments import steps
-from experiments.checks import (
+from rcopterx.experiments import steps
+from rcopterx.experiments.checks import (
     agents_started_again,
     distance_kept,
     ends_at,
@@ -14,10 +14,10 @@ from experiments.checks import (
     position_kept,
     transmitters_undisturbed,
 )
-from experiments.manoeuvre import Manoeuvre
-from experiments.steps import Say, Step, Wait, go_to, in_order, pause
-from ground_station.fleet import Fleet
-from simulator.faults import Occlude
+from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.steps import Say, Step, Wait, go_to, in_order, pause
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.simulator.faults import Occlude
 
 
 def _broken(process: str, how: signal.Signals = signal.SIGKILL) -> Step:

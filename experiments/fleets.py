@@ -12,13 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.formation import FOLLOWERS, SETTLED_S, SLOT_S, events, formation, sequence
-from experiments.knowledge import Knowledge
-from experiments.record import rms, total_fallbacks
-from experiments.rig import Progress, Rig
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE
-from simulator.conditions import Conditions
+from rcopterx.experiments.formation import FOLLOWERS, SETTLED_S, SLOT_S, events, formation, sequence
+from rcopterx.experiments.knowledge import Knowledge
+from rcopterx.experiments.record import rms, total_fallbacks
+from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import CASCADE
+from rcopterx.simulator.conditions import Conditions
 
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.shipped import fleet_path
-from experiments.manoeuvre import Manoeuvre
-from experiments.steps import Say, Wait
-from ground_station.fleet import Fleet
-from ground_station.recorder import Recorder, Recording
-from ground_station.report import FlightFigures, percentiles
-from ground_station.vehicle import FLIGHT_ERRORS, lines_of
-from ground_station.waiting import StoppedError, stopped_by
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.steps import Say, Wait
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.recorder import Recorder, Recording
+from rcopterx.ground_station.report import FlightFigures, percentiles
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
+from rcopterx.ground_station.waiting import StoppedError, stopped_by
 
 REPORT_NAME = "report.json"
 SETTLE_S = 2.0

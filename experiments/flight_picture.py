@@ -5,8 +5,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from ground_station.report import FlightFigures
-from vehicles.state import Array
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.vehicles.state import Array
 
 COLOURS: Final = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown", "tab:pink")
 POINTS: Final = 300

@@ -12,19 +12,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.controllers.registry import CONTROLLERS
-from bus.messages import LeaderLink
-from experiments.events import Event, Follow, GoTo
-from experiments.formation_figure import draw_formation
-from experiments.record import FlightRecord, rms, total_fallbacks
-from experiments.rig import Progress, Rig, RigOptions, RigVehicle
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
-from simulator.conditions import PRESETS, Conditions
-from simulator.plant import Pose
-from vehicles.state import MOTION_SIZE, YAW, Array
-from vehicles.tuples import Three
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.experiments.events import Event, Follow, GoTo
+from rcopterx.experiments.formation_figure import draw_formation
+from rcopterx.experiments.record import FlightRecord, rms, total_fallbacks
+from rcopterx.experiments.rig import Progress, Rig, RigOptions, RigVehicle
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
+from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
+from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 LEADER: Final = "h1"
 FOLLOWERS: Final = ("h2", "h3")

@@ -5,8 +5,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.record import FlightRecord
-from vehicles.state import Array
+from rcopterx.experiments.record import FlightRecord
+from rcopterx.vehicles.state import Array
 
 COLOURS: Final = {"x": "black", "y": "tab:red", "z": "tab:blue", "psi": "tab:green"}
 MILLIMETRES: Final = 1000.0

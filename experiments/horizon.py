@@ -8,14 +8,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.events import GoTo
-from experiments.record import VehicleRecord
-from experiments.rig import Progress, Rig
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, PAPER, Scheme
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from vehicles.state import YAW, Array
+from rcopterx.experiments.events import GoTo
+from rcopterx.experiments.record import VehicleRecord
+from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import CASCADE, PAPER, Scheme
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import YAW, Array
 
 HORIZONS: Final = (10, 18, 30, 50, 80, 110)
 QUICK_HORIZONS: Final = (10, 50)

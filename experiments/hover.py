@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.knowledge import flies_helicopters
-from experiments.rig import Progress, Rig
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, HORIZON, KUNZ, PAPER, Scheme
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from vehicles.state import YAW, Array
+from rcopterx.experiments.knowledge import flies_helicopters
+from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, HORIZON, KUNZ, PAPER, Scheme
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import YAW, Array
 
 FLIGHT_S: Final = 120.0
 HELICOPTER_FLIGHT_S: Final = 20.0

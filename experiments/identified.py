@@ -6,16 +6,16 @@ from typing import Final
 
 import numpy as np
 
-from agents.identification.excitation import excitation_for
-from agents.identification.exciter import DONE, UNDER_WAY
-from agents.identification.fit import Identification, identify
-from agents.identification.recording import FlightRecording
-from experiments.rig import Rig, RigVehicle
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from vehicles.model import Model
-from vehicles.tuples import Three
-from vehicles.types import COAXIAL
+from rcopterx.agents.identification.excitation import excitation_for
+from rcopterx.agents.identification.exciter import DONE, UNDER_WAY
+from rcopterx.agents.identification.fit import Identification, identify
+from rcopterx.agents.identification.recording import FlightRecording
+from rcopterx.experiments.rig import Rig, RigVehicle
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.types import COAXIAL
 
 EXCITED_S: Final = 70.0
 SETTLING_S: Final = 6.0

@@ -7,14 +7,14 @@ are flown at several levels of knowledge, so that experiments can tell what each
 from dataclasses import replace
 from typing import Final, Literal
 
-from experiments.identified import identified_model
-from simulator.conditions import Conditions
-from simulator.helicopter import helicopter_of
-from simulator.helicopter_parameters import HelicopterParameters
-from vehicles.model import IDENTIFIED, Model
-from vehicles.state import GRAVITY_M_S2
-from vehicles.tilt import TiltModel
-from vehicles.types import COAXIAL, COAXIAL_LAG
+from rcopterx.experiments.identified import identified_model
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.helicopter import helicopter_of
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 Knowledge = Literal["default", "identified", "exact", "lag", "late"]
 """`default`: nothing but the type. `identified`: a model fitted to a flight of the vehicle; the type where

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Final
 
-from experiments.checks import Check
-from experiments.steps import Step
+from rcopterx.experiments.checks import Check
+from rcopterx.experiments.steps import Step
 
 DEFAULT_FLEET: Final = "trio"
 

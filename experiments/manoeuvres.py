@@ -7,10 +7,10 @@ import math
 from types import MappingProxyType
 from typing import Final
 
-from agents.references.path_shapes import figure_eight
-from bus.messages import LeaderLink
-from experiments import steps
-from experiments.checks import (
+from rcopterx.agents.references.path_shapes import figure_eight
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.experiments import steps
+from rcopterx.experiments.checks import (
     agents_started_again,
     always,
     controlled,
@@ -26,12 +26,12 @@ from experiments.checks import (
     touched_down_gently,
     transmitters_undisturbed,
 )
-from experiments.crossing_manoeuvres import CROSSING_ROWS
-from experiments.fault_manoeuvres import FAULT_ROWS
-from experiments.manoeuvre import Manoeuvre
-from experiments.steps import Say, Step, Wait, go_to, in_order, leader_of, pause
-from ground_station.fleet import Fleet
-from vehicles.tuples import Three
+from rcopterx.experiments.crossing_manoeuvres import CROSSING_ROWS
+from rcopterx.experiments.fault_manoeuvres import FAULT_ROWS
+from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.steps import Say, Step, Wait, go_to, in_order, leader_of, pause
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.vehicles.tuples import Three
 
 PAPER_PERIOD_S: Final = 4.0
 PAPER_SET_POINTS: Final = (

@@ -11,16 +11,24 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.references.path_shapes import figure_eight
-from experiments.events import Event, Fly, GoTo
-from experiments.knowledge import flies_helicopters
-from experiments.record import rms
-from experiments.rig import Progress, Rig
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE, NO_FEED_FORWARD, PAPER, TUNED_LQR, TUNED_PAPER, TUNED_PID, Scheme
-from simulator.conditions import PRESETS, Conditions
-from simulator.plant import Pose
-from vehicles.state import Array
+from rcopterx.agents.references.path_shapes import figure_eight
+from rcopterx.experiments.events import Event, Fly, GoTo
+from rcopterx.experiments.knowledge import flies_helicopters
+from rcopterx.experiments.record import rms
+from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import (
+    CASCADE,
+    NO_FEED_FORWARD,
+    PAPER,
+    TUNED_LQR,
+    TUNED_PAPER,
+    TUNED_PID,
+    Scheme,
+)
+from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import Array
 
 PERIOD_S: Final = 0.02
 START_S: Final = 3.0

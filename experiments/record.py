@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.pilot import ControlOutput, Pilot
-from simulator.plant import Plant
-from vehicles.state import Array
+from rcopterx.agents.pilot import ControlOutput, Pilot
+from rcopterx.simulator.plant import Plant
+from rcopterx.vehicles.state import Array
 
 _UNKNOWN: Final = np.full(4, np.nan)
 
@@ -23,7 +23,7 @@ class VehicleRecord:
     time_s
         Shape (K,).
     motion
-        True motion state of `vehicles.state`, shape (K, 8).
+        True motion state of `rcopterx.vehicles.state`, shape (K, 8).
     estimate
         Estimated motion state, shape (K, 8).
     disturbance

@@ -13,28 +13,28 @@ from typing import Final
 
 import numpy as np
 
-from agents.assembly import build_pilot
-from agents.flight.followed import LeaderPlan
-from agents.following.links import target_link
-from agents.formation.limit_scaling import limit_scale_of, turn_limits_of
-from agents.formation.topology import leaders_of, places
-from agents.identification.recording import FlightLog
-from agents.interfaces import LimitScale, Measurement
-from agents.pilot import ControlOutput, Pilot, StampedMeasurement
-from agents.separation.avoidance import Neighbour, SeparationEllipsoid
-from agents.separation.ellipsoid_scales import ellipsoid_scale
-from agents.settings import AgentSettings
-from agents.tuning.changes import Tuning
-from agents.tuning.guard import OscillationGuard
-from bus.messages import LeaderLink
-from bus.session import BusAddress
-from experiments.events import Event, Scene
-from experiments.record import FlightRecord, Recorder
-from simulator.conditions import Conditions
-from simulator.laboratory import Laboratory
-from simulator.plant import Pose
-from vehicles.model import Model
-from vehicles.state import YAW, Array, heading_matrix
+from rcopterx.agents.assembly import build_pilot
+from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.following.links import target_link
+from rcopterx.agents.formation.limit_scaling import limit_scale_of, turn_limits_of
+from rcopterx.agents.formation.topology import leaders_of, places
+from rcopterx.agents.identification.recording import FlightLog
+from rcopterx.agents.interfaces import LimitScale, Measurement
+from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
+from rcopterx.agents.separation.ellipsoid_scales import ellipsoid_scale
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.guard import OscillationGuard
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.session import BusAddress
+from rcopterx.experiments.events import Event, Scene
+from rcopterx.experiments.record import FlightRecord, Recorder
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
 Progress = Callable[[float], None]
 """Called now and then with the fraction of the flight that is flown."""
@@ -332,7 +332,7 @@ class Rig:
     def _leader_plans(
         self, name: str, known: Mapping[str, tuple[int, ControlOutput]], leaders: Sequence[str]
     ) -> dict[str, LeaderPlan]:
-        """Plans on a follower's clock, as `agents.following.leader_plans` aligns those of the bus."""
+        """Plans on a follower's clock, as `leader_plans` of the agents aligns those of the bus."""
         clock = self.pilots[name].clock
         plans = {}
         for leader in leaders:

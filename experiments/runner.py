@@ -6,9 +6,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from experiments.knowledge import flies_helicopters
-from experiments.rig import Progress
-from simulator.conditions import PRESETS, Conditions
+from rcopterx.experiments.knowledge import flies_helicopters
+from rcopterx.experiments.rig import Progress
+from rcopterx.simulator.conditions import PRESETS, Conditions
 
 T = TypeVar("T")
 
@@ -29,7 +29,7 @@ class Options:
     processes
         Processor cores to use. Flights do not depend on it, measured computing times do.
     preset
-        Name of the laboratory's conditions, of `simulator.conditions.PRESETS`.
+        Name of the laboratory's conditions, of `rcopterx.simulator.conditions.PRESETS`.
     """
 
     seeds: tuple[int, ...]

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Final
 
-from bus.messages import LeaderLink
-from experiments.knowledge import Knowledge, flies_helicopters, known_model, plant_type
-from experiments.rig import RigVehicle
-from simulator.conditions import Conditions
-from simulator.plant import Pose
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.experiments.knowledge import Knowledge, flies_helicopters, known_model, plant_type
+from rcopterx.experiments.rig import RigVehicle
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
 
 NO_HURRY: Final[dict[str, object]] = {"time_limit_s": 1.0}
 """A solver that stops by the clock would make a flight depend on the machine; the rig's time can wait."""
@@ -120,7 +120,7 @@ TUNED_PID: Final = Scheme(
         "integral": (1.6464, 1.6464, 5.488),
     },
 )
-"""The simple schemes with the settings that `experiments.tuning` finds for helicopters."""
+"""The simple schemes with the settings that `rcopterx.experiments.tuning` finds for helicopters."""
 
 HELICOPTER_SCHEMES: Final = by_name(
     (

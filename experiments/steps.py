@@ -7,17 +7,17 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
-from agents.identification import fit
-from agents.references.paths import FlightPath
-from bus.messages import LeaderLink
-from deploy.roles.vehicle_models import model_of
-from ground_station.fleet import Fleet
-from ground_station.identification import IdentificationError, excited_flight
-from ground_station.scenario import inject_faults
-from ground_station.vehicle import RefusedError, Vehicle
-from ground_station.waiting import NotReachedError
-from simulator.faults import Fault, fault_text
-from vehicles.tuples import Three
+from rcopterx.agents.identification import fit
+from rcopterx.agents.references.paths import FlightPath
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.identification import IdentificationError, excited_flight
+from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.ground_station.vehicle import RefusedError, Vehicle
+from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.simulator.faults import Fault, fault_text
+from rcopterx.vehicles.tuples import Three
 
 Say = Callable[[str], None]
 Wait = Callable[[float], None]

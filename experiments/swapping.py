@@ -12,18 +12,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.separation.avoidance import SeparationEllipsoid
-from experiments.events import GoTo
-from experiments.record import FlightRecord, total_fallbacks
-from experiments.rig import Progress, Rig, RigOptions
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import CASCADE
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from transmitter_gateway.limits import SurveillanceLimits
-from vehicles.state import Array
-from vehicles.tuples import three
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.separation.avoidance import SeparationEllipsoid
+from rcopterx.experiments.events import GoTo
+from rcopterx.experiments.record import FlightRecord, total_fallbacks
+from rcopterx.experiments.rig import Progress, Rig, RigOptions
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import CASCADE
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.transmitter_gateway.limits import SurveillanceLimits
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import three
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 VEHICLES: Final = 10
 QUICK_VEHICLES: Final = 4

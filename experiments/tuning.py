@@ -13,15 +13,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from agents.controllers.paper_model import INPUT_WEIGHTS
-from agents.controllers.pid import PidSettings
-from experiments.record import rms
-from experiments.rig import Progress, Rig
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import LQR, PAPER, PID, Scheme
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from vehicles.state import YAW, Array
+from rcopterx.agents.controllers.paper_model import INPUT_WEIGHTS
+from rcopterx.agents.controllers.pid import PidSettings
+from rcopterx.experiments.record import rms
+from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import LQR, PAPER, PID, Scheme
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import YAW, Array
 
 FLIGHT_S: Final = 20.0
 QUICK_FLIGHT_S: Final = 7.0

@@ -11,15 +11,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from bus.messages import LeaderLink
-from experiments.chain import vehicles
-from experiments.events import Event, GoTo
-from experiments.record import rms
-from experiments.rig import Progress, Rig
-from experiments.runner import Options, Result, Tell, Work, run_all
-from experiments.schemes import HORIZON
-from simulator.conditions import PRESETS, Conditions
-from vehicles.state import Array
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.experiments.chain import vehicles
+from rcopterx.experiments.events import Event, GoTo
+from rcopterx.experiments.record import rms
+from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import HORIZON
+from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.vehicles.state import Array
 
 ARMS_M: Final = (0.35, 0.64, 0.9)
 SLOT_S: Final = 10.0

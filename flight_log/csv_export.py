@@ -8,9 +8,9 @@ from typing import Any, Final
 
 import msgpack
 
-from bus import channels
-from flight_log.mcap_reading import messages_of
-from flight_log.mcap_writing import LoggedMessage
+from rcopterx.bus import channels
+from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.flight_log.mcap_writing import LoggedMessage
 
 TIME: Final = "time_s"
 """Wall clock of arrival at the recorder, seconds since 1970."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from flight_log.flights import flights_in, next_part, part_path, too_many
-from flight_log.mcap_writing import LoggedMessage, McapFile
+from rcopterx.flight_log.flights import flights_in, next_part, part_path, too_many
+from rcopterx.flight_log.mcap_writing import LoggedMessage, McapFile
 
 METADATA: Final = "flight"
 FLEET_ATTACHMENT: Final = "fleet.json"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from bus.keys import ROOT
+from rcopterx.bus.keys import ROOT
 
 SUFFIX: Final = ".mcap"
 NEWEST: Final = "latest"

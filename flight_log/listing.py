@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
-from flight_log.flight_writing import FLEET_ATTACHMENT, METADATA
-from flight_log.flights import Flight
-from flight_log.mcap_reading import Contents, FlightLogError, contents_of, messages_of
-from flight_log.mcap_writing import LoggedMessage, McapFile
+from rcopterx.flight_log.flight_writing import FLEET_ATTACHMENT, METADATA
+from rcopterx.flight_log.flights import Flight
+from rcopterx.flight_log.mcap_reading import Contents, FlightLogError, contents_of, messages_of
+from rcopterx.flight_log.mcap_writing import LoggedMessage, McapFile
 
 CHUNK_MESSAGES: Final = 500
 

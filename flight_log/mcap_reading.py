@@ -14,7 +14,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata
 
-from flight_log.mcap_writing import COMPRESSION, MAGIC, LoggedMessage
+from rcopterx.flight_log.mcap_writing import COMPRESSION, MAGIC, LoggedMessage
 
 MAX_RECORD_BYTES: Final = 256 * 1024 * 1024
 _HEAD: Final = struct.Struct("<BQ")

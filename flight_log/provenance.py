@@ -8,7 +8,7 @@ from typing import Final
 
 LIBRARIES: Final = ("numpy", "scipy", "osqp", "eclipse-zenoh", "msgspec", "msgpack", "mcap")
 COMMIT_TIMEOUT_S: Final = 2.0
-_ROOT: Final = Path(__file__).parents[1]
+_ROOT: Final = Path(__file__).resolve().parents[1]
 
 
 def provenance() -> dict[str, str]:

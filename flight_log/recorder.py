@@ -9,14 +9,14 @@ from typing import Final
 
 import msgspec
 
-from bus import channels
-from bus.channels import CHANNELS
-from bus.heartbeat import own_heartbeat
-from bus.log_messages import RecorderStatus
-from bus.realtime import request_realtime
-from bus.session import BusAddress, Heard, Session
-from flight_log.flight_writing import FlightSettings, FlightWriter
-from flight_log.mcap_writing import LoggedMessage
+from rcopterx.bus import channels
+from rcopterx.bus.channels import CHANNELS
+from rcopterx.bus.heartbeat import own_heartbeat
+from rcopterx.bus.log_messages import RecorderStatus
+from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.session import BusAddress, Heard, Session
+from rcopterx.flight_log.flight_writing import FlightSettings, FlightWriter
+from rcopterx.flight_log.mcap_writing import LoggedMessage
 
 FLUSH_S: Final = 0.1
 """Between two chunks; a recorder that is killed loses no more than twice this."""

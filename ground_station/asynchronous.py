@@ -14,13 +14,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
-from bus.messages import Plan
-from deploy.fleet_file.schema import FleetFile
-from ground_station.fleet import Fleet
-from ground_station.launched import launched
-from ground_station.state import VehicleState
-from ground_station.vehicle import Vehicle
-from ground_station.waiting import stopped_by
+from rcopterx.bus.messages import Plan
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.launched import launched
+from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.vehicle import Vehicle
+from rcopterx.ground_station.waiting import stopped_by
 
 T = TypeVar("T")
 P = ParamSpec("P")

@@ -9,24 +9,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agents.formation.placement import Room, take_off_problem
-from agents.phases import AIRBORNE
-from bus import channels
-from bus.messages import Kill
-from bus.session import RequestFailedError
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetFile
-from deploy.fleet_file.shipped import fleet_path
-from deploy.formation_check import links_of
-from deploy.roles.arbiter_limits import limits_of
-from ground_station.joining import fleet_that_is_up
-from ground_station.observer import Observer
-from ground_station.regroup import RegroupError, change_lines, formation_leader, regroup, role, swapped
-from ground_station.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
-from ground_station.waiting import NotReachedError
+from rcopterx.agents.formation.placement import Room, take_off_problem
+from rcopterx.agents.phases import AIRBORNE
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Kill
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.deploy.formation_check import links_of
+from rcopterx.deploy.roles.arbiter_limits import limits_of
+from rcopterx.ground_station.joining import fleet_that_is_up
+from rcopterx.ground_station.observer import Observer
+from rcopterx.ground_station.regroup import (
+    RegroupError,
+    change_lines,
+    formation_leader,
+    regroup,
+    role,
+    swapped,
+)
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
+from rcopterx.ground_station.waiting import NotReachedError
 
 if TYPE_CHECKING:
-    from deploy.launcher import Launcher
+    from rcopterx.deploy.launcher import Launcher
 
 SOURCE = "operator"
 KILL_REPEAT_S = 0.1

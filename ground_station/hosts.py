@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from bus.link_messages import LinkState, RouterStatus
+from rcopterx.bus.link_messages import LinkState, RouterStatus
 
 
 def host_notes(statuses: Mapping[str, RouterStatus], here: str) -> list[str]:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bus import channels
-from ground_station.observer import Observer
+from rcopterx.bus import channels
+from rcopterx.ground_station.observer import Observer
 
 STEADY = 0.02
 """Mean input below which a vehicle counts as trimmed."""

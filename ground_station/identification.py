@@ -5,18 +5,18 @@ from typing import Final
 
 import numpy as np
 
-from agents.identification.excitation import excitation_for
-from agents.identification.exciter import DONE, UNDER_WAY
-from agents.identification.recording import FlightLog, FlightRecording
-from agents.interfaces import Measurement
-from bus import channels
-from bus.messages import Applied, Pose
-from bus.requests import Excite
-from deploy.roles.vehicle_models import model_of
-from ground_station.observer import Observer
-from ground_station.recorder import Recorder, Recording
-from ground_station.vehicle import RefusedError
-from vehicles.tuples import four
+from rcopterx.agents.identification.excitation import excitation_for
+from rcopterx.agents.identification.exciter import DONE, UNDER_WAY
+from rcopterx.agents.identification.recording import FlightLog, FlightRecording
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Applied, Pose
+from rcopterx.bus.requests import Excite
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.ground_station.observer import Observer
+from rcopterx.ground_station.recorder import Recorder, Recording
+from rcopterx.ground_station.vehicle import RefusedError
+from rcopterx.vehicles.tuples import four
 
 BEGIN_LIMIT_S: Final = 2.0
 OVERDUE_S: Final = 5.0

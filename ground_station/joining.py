@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from bus.requests import IdentifyReply
-from bus.session import Session
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.fleet_file.snapshot import digest_of, read_snapshot
-from deploy.running import RunningFleet, running_fleets
+from rcopterx.bus.requests import IdentifyReply
+from rcopterx.bus.session import Session
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.snapshot import digest_of, read_snapshot
+from rcopterx.deploy.running import RunningFleet, running_fleets
 
 
 class WrongFleetError(ConnectionError):

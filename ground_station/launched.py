@@ -4,11 +4,11 @@ from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.fleet_file.shipped import fleet_path
-from deploy.launcher import Launcher
-from ground_station.fleet import Fleet
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.deploy.launcher import Launcher
+from rcopterx.ground_station.fleet import Fleet
 
 FIRST_ROUTER_S = 15.0
 

@@ -8,8 +8,8 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from ground_station.fleet import Fleet
-from ground_station.state import VehicleState
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.state import VehicleState
 
 STALE_S = 0.5
 GAP = 2

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from agents.margins.search import margins, shortfalls
-from agents.tuning.configuration import Configuration
-from agents.tuning.loops import loops_of, unknown_loops
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.roles.vehicle_models import model_of
-from ground_station.fleet import Fleet
-from vehicles.model import Model
+from rcopterx.agents.margins.search import margins, shortfalls
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.loops import loops_of, unknown_loops
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.vehicles.model import Model
 
 
 def configured(file: FleetFile, vehicle: str) -> Configuration:

@@ -6,19 +6,19 @@ from typing import TypeVar
 
 import numpy as np
 
-from agents.following.peers import PeerStatuses
-from agents.phases import Phase
-from bus import channels
-from bus.message import Message
-from bus.messages import AgentStatus, LauncherStatus, Plan
-from bus.session import Session
-from bus.subscription import Inbox
-from deploy.fleet_file.schema import FleetFile
-from deploy.roles.addresses import bus_address
-from ground_station.hosts import host_notes
-from ground_station.joining import WrongFleetError, check_identity
-from ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
-from ground_station.waiting import Notifier, NotReachedError
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.phases import Phase
+from rcopterx.bus import channels
+from rcopterx.bus.message import Message
+from rcopterx.bus.messages import AgentStatus, LauncherStatus, Plan
+from rcopterx.bus.session import Session
+from rcopterx.bus.subscription import Inbox
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.ground_station.hosts import host_notes
+from rcopterx.ground_station.joining import WrongFleetError, check_identity
+from rcopterx.ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.waiting import Notifier, NotReachedError
 
 M = TypeVar("M", bound=Message)
 

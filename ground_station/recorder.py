@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from bus.channels import CHANNELS, Channel
-from bus.codec import RejectedError, decode
-from bus.message import Message
-from bus.session import Heard, Session
+from rcopterx.bus.channels import CHANNELS, Channel
+from rcopterx.bus.codec import RejectedError, decode
+from rcopterx.bus.message import Message
+from rcopterx.bus.session import Heard, Session
 
 M = TypeVar("M", bound=Message)
 

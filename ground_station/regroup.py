@@ -10,13 +10,13 @@ import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
-from agents.formation.present import formation_of
-from agents.formation.topology import TopologyError, exchanged, in_words, line_between, places, roots
-from bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
-from bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
-from bus.session import RequestFailedError
-from ground_station.observer import Observer
-from vehicles.state import Array
+from rcopterx.agents.formation.present import formation_of
+from rcopterx.agents.formation.topology import TopologyError, exchanged, in_words, line_between, places, roots
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
+from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.ground_station.observer import Observer
+from rcopterx.vehicles.state import Array
 
 LEAD_TIME_S = 0.4
 """From the first commit to the frame of the change; for every vehicle a little longer."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bus import channels
-from bus.messages import (
+from rcopterx.bus import channels
+from rcopterx.bus.messages import (
     AgentStatus,
     Applied,
     Diagnostics,
@@ -22,7 +22,7 @@ from bus.messages import (
     Pose,
     TransmitterStatus,
 )
-from ground_station.recorder import Recording
+from rcopterx.ground_station.recorder import Recording
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 
-from bus.channels import SIMULATOR_UNIT
-from bus.requests import MAX_FAULTS, Inject
-from bus.session import Session
-from simulator.faults import FAULTS, Fault, TimedFault, injected_faults
+from rcopterx.bus.channels import SIMULATOR_UNIT
+from rcopterx.bus.requests import MAX_FAULTS, Inject
+from rcopterx.bus.session import Session
+from rcopterx.simulator.faults import FAULTS, Fault, TimedFault, injected_faults
 
 
 class ScenarioError(ValueError):
@@ -28,7 +28,7 @@ def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
     Parameters
     ----------
     kind
-        One of `simulator.faults.FAULTS`, with hyphens or underscores.
+        One of `rcopterx.simulator.faults.FAULTS`, with hyphens or underscores.
     values
         Its fields; texts are read as numbers where numbers are needed.
 

@@ -1,4 +1,4 @@
-"""Writes the calls of the scripting interface into its page: `python -m ground_station.scripting_reference`.
+"""Writes the calls of scripts into their page: `python -m rcopterx.ground_station.scripting_reference`.
 
 Names, parameters and texts are read from the classes, so that the page cannot say anything else.
 """
@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from ground_station.fleet import Fleet
-from ground_station.launched import launched
-from ground_station.state import VehicleState
-from ground_station.vehicle import Vehicle
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.launched import launched
+from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.vehicle import Vehicle
 
-BEGIN: Final = "<!-- begin: python -m ground_station.scripting_reference -->\n"
+BEGIN: Final = "<!-- begin: python -m rcopterx.ground_station.scripting_reference -->\n"
 END: Final = "<!-- end -->\n"
-PAGE: Final = Path(__file__).parents[1] / "docs" / "scripting.md"
+PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "scripting.md"
 CLASSES: Final = (Fleet, Vehicle, VehicleState)
 INTERNAL: Final = frozenset({"statuses", "frame_period_s"})
 

@@ -7,8 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from agents.phases import AIRBORNE
-from bus.messages import AgentStatus, LauncherStatus, LeaderLink, Plan, TrackerStatus, TransmitterStatus
+from rcopterx.agents.phases import AIRBORNE
+from rcopterx.bus.messages import (
+    AgentStatus,
+    LauncherStatus,
+    LeaderLink,
+    Plan,
+    TrackerStatus,
+    TransmitterStatus,
+)
 
 STALE_S = 1.0
 """Age from which a status counts as silence; it comes five times a second."""

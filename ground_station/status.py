@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from bus.messages import LauncherStatus, LeaderLink
-from ground_station.fleet import Fleet
-from ground_station.state import VehicleState
+from rcopterx.bus.messages import LauncherStatus, LeaderLink
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.state import VehicleState
 
 
 def fleet_status(fleet: Fleet) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
 def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
     """What blocks take-off: `fleet`, `ready`, `problems` and `notes`, which do not block it."""
     # Margins need numerical libraries that a status does without.
-    from ground_station.margins import flying_warnings
+    from rcopterx.ground_station.margins import flying_warnings
 
     problems, notes = fleet.problems(names), [*fleet.notes(), *flying_warnings(fleet)]
     return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": notes}

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from agents.references.paths import FlightPath
-from bus.message import FloatArray, Setting
-from bus.messages import LeaderLink, Plan, SetPoint
-from bus.requests import (
+from rcopterx.agents.references.paths import FlightPath
+from rcopterx.bus.message import FloatArray, Setting
+from rcopterx.bus.messages import LeaderLink, Plan, SetPoint
+from rcopterx.bus.requests import (
     Arm,
     Disarm,
     Fly,
@@ -21,10 +21,10 @@ from bus.requests import (
     TakeOff,
     Tune,
 )
-from bus.session import RequestFailedError
-from ground_station.observer import Observer
-from ground_station.state import VehicleState
-from ground_station.waiting import NotReachedError
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.ground_station.observer import Observer
+from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.waiting import NotReachedError
 
 RUN_IN_LIMIT_S = 30.0
 TUNING_LIMIT_S = 10.0

@@ -2,7 +2,7 @@
 
 import sys
 
-from bus.realtime import request_realtime
+from rcopterx.bus.realtime import request_realtime
 
 KILL_PRIORITY = 60
 """SCHED_FIFO, where the operating system permits it: above every process of a fleet."""

@@ -55,7 +55,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
 def _tell_version(wanted: bool) -> None:
     if not wanted:
         return
-    from flight_log.provenance import provenance
+    from rcopterx.flight_log.provenance import provenance
 
     origin = provenance()
     known = f" (commit {origin['commit']})" if origin["commit"] else ""

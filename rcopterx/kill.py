@@ -15,9 +15,9 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from bus.endpoints import client_config
-from bus.keys import EVERY_FLEET, FLEET_UNIT, KILL_TOPIC, ROOT, TRANSMITTER_TOPIC, key
-from deploy.running import RunningFleet, running_fleets
+from rcopterx.bus.endpoints import client_config
+from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT, KILL_TOPIC, ROOT, TRANSMITTER_TOPIC, key
+from rcopterx.deploy.running import RunningFleet, running_fleets
 
 SOURCE = "operator"
 SCHEMA_VERSION = 1

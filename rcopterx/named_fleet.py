@@ -1,10 +1,10 @@
 """Where the fleet of a file would be running, for `rcopterx kill -f`."""
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.fleet_file.shipped import fleet_path
-from deploy.roles.addresses import router_endpoints
-from deploy.running import RunningFleet
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.deploy.roles.addresses import router_endpoints
+from rcopterx.deploy.running import RunningFleet
 
 __all__ = ["FleetError", "fleet_of"]
 

@@ -12,17 +12,17 @@ from pathlib import Path
 
 import typer
 
-from deploy.fleet_edit import write_calibration
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.fleet_file.shipped import fleet_path
-from deploy.roles.transmitters import calibration_of, gateway_settings
-from deploy.run_directory import run_directory
-from ground_station.hover_trim import STEADY, HoverError, measured_hover
 from rcopterx.commands.steer import known_vehicles
+from rcopterx.deploy.fleet_edit import write_calibration
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.deploy.roles.transmitters import calibration_of, gateway_settings
+from rcopterx.deploy.run_directory import run_directory
 from rcopterx.fleet_option import running_fleet, user_errors
-from transmitter_gateway.calibration import Calibration, CalibrationError
-from transmitter_gateway.workbench import Workbench, WorkbenchError
+from rcopterx.ground_station.hover_trim import STEADY, HoverError, measured_hover
+from rcopterx.transmitter_gateway.calibration import Calibration, CalibrationError
+from rcopterx.transmitter_gateway.workbench import Workbench, WorkbenchError
 
 SIGN_QUESTIONS = {
     "pitch": ((0.5, 0.0, 0.0, 0.0), "u_x = +0.5: does the swash plate tilt nose-down?"),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any, Final
 
-from vehicles.tuples import Four, Three
+from rcopterx.vehicles.tuples import Four, Three
 
 COAXIAL_PLANTS: Final = ("first_order", "helicopter", "drawn_helicopter")
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection
 from typing import Final
 
-from simulator.plant import Plant
+from rcopterx.simulator.plant import Plant
 
 CLOSE_M: Final = 0.3
 """Distance below a rotor up to which its downwash is at full strength; beyond, it falls with 1 / distance."""

@@ -10,7 +10,7 @@ from typing import Annotated, Final, get_args
 from msgspec import Meta, Struct, ValidationError, convert, to_builtins
 from msgspec.structs import asdict
 
-from bus.requests import InjectedFault
+from rcopterx.bus.requests import InjectedFault
 
 RadioCondition = Annotated[str, Meta(pattern="^(unplugged|off|refusing)$")]
 StickName = Annotated[str, Meta(pattern="^(pitch|roll|thrust|yaw)$")]

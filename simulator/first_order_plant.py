@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from simulator.conditions import Conditions
-from simulator.disturbance import PARAMETERS, random_stream
-from simulator.plant import CALM, Plant, Pose, four
-from vehicles.model import Model
-from vehicles.quadrotor import QUADROTOR, thrust_acceleration, tilt_limit_rad
-from vehicles.tuples import Four
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.disturbance import PARAMETERS, random_stream
+from rcopterx.simulator.plant import CALM, Plant, Pose, four
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.quadrotor import QUADROTOR, thrust_acceleration, tilt_limit_rad
+from rcopterx.vehicles.tuples import Four
 
 
 def specimen(model: Model, conditions: Conditions, generator: np.random.Generator) -> tuple[Model, Four]:
@@ -71,7 +71,7 @@ class FirstOrderPlant(Plant):
 
     @property
     def motion(self) -> tuple[float, ...]:
-        """True motion state in the order of `vehicles.state`, eight numbers, yaw unwrapped."""
+        """True motion state in the order of `rcopterx.vehicles.state`, eight numbers, yaw unwrapped."""
         return self._motion
 
     @property

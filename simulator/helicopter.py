@@ -11,13 +11,13 @@ To fly one by itself, without weather and delay::
 
 import math
 
-from simulator.conditions import Conditions
-from simulator.disturbance import PARAMETERS, random_stream
-from simulator.helicopter_dynamics import HelicopterDynamics, State, level_state
-from simulator.helicopter_parameters import HelicopterParameters
-from simulator.plant import CALM, Plant, Pose
-from vehicles.model import Model
-from vehicles.tuples import Four
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.disturbance import PARAMETERS, random_stream
+from rcopterx.simulator.helicopter_dynamics import HelicopterDynamics, State, level_state
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.plant import CALM, Plant, Pose
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.tuples import Four
 
 
 def helicopter_of(name: str, conditions: Conditions, seed: int) -> HelicopterParameters:
@@ -99,7 +99,7 @@ class Helicopter(Plant):
 
     @property
     def motion(self) -> tuple[float, ...]:
-        """True motion state in the order of `vehicles.state`, eight numbers, yaw unwrapped."""
+        """True motion state in the order of `rcopterx.vehicles.state`, eight numbers, yaw unwrapped."""
         x, y, z, vx, vy, vz, w, i, j, k, _, q, r = self.state[:13]
         c, s = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
         r21, r22 = 2 * (j * k + w * i), 1 - 2 * (i * i + j * j)

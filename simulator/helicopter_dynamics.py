@@ -8,9 +8,9 @@ the bar, the lower rotor the swash plate.
 import math
 from typing import Final
 
-from simulator.helicopter_parameters import HelicopterParameters
-from vehicles.state import GRAVITY_M_S2
-from vehicles.tuples import Four
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.tuples import Four
 
 State = tuple[float, ...]
 """Position and velocity in the inertial frame (6), attitude as a unit quaternion, scalar first (4), rates of

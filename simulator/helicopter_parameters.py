@@ -14,7 +14,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.state import GRAVITY_M_S2
 
 NOMINAL_SIZE: Final = 0.75
 """Time scale of the mCX2 against the CoaX."""

@@ -6,15 +6,15 @@ No sockets and no clock: whoever holds it decides how time passes.
 import math
 from collections.abc import Mapping, Sequence
 
-from simulator.conditions import Conditions
-from simulator.disturbance import NOISE, NormalSource, random_stream
-from simulator.downwash import set_downwash
-from simulator.first_order_plant import FirstOrderPlant
-from simulator.helicopter import Helicopter, helicopter_of
-from simulator.plant import Plant, Pose
-from vehicles.model import Model
-from vehicles.state import Array
-from vehicles.types import COAXIAL
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.disturbance import NOISE, NormalSource, random_stream
+from rcopterx.simulator.downwash import set_downwash
+from rcopterx.simulator.first_order_plant import FirstOrderPlant
+from rcopterx.simulator.helicopter import Helicopter, helicopter_of
+from rcopterx.simulator.plant import Plant, Pose
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL
 
 
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:

@@ -10,11 +10,11 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from simulator.conditions import Conditions
-from simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
-from vehicles.model import Model
-from vehicles.state import U_THRUST, Array
-from vehicles.tuples import Four, Three
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_THRUST, Array
+from rcopterx.vehicles.tuples import Four, Three
 
 CALM: Four = (0.0, 0.0, 0.0, 0.0)
 _TIME_TOLERANCE_S = 1e-9
@@ -159,7 +159,7 @@ class Plant(ABC):
     @property
     @abstractmethod
     def motion(self) -> tuple[float, ...]:
-        """True motion state in the order of `vehicles.state`, eight numbers, yaw unwrapped.
+        """True motion state in the order of `rcopterx.vehicles.state`, eight numbers, yaw unwrapped.
 
         The velocity is that in the heading frame: turned by the yaw alone, not tilted with the body.
         """

@@ -5,19 +5,19 @@ import select
 import signal
 import time
 
-from bus import channels
-from bus.heartbeat import own_heartbeat
-from bus.messages import LaboratoryState, LaboratoryVehicle
-from bus.realtime import request_realtime, settle
-from bus.requests import Inject, Reply
-from bus.session import Incoming, Session
-from simulator.faults import FaultError, fault_text, timed_faults
-from simulator.radio_faults import RadioFaults
-from simulator.room import Room
-from simulator.settings import SimulatedVehicle, SimulatorSettings
-from simulator.tracker import TrackerServer
-from simulator.vehicle_faults import VehicleFaults
-from vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
+from rcopterx.bus import channels
+from rcopterx.bus.heartbeat import own_heartbeat
+from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.requests import Inject, Reply
+from rcopterx.bus.session import Incoming, Session
+from rcopterx.simulator.faults import FaultError, fault_text, timed_faults
+from rcopterx.simulator.radio_faults import RadioFaults
+from rcopterx.simulator.room import Room
+from rcopterx.simulator.settings import SimulatedVehicle, SimulatorSettings
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.vehicle_faults import VehicleFaults
+from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
 STEP_S = 0.004
 

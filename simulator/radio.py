@@ -10,8 +10,8 @@ import tty
 from collections import Counter
 from pathlib import Path
 
-from simulator.radio_module import RadioModule, SerialFrame
-from simulator.radio_receiver import Receiver, ReceiverOutput
+from rcopterx.simulator.radio_module import RadioModule, SerialFrame
+from rcopterx.simulator.radio_receiver import Receiver, ReceiverOutput
 
 READ_SIZE = 4096
 SILENT_S = 0.07

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from simulator.radio_module import AirPacket, FreeRunningModule, SerialFrame
-from transmitter_gateway.protocols.base import FrameDecodeError
-from transmitter_gateway.protocols.dsm2_serial import FRAME_LENGTH, LINE, Dsm2SerialProtocol
+from rcopterx.simulator.radio_module import AirPacket, FreeRunningModule, SerialFrame
+from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import FRAME_LENGTH, LINE, Dsm2SerialProtocol
 
 
 class Dsm2Board(FreeRunningModule):

@@ -5,9 +5,9 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping
 
-from simulator.faults import BreakRadio, Fault, FaultError, Recover, TimedFault
-from simulator.radio import RadioPty
-from simulator.radio_kinds import condition_refused, set_condition
+from rcopterx.simulator.faults import BreakRadio, Fault, FaultError, Recover, TimedFault
+from rcopterx.simulator.radio import RadioPty
+from rcopterx.simulator.radio_kinds import condition_refused, set_condition
 
 
 class RadioFaults:

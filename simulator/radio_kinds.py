@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from typing import Final
 
-from simulator.radio import RadioPty
-from simulator.radio_dsm2 import Dsm2Board
-from simulator.radio_dsmp import DsmpModule
-from simulator.radio_module import RadioModule
-from simulator.radio_multi import MultiModule
-from simulator.radio_ppm import TrainerTransmitter
-from simulator.settings import SimulatedRadio
-from transmitter_gateway.protocols.multi import MultiProtocol
-from transmitter_gateway.protocols.ppm import PpmGenProtocol
+from rcopterx.simulator.radio import RadioPty
+from rcopterx.simulator.radio_dsm2 import Dsm2Board
+from rcopterx.simulator.radio_dsmp import DsmpModule
+from rcopterx.simulator.radio_module import RadioModule
+from rcopterx.simulator.radio_multi import MultiModule
+from rcopterx.simulator.radio_ppm import TrainerTransmitter
+from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
+from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 
 
 def _multi(radio: SimulatedRadio, start_s: float) -> RadioModule:

@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.protocols.base import SerialLine
 
 FRAME_LOG_LENGTH = 1000
 AIR_PERIOD_S = 0.022

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
-from transmitter_gateway.protocols.base import ten_bit_pulse_us
-from transmitter_gateway.protocols.multi import (
+from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
+from rcopterx.transmitter_gateway.protocols.base import ten_bit_pulse_us
+from rcopterx.transmitter_gateway.protocols.multi import (
     CENTER_COUNT,
     DSM,
     FRAME_LENGTH,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from simulator.radio_module import AirPacket, FreeRunningModule, SerialFrame
-from transmitter_gateway.protocols.base import CENTER_US, FrameDecodeError
-from transmitter_gateway.protocols.ppm import PPM_GEN_LINE, PpmGenProtocol, PpmSettings
+from rcopterx.simulator.radio_module import AirPacket, FreeRunningModule, SerialFrame
+from rcopterx.transmitter_gateway.protocols.base import CENTER_US, FrameDecodeError
+from rcopterx.transmitter_gateway.protocols.ppm import PPM_GEN_LINE, PpmGenProtocol, PpmSettings
 
 PULSES_STOP_S = 0.1
 PARKED_US = (1100.0, *([CENTER_US] * 5))

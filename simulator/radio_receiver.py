@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from simulator.radio_module import AirPacket
+from rcopterx.simulator.radio_module import AirPacket
 
 CENTER_US = 1500.0
 CHANNELS = 12

@@ -1,13 +1,13 @@
 """The fake laboratory in real time: plants between their radios and the Tracker that sees them."""
 
-from simulator.conditions import Conditions
-from simulator.laboratory import Laboratory
-from simulator.plant import Pose
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_kinds import module_of
-from simulator.radio_receiver import Receiver
-from simulator.settings import SimulatedVehicle
-from simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_kinds import module_of
+from rcopterx.simulator.radio_receiver import Receiver
+from rcopterx.simulator.settings import SimulatedVehicle
+from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 
 MOTOR_START_US = 15.0
 """Pulse width above throttle low from which the vehicle's motor controller runs."""

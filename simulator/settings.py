@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from bus.session import BusAddress
-from simulator.conditions import Conditions
-from simulator.plant import Pose
-from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.protocols.base import RadioProtocol
-from vehicles.model import Model
+from rcopterx.bus.session import BusAddress
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
+from rcopterx.vehicles.model import Model
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Self
 
-from simulator.faults import (
+from rcopterx.simulator.faults import (
     Burst,
     Close,
     Delay,
@@ -26,12 +26,12 @@ from simulator.faults import (
     WrongMagic,
     YUp,
 )
-from simulator.tracker_faults import TrackerFaults
-from simulator.tracker_frame import PROFILES, FrameContent, TrackerFrame
-from simulator.tracker_link import NEVER, RECEIVE_BYTES, TrackerLink
-from simulator.tracker_session import EMPTY_PACKET, TrackerConnection
-from vicon_gateway.recording import RecordedConnection
-from vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet
+from rcopterx.simulator.tracker_faults import TrackerFaults
+from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackerFrame
+from rcopterx.simulator.tracker_link import NEVER, RECEIVE_BYTES, TrackerLink
+from rcopterx.simulator.tracker_session import EMPTY_PACKET, TrackerConnection
+from rcopterx.vicon_gateway.recording import RecordedConnection
+from rcopterx.vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet
 
 MAX_BACKLOG_BYTES = 1024 * 1024
 WRONG_MAGIC_PACKET = HEADER.pack(0x0BADF00D, 0)

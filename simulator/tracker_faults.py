@@ -1,7 +1,7 @@
 """Faults of the Tracker emulator (vicon_datastream.md section 11.9), on request or by a time table.
 
-What the faults are is in `simulator.faults`. Those with `duration_s` end by themselves, others last until
-`Recover`.
+What the faults are is in `rcopterx.simulator.faults`. Those with `duration_s` end by themselves, others last
+until `Recover`.
 """
 
 import heapq
@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
-from simulator.faults import (
+from rcopterx.simulator.faults import (
     AddSubject,
     BreakRadio,
     BreakVehicle,
@@ -34,8 +34,8 @@ from simulator.faults import (
     UnknownObject,
     YUp,
 )
-from simulator.tracker_frame import TrackedBody, TrackerFrame
-from vicon_gateway.control_objects import ObjectType
+from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.vicon_gateway.control_objects import ObjectType
 
 MAX_FRAME_ID = 0xFFFFFFFE
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
-from vicon_gateway.control_objects import ObjectType, WireObject
-from vicon_gateway.objects import (
+from rcopterx.vicon_gateway.control_objects import ObjectType, WireObject
+from rcopterx.vicon_gateway.objects import (
     SDK_TICKS_PER_SECOND,
     ApplicationInfo,
     FrameInfo,
@@ -20,8 +20,8 @@ from vicon_gateway.objects import (
     SubjectInfo,
     Timecode,
 )
-from vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
-from vicon_gateway.segment_objects import (
+from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
+from rcopterx.vicon_gateway.segment_objects import (
     GlobalSegments,
     LabeledRecons,
     LightSegment,

@@ -5,8 +5,8 @@ import socket
 import struct
 from collections import deque
 
-from simulator.faults import Dribble
-from simulator.tracker_session import TrackerConnection
+from rcopterx.simulator.faults import Dribble
+from rcopterx.simulator.tracker_session import TrackerConnection
 
 RECEIVE_BYTES = 64 * 1024
 NEVER = float("inf")

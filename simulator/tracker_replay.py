@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Self
 
-from simulator.tracker import TrackerServer
-from vicon_gateway.recording import RecordedConnection
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.vicon_gateway.recording import RecordedConnection
 
 
 class ReplayProgress(NamedTuple):
@@ -36,7 +36,7 @@ class TrackerReplay:
     Parameters
     ----------
     recording : sequence of RecordedConnection
-        See `vicon_gateway.recording.connections`.
+        See `rcopterx.vicon_gateway.recording.connections`.
     host, port : str, int
         Where to listen; port 0 takes a free one, see `address`.
     speed : float

@@ -5,8 +5,8 @@ Received bytes and captured frames go in, bytes to send come out. No socket, no 
 
 from collections.abc import Mapping
 
-from simulator.tracker_frame import FrameContent
-from vicon_gateway.control_objects import (
+from rcopterx.simulator.tracker_frame import FrameContent
+from rcopterx.vicon_gateway.control_objects import (
     STATIC_TYPES,
     Contents,
     Filter,
@@ -19,8 +19,8 @@ from vicon_gateway.control_objects import (
     offer_packet,
     packet,
 )
-from vicon_gateway.objects import decode_body
-from vicon_gateway.wire import PacketReader, encode_packet
+from rcopterx.vicon_gateway.objects import decode_body
+from rcopterx.vicon_gateway.wire import PacketReader, encode_packet
 
 EMPTY_PACKET = encode_packet()
 MAX_REQUEST_BYTES = 64 * 1024

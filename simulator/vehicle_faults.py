@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-from simulator.faults import BreakVehicle, Fault, FaultError, Recover, TimedFault
-from simulator.plant import Plant, PlantFaults, four
+from rcopterx.simulator.faults import BreakVehicle, Fault, FaultError, Recover, TimedFault
+from rcopterx.simulator.plant import Plant, PlantFaults, four
 
 _STICKS: Final = ("pitch", "roll", "thrust", "yaw")
 

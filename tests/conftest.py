@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support.bus import router
 
-from bus.session import BusAddress, Session
+from rcopterx.bus.session import BusAddress, Session
 
 # A busy machine is no fault of what is tested, and every change is judged by the same examples.
 # `make campaign` looks for new ones with --hypothesis-profile=search.

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-import deploy
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.reference import EXAMPLE, meanings_of, reference, sections
+from rcopterx import deploy
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.reference import EXAMPLE, meanings_of, reference, sections
 
-PAGE = Path(deploy.__file__).parents[1] / "docs" / "fleet_file.md"
+PAGE = Path(deploy.__file__).resolve().parents[1] / "docs" / "fleet_file.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
 
 
 def test_the_page_is_what_the_types_say_now() -> None:
-    command = "python -m deploy.fleet_file.reference > docs/fleet_file.md"
+    command = "python -m rcopterx.deploy.fleet_file.reference > docs/fleet_file.md"
     assert PAGE.read_text(encoding="utf-8") == reference(), f"run: {command}"
 
 

@@ -11,8 +11,8 @@ from numbers import Real
 
 from msgspec import Struct
 
-from transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
-from transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 LONGEST_PLAN = 64
 MOST_SOURCES = 8

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from transmitter_gateway.admission import Admission, Stream
-from transmitter_gateway.bridging import bridging_step, played_input, step_ages_s
-from transmitter_gateway.inputs import (
+from rcopterx.transmitter_gateway.admission import Admission, Stream
+from rcopterx.transmitter_gateway.bridging import bridging_step, played_input, step_ages_s
+from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     THRUST,
     Action,
@@ -26,14 +26,14 @@ from transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from transmitter_gateway.landing import Motion
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.permissions import refusal
-from transmitter_gateway.shaping import Shaping
-from transmitter_gateway.surveillance import Surveillance
-from transmitter_gateway.take_over import take_over_problem
-from transmitter_gateway.touchdown import Touchdown
-from transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
+from rcopterx.transmitter_gateway.landing import Motion
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.permissions import refusal
+from rcopterx.transmitter_gateway.shaping import Shaping
+from rcopterx.transmitter_gateway.surveillance import Surveillance
+from rcopterx.transmitter_gateway.take_over import take_over_problem
+from rcopterx.transmitter_gateway.touchdown import Touchdown
+from rcopterx.transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 
 ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 

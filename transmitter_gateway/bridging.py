@@ -4,9 +4,9 @@ Planned input n belongs to the time n periods after its command. The first one w
 not until HOLD, so that a command that is merely a little late does not count as missing.
 """
 
-from transmitter_gateway.admission import AcceptedCommand, Stream
-from transmitter_gateway.inputs import Input
-from transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.admission import AcceptedCommand, Stream
+from rcopterx.transmitter_gateway.inputs import Input
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 FIRST_AFTER_PERIODS = 1.5
 ROUNDING = 1e-9

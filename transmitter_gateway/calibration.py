@@ -6,7 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from transmitter_gateway.protocols.base import AILERON, CENTER_US, CHANNEL_NAMES, ELEVATOR, RUDDER, THROTTLE
+from rcopterx.transmitter_gateway.protocols.base import (
+    AILERON,
+    CENTER_US,
+    CHANNEL_NAMES,
+    ELEVATOR,
+    RUDDER,
+    THROTTLE,
+)
 
 PULSE_LOW_US, PULSE_HIGH_US = 800.0, 2200.0
 LARGEST_INDEX = 15

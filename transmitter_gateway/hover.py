@@ -4,7 +4,7 @@ A descent is open loop. Eight per cent of error in the thrust gain let a vehicle
 on until its motors are cut; and every battery brings such an error with it.
 """
 
-from transmitter_gateway.surveillance import Track
+from rcopterx.transmitter_gateway.surveillance import Track
 
 FILTER_S = 1.0
 CALIBRATION_S = 0.2

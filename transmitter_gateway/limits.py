@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from transmitter_gateway.inputs import Input, Position
+from rcopterx.transmitter_gateway.inputs import Input, Position
 
 
 class LimitsError(ValueError):

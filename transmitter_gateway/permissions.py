@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from transmitter_gateway.inputs import Action, ActionRequest
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest
 
 
 def refusal(request: ActionRequest, holder: str | None, operators: Collection[str]) -> str | None:

@@ -8,19 +8,19 @@ import time
 import traceback
 from collections.abc import Callable
 
-from bus import channels
-from bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
-from bus.messages import Pose
-from bus.realtime import request_realtime, settle
-from bus.session import Session
-from bus.subscription import Subscription
-from transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
-from transmitter_gateway.kill_keys import KillKeys
-from transmitter_gateway.recall import Recall
-from transmitter_gateway.settings import GatewaySettings
-from transmitter_gateway.station import Station
-from transmitter_gateway.transmitter import Transmitter
-from transmitter_gateway.wakeup import Wakeup
+from rcopterx.bus import channels
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
+from rcopterx.bus.messages import Pose
+from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.session import Session
+from rcopterx.bus.subscription import Subscription
+from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
+from rcopterx.transmitter_gateway.kill_keys import KillKeys
+from rcopterx.transmitter_gateway.recall import Recall
+from rcopterx.transmitter_gateway.settings import GatewaySettings
+from rcopterx.transmitter_gateway.station import Station
+from rcopterx.transmitter_gateway.transmitter import Transmitter
+from rcopterx.transmitter_gateway.wakeup import Wakeup
 
 _LOG = logging.getLogger(__name__)
 

@@ -5,9 +5,9 @@ from collections import deque
 from collections.abc import Iterable
 from queue import Empty, SimpleQueue
 
-from bus.requests import RecallTransmitter, RecallTransmitterReply, Reply
-from bus.session import NobodyServesError, RequestFailedError, Session
-from transmitter_gateway.inputs import NEUTRAL, LastApplied, State
+from rcopterx.bus.requests import RecallTransmitter, RecallTransmitterReply, Reply
+from rcopterx.bus.session import NobodyServesError, RequestFailedError, Session
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 
 ANSWER_LIMIT_S = 0.2
 PATIENCE_S = 0.1

@@ -13,7 +13,7 @@ from enum import StrEnum
 
 import serial
 
-from transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.protocols.base import SerialLine
 
 TCGETS2 = 0x802C542A
 TCSETS2 = 0x402C542B

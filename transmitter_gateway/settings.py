@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from bus.session import BusAddress
-from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.protocols.base import RadioProtocol
+from rcopterx.bus.session import BusAddress
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from transmitter_gateway.hover import HoverThrust
-from transmitter_gateway.inputs import NEUTRAL, THRUST, Input
-from transmitter_gateway.landing import LandingLaw, Motion, climb_rate_m_s
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.surveillance import Track
+from rcopterx.transmitter_gateway.hover import HoverThrust
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, THRUST, Input
+from rcopterx.transmitter_gateway.landing import LandingLaw, Motion, climb_rate_m_s
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.surveillance import Track
 
 LONGEST_SLEW_STEP_S = 0.04
 

@@ -2,22 +2,22 @@
 
 from collections.abc import Callable
 
-from bus import channels
-from bus.messages import Applied, Command, Kill, TransmitterStatus
-from bus.requests import (
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Applied, Command, Kill, TransmitterStatus
+from rcopterx.bus.requests import (
     Arm,
     Disarm,
     KillVehicle,
     Reply,
     ResetKill,
 )
-from bus.session import Incoming, Session
-from bus.subscription import Subscription
-from transmitter_gateway.inputs import Action, ActionRequest, CommandInput, State
-from transmitter_gateway.serial_port import SerialPort, WriteOutcome
-from transmitter_gateway.settings import TransmitterSettings
-from transmitter_gateway.snapshot import Write
-from transmitter_gateway.transmitter import Transmitter
+from rcopterx.bus.session import Incoming, Session
+from rcopterx.bus.subscription import Subscription
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, CommandInput, State
+from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from rcopterx.transmitter_gateway.settings import TransmitterSettings
+from rcopterx.transmitter_gateway.snapshot import Write
+from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 COMMANDS_KEPT = 256
 """A flood of wrong commands must not push out the right ones between them."""

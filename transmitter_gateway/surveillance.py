@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from msgspec import Struct
 
-from transmitter_gateway.inputs import PoseInput, PoseStamp, Position
-from transmitter_gateway.landing import Motion
-from transmitter_gateway.limits import Fence, SurveillanceLimits
+from rcopterx.transmitter_gateway.inputs import PoseInput, PoseStamp, Position
+from rcopterx.transmitter_gateway.landing import Motion
+from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
 
 LONGEST_EXTRAPOLATION_S = 0.1
 SHORTEST_STEP_S = 1e-3

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from transmitter_gateway.inputs import FLYING, THRUST, LastApplied, State
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.surveillance import Track
+from rcopterx.transmitter_gateway.inputs import FLYING, THRUST, LastApplied, State
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.surveillance import Track
 
 
 def take_over_problem(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from transmitter_gateway.landing import Motion
+from rcopterx.transmitter_gateway.landing import Motion
 
 AT_FLOOR_M = 0.01
 STILL_M_S = 0.1

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 
-from transmitter_gateway.inputs import FLYING, State
+from rcopterx.transmitter_gateway.inputs import FLYING, State
 
 
 class Condition(StrEnum):

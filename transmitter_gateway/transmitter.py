@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from transmitter_gateway.arbiter import Arbiter
-from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.inputs import (
+from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     Action,
     ActionRequest,
@@ -25,10 +25,10 @@ from transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError, RadioProtocol
-from transmitter_gateway.serial_port import SerialPort, WriteOutcome
-from transmitter_gateway.snapshot import TransmitterSnapshot, Write
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError, RadioProtocol
+from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
 
 THROTTLE_LOW_FRAMES = 30
 """At least 25 are to arrive."""

@@ -8,10 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
-from transmitter_gateway.inputs import Answer, LinkState
-from transmitter_gateway.serial_port import SerialPort
-from transmitter_gateway.settings import TransmitterSettings
-from transmitter_gateway.transmitter import AFTER_BIND_S, LONGEST_BIND_S, POWER_UP_LIMIT_S, Transmitter
+from rcopterx.transmitter_gateway.inputs import Answer, LinkState
+from rcopterx.transmitter_gateway.serial_port import SerialPort
+from rcopterx.transmitter_gateway.settings import TransmitterSettings
+from rcopterx.transmitter_gateway.transmitter import (
+    AFTER_BIND_S,
+    LONGEST_BIND_S,
+    POWER_UP_LIMIT_S,
+    Transmitter,
+)
 
 FAREWELL_S = 0.8
 """At least 25 frames of any radio."""

@@ -1,8 +1,8 @@
 """The model every vehicle type shares, as data, and its continuous dynamics.
 
 Coaxial helicopters and quadrotors in attitude mode have the same structure seen from the sticks: every input
-passes an actuator lag and then acts as an acceleration. They differ in numbers (`vehicles.types`) and, in
-the simulator, in the tilt of their thrust.
+passes an actuator lag and then acts as an acceleration. They differ in numbers (`rcopterx.vehicles.types`)
+and, in the simulator, in the tilt of their thrust.
 """
 
 import math
@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vehicles.state import (
+from rcopterx.vehicles.state import (
     GRAVITY_M_S2,
     INPUT_SIZE,
     MOTION_SIZE,
@@ -29,8 +29,8 @@ from vehicles.state import (
     Y,
     Z,
 )
-from vehicles.tilt import TiltModel
-from vehicles.tuples import Four
+from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.tuples import Four
 
 STATE_SIZE = MOTION_SIZE + 3
 """Motion and the three integral states."""

@@ -7,8 +7,8 @@ attitude with a lag, b = g tan(tilt limit), and the true vehicle departs from it
 import math
 from typing import Final
 
-from vehicles.model import Model
-from vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import GRAVITY_M_S2
 
 TILT_LIMIT_RAD: Final = 0.35
 """Attitude at full stick: 20 degrees, the usual limit of the beginners' mode of indoor machines."""

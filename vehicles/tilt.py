@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from vehicles.state import GRAVITY_M_S2, Array, heading_matrix
+from rcopterx.vehicles.state import GRAVITY_M_S2, Array, heading_matrix
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vehicles.state import Array
+    from rcopterx.vehicles.state import Array
 
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]

@@ -4,9 +4,9 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
-from vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
-from vehicles.quadrotor import QUADROTOR
-from vehicles.tilt import TiltModel
+from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
+from rcopterx.vehicles.quadrotor import QUADROTOR
+from rcopterx.vehicles.tilt import TiltModel
 
 COAXIAL_LAG: Final = Model(
     kind="coaxial_lag",

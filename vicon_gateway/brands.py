@@ -29,9 +29,9 @@ from typing import Any, Self
 
 import msgspec
 
-from vicon_gateway.client import ClientLimits, ClientState, StateName
-from vicon_gateway.datastream import MAX_POSITION_MM, StreamCounters
-from vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.client import ClientLimits, ClientState, StateName
+from rcopterx.vicon_gateway.datastream import MAX_POSITION_MM, StreamCounters
+from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 
 BRANDS: Mapping[str, tuple[str, ...]] = {
     "optitrack": ("hostname", "interface_ip", "port_command"),
@@ -82,12 +82,12 @@ class _Child:
     """The child process and the messages it has written."""
 
     def __init__(self, brand: str, settings: Mapping[str, str]) -> None:
-        root = str(Path(__file__).resolve().parents[1])
+        root = str(Path(__file__).absolute().parents[2])
         path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
         command = [
             sys.executable,
             "-m",
-            "vicon_gateway.brands",
+            "rcopterx.vicon_gateway.brands",
             brand,
             json.dumps(dict(settings)),
             str(os.getpid()),

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from vicon_gateway.control_objects import DYNAMIC_TYPES, STATIC_TYPES, Contents, ObjectType
+from rcopterx.vicon_gateway.control_objects import DYNAMIC_TYPES, STATIC_TYPES, Contents, ObjectType
 
 _CONTENTS = int(ObjectType.CONTENTS)
 _NOTHING: frozenset[int] = frozenset()

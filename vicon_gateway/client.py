@@ -15,10 +15,10 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Literal, NamedTuple, Self
 
-from vicon_gateway.datastream import DataStreamSession, StreamCounters
-from vicon_gateway.frame import CapturedFrame
-from vicon_gateway.recording import RawRecorder, Sink
-from vicon_gateway.wire import WireError
+from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
+from rcopterx.vicon_gateway.frame import CapturedFrame
+from rcopterx.vicon_gateway.recording import RawRecorder, Sink
+from rcopterx.vicon_gateway.wire import WireError
 
 DEFAULT_PORT = 801
 RECEIVE_BYTES = 256 * 1024

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import ClassVar, Self
 
-from vicon_gateway.wire import PayloadReader, encode_object, encode_packet, encode_u32_set
+from rcopterx.vicon_gateway.wire import PayloadReader, encode_object, encode_packet, encode_u32_set
 
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from vicon_gateway.carry_over import CarryOver
-from vicon_gateway.control_objects import ObjectEnums, ObjectType, Ping, RequestFrame, packet
-from vicon_gateway.frame import CapturedFrame, Position, Quaternion, SubjectPose
-from vicon_gateway.objects import (
+from rcopterx.vicon_gateway.carry_over import CarryOver
+from rcopterx.vicon_gateway.control_objects import ObjectEnums, ObjectType, Ping, RequestFrame, packet
+from rcopterx.vicon_gateway.frame import CapturedFrame, Position, Quaternion, SubjectPose
+from rcopterx.vicon_gateway.objects import (
     ApplicationInfo,
     FrameInfo,
     LatencyInfo,
@@ -20,9 +20,9 @@ from vicon_gateway.objects import (
     StreamInfo,
     SubjectInfo,
 )
-from vicon_gateway.rotations import quaternion_from_matrix, z_up_from_y_up
-from vicon_gateway.segment_objects import GlobalSegments, Segment
-from vicon_gateway.wire import PacketReader, WireError, split_objects
+from rcopterx.vicon_gateway.rotations import quaternion_from_matrix, z_up_from_y_up
+from rcopterx.vicon_gateway.segment_objects import GlobalSegments, Segment
+from rcopterx.vicon_gateway.wire import PacketReader, WireError, split_objects
 
 REQUIRED_TYPES = {
     int(ObjectType.STREAM_INFO): "the frame period",

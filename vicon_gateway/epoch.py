@@ -6,7 +6,7 @@ or the Tracker was started again, a new epoch begins.
 
 from typing import NamedTuple
 
-from vicon_gateway.frame import CapturedFrame
+from rcopterx.vicon_gateway.frame import CapturedFrame
 
 GAP_TOLERANCE_S = 0.25
 """How far frame numbers and elapsed time may disagree: bursts, late delivery, reconnects."""

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 
 VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 """What is safe as one part of a bus key."""

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
-from vicon_gateway.control_objects import CONTROL_OBJECTS, ObjectType, WireObject
-from vicon_gateway.segment_objects import SEGMENT_OBJECTS
-from vicon_gateway.wire import PayloadReader, encode_string, split_objects
+from rcopterx.vicon_gateway.control_objects import CONTROL_OBJECTS, ObjectType, WireObject
+from rcopterx.vicon_gateway.segment_objects import SEGMENT_OBJECTS
+from rcopterx.vicon_gateway.wire import PayloadReader, encode_string, split_objects
 
 SDK_TICKS_PER_SECOND = 135_000_000
 """Unit of the frame period in StreamInfo."""

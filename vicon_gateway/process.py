@@ -7,19 +7,19 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from bus import channels
-from bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from bus.messages import Applied, Pose, SubjectState, TrackerStatus
-from bus.realtime import request_realtime, settle
-from bus.session import Session
-from bus.subscription import UnitSubscriptions
-from vicon_gateway.brands import BrandClient, check_library
-from vicon_gateway.client import ClientState, DataStreamClient
-from vicon_gateway.epoch import EpochCounter, Stamp
-from vicon_gateway.frame import CapturedFrame, SubjectPose
-from vicon_gateway.mapping import SubjectMap
-from vicon_gateway.recording_file import RecordingFile
-from vicon_gateway.settings import TrackerSettings
+from rcopterx.bus import channels
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.bus.messages import Applied, Pose, SubjectState, TrackerStatus
+from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.session import Session
+from rcopterx.bus.subscription import UnitSubscriptions
+from rcopterx.vicon_gateway.brands import BrandClient, check_library
+from rcopterx.vicon_gateway.client import ClientState, DataStreamClient
+from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
+from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.mapping import SubjectMap
+from rcopterx.vicon_gateway.recording_file import RecordingFile
+from rcopterx.vicon_gateway.settings import TrackerSettings
 
 _LOG = logging.getLogger(__name__)
 

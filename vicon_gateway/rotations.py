@@ -2,8 +2,8 @@
 
 import math
 
-from vicon_gateway.frame import Position, Quaternion
-from vicon_gateway.segment_objects import Matrix3
+from rcopterx.vicon_gateway.frame import Position, Quaternion
+from rcopterx.vicon_gateway.segment_objects import Matrix3
 
 NORM_TOLERANCE = 1e-3
 """A matrix whose quaternion's squared norm is further from one is not a rotation."""

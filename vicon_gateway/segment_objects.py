@@ -7,8 +7,8 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from vicon_gateway.control_objects import ObjectType, WireObject
-from vicon_gateway.wire import PayloadReader
+from rcopterx.vicon_gateway.control_objects import ObjectType, WireObject
+from rcopterx.vicon_gateway.wire import PayloadReader
 
 Vector3 = tuple[float, float, float]
 Matrix3 = tuple[float, float, float, float, float, float, float, float, float]

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from bus.session import BusAddress
+from rcopterx.bus.session import BusAddress
 
 
 @dataclass(frozen=True)

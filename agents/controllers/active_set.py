@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.chain import ChainTarget
-from agents.controllers.chain_interior_point import InteriorPoint, StageProblem
-from vehicles.state import Array
+from rcopterx.agents.controllers.chain import ChainTarget
+from rcopterx.agents.controllers.chain_interior_point import InteriorPoint, StageProblem
+from rcopterx.vehicles.state import Array
 
 INPUT_PENALTY: Final = 1e6
 """Penalty parameter of the augmented Lagrangian, against input weights of about one."""

@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.hovering import hovering_input
-from agents.controllers.roll_out import predict
-from agents.controllers.settings import Limits
-from agents.interfaces import ControlStep, Estimate
-from agents.references.trajectory import POSITION, YAW, Trajectory, hold
-from vehicles.model import Model
-from vehicles.state import U_THRUST, Array
+from rcopterx.agents.controllers.hovering import hovering_input
+from rcopterx.agents.controllers.roll_out import predict
+from rcopterx.agents.controllers.settings import Limits
+from rcopterx.agents.interfaces import ControlStep, Estimate
+from rcopterx.agents.references.trajectory import POSITION, YAW, Trajectory, hold
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_THRUST, Array
 
 EARLY_STOP: Final = "early_stop"
 SHIFTED_PLAN: Final = "shifted_plan"
@@ -102,7 +102,7 @@ class GuardedController(ABC):
             self._start(_capped(estimate), self._usable_input(last_input))
 
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
-        """Compute one control step (`agents.interfaces.Controller.step`)."""
+        """Compute one control step (`rcopterx.agents.interfaces.Controller.step`)."""
         if not estimate.is_finite:
             return self._step_without_state()
         estimate = _capped(estimate)

@@ -14,9 +14,9 @@ from typing import Annotated, ClassVar, Final
 import msgspec
 import numpy as np
 
-from agents.controllers.base import GuardedController, Solution
-from agents.controllers.cascade_lag import LagProblem
-from agents.controllers.cascade_terms import (
+from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.cascade_lag import LagProblem
+from rcopterx.agents.controllers.cascade_terms import (
     Bounds,
     HorizontalProblem,
     HorizontalTask,
@@ -24,18 +24,18 @@ from agents.controllers.cascade_terms import (
     riccati_cost,
     solve_chain,
 )
-from agents.controllers.cascade_tilt import TiltProblem
-from agents.controllers.chain import ChainParameters
-from agents.controllers.chain_qp import ChainQP
-from agents.controllers.clearance import Clearances, clearances
-from agents.controllers.disturbance_observer import DisturbanceObserver
-from agents.controllers.roll_out import first_order, lag_poles
-from agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
-from agents.controllers.weights import default_input_weights, default_state_weights
-from agents.interfaces import Estimate, LimitScale, Obstacle
-from agents.references.trajectory import COLUMNS, Trajectory
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
+from rcopterx.agents.controllers.cascade_tilt import TiltProblem
+from rcopterx.agents.controllers.chain import ChainParameters
+from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.agents.controllers.clearance import Clearances, clearances
+from rcopterx.agents.controllers.disturbance_observer import DisturbanceObserver
+from rcopterx.agents.controllers.roll_out import first_order, lag_poles
+from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
+from rcopterx.agents.controllers.weights import default_input_weights, default_state_weights
+from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
 
 _FREE: Final = 1e9
 """Bound of a heading, which has none."""
@@ -138,7 +138,7 @@ class CascadeController(GuardedController):
         )
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
-        """Keep clear of these in the next step (`agents.interfaces.AvoidsObstacles`)."""
+        """Keep clear of these in the next step (`rcopterx.agents.interfaces.AvoidsObstacles`)."""
         self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
 
     def set_limit_scale(self, limit_scale: LimitScale) -> None:

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.active_set import ChainSolution
-from agents.controllers.cascade_terms import (
+from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.cascade_terms import (
     Bounds,
     HeadingCost,
     HorizontalTask,
@@ -16,12 +16,12 @@ from agents.controllers.cascade_terms import (
     solve_chain,
     to_body,
 )
-from agents.controllers.chain import ChainParameters
-from agents.controllers.chain_qp import ChainQP
-from agents.controllers.clearance import SLOTS
-from agents.interfaces import Estimate
-from agents.references.trajectory import Trajectory
-from vehicles.state import Array, heading_matrices
+from rcopterx.agents.controllers.chain import ChainParameters
+from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.agents.controllers.clearance import SLOTS
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.state import Array, heading_matrices
 
 HEADING_TOLERANCE_RAD: Final = 2e-5
 TURN_TOLERANCE_RAD: Final = 4e-6
@@ -73,7 +73,7 @@ class LagProblem:
         self._crowded.forget()
 
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
-        """Solve for the sticks of the horizon (`agents.controllers.cascade_terms.HorizontalProblem`)."""
+        """Solve for the sticks of the horizon (`HorizontalProblem` in `cascade_terms`)."""
         self._linearize(task.heading)
         rows, terminal = self._reference(task.heading, task.reference)
         first = _first_state(task.estimate)

@@ -11,13 +11,13 @@ from typing import Final, Protocol
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from agents.controllers.active_set import ChainSolution
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.chain_qp import ChainQP
-from agents.controllers.clearance import Clearances
-from agents.interfaces import Estimate
-from agents.references.trajectory import Trajectory
-from vehicles.state import Array, heading_matrix
+from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.agents.controllers.clearance import Clearances
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.state import Array, heading_matrix
 
 Bounds = tuple[Array, Array]
 """Lower and upper."""

@@ -7,17 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.controllers.active_set import ChainSolution
-from agents.controllers.cascade_terms import Bounds, HorizontalTask, target_within
-from agents.controllers.chain import ChainParameters
-from agents.controllers.clearance import SLOTS
-from agents.controllers.lateral_chain import turned_back
-from agents.controllers.lateral_qp import LateralQP
-from agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
-from agents.interfaces import Estimate, TiltEstimate
-from agents.references.trajectory import Trajectory
-from vehicles.model import Model
-from vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, ZD_BODY, Array, heading_matrices, heading_matrix
+from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.cascade_terms import Bounds, HorizontalTask, target_within
+from rcopterx.agents.controllers.chain import ChainParameters
+from rcopterx.agents.controllers.clearance import SLOTS
+from rcopterx.agents.controllers.lateral_chain import turned_back
+from rcopterx.agents.controllers.lateral_qp import LateralQP
+from rcopterx.agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
+from rcopterx.agents.interfaces import Estimate, TiltEstimate
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import (
+    GRAVITY_M_S2,
+    XD_BODY,
+    YAW,
+    ZD_BODY,
+    Array,
+    heading_matrices,
+    heading_matrix,
+)
 
 
 class TiltProblem:
@@ -65,7 +73,7 @@ class TiltProblem:
         self._crowded.forget()
 
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
-        """Solve for the sticks of the horizon (`agents.controllers.cascade_terms.HorizontalProblem`).
+        """Solve for the sticks of the horizon (`HorizontalProblem` in `cascade_terms`).
 
         The push of the task counts only where the estimator does not tell the wind.
         """

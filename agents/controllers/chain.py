@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 from scipy.linalg import lapack
 
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from agents.controllers.chain import ChainParameters, ChainTarget
-from vehicles.state import Array
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.vehicles.state import Array
 
 RESIDUAL: Final = 1e-7
 START_MULTIPLIER: Final = 10.0

@@ -1,10 +1,10 @@
-"""Quadratic program of a chain (`agents.controllers.chain`): vehicles with lags, the vertical, yaw."""
+"""Quadratic program of a chain (see `chain`): vehicles with lags, the vertical, yaw."""
 
 from functools import partial
 
-from agents.controllers.active_set import ActiveSetQP, ChainSolution
-from agents.controllers.chain import Chain, ChainParameters, ChainTarget
-from vehicles.state import Array
+from rcopterx.agents.controllers.active_set import ActiveSetQP, ChainSolution
+from rcopterx.agents.controllers.chain import Chain, ChainParameters, ChainTarget
+from rcopterx.vehicles.state import Array
 
 
 class ChainQP(ActiveSetQP):

@@ -15,9 +15,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.chain import ChainTarget
-from agents.interfaces import Obstacle
-from vehicles.state import Array
+from rcopterx.agents.controllers.chain import ChainTarget
+from rcopterx.agents.interfaces import Obstacle
+from rcopterx.vehicles.state import Array
 
 SLOTS: Final = 6
 """Vehicles that are avoided at the same time; the nearest ones."""

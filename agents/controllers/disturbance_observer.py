@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.references.trajectory import Trajectory
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, XD_BODY, YAW, Array, heading_matrix
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, Array, heading_matrix
 
 TIME_CONSTANT_S: Final = 1.0
 ACCELERATION_CAP: Final = np.array([0.6, 0.6, 1.5])

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.controllers.roll_out import predict as roll_out
-from agents.flight.prediction import predict
-from agents.interfaces import Controller, ControlStep, Estimate
-from agents.references.trajectory import Trajectory
-from vehicles.model import Model
-from vehicles.state import Array
+from rcopterx.agents.controllers.roll_out import predict as roll_out
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.base import GuardedController, Solution
-from agents.controllers.roll_out import lag_poles, predict
-from agents.controllers.settings import Limits
-from agents.interfaces import Estimate
-from agents.references.trajectory import Trajectory
-from vehicles.model import Model, input_behind_gyro, motion_derivative
-from vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array, heading_matrix
+from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.roll_out import lag_poles, predict
+from rcopterx.agents.controllers.settings import Limits
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
+from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array, heading_matrix
 
 TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
 """An input further than this from hovering is a manoeuvre and not a trim."""

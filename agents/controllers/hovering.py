@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.model import Model
-from vehicles.state import XD_BODY, YAW, Array, heading_matrix
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import XD_BODY, YAW, Array, heading_matrix
 
 _STIFFNESS: Final = np.array([2.0, 2.0, 4.0, 9.0])
 _DAMPING: Final = np.array([2.5, 2.5, 4.0, 6.0])

@@ -1,10 +1,10 @@
 """The horizontal problem of a vehicle with a tilt model, condensed to its demands.
 
-In the inertial frame the prediction is linear and knows no heading (`agents.flight.lateral`): every position
-and velocity of the horizon is a constant row times the demands e_1 .. e_{N-1}, and so is the Hessian, which
-is factorised once for all flights. The heading turns only what is given in the body frame: stick limits,
-velocity bounds. The class offers what `ChainQP` and `InteriorPoint` need, as `Chain` does for vehicles with
-lags.
+In the inertial frame the prediction is linear and knows no heading (`rcopterx.agents.flight.lateral`): every
+position and velocity of the horizon is a constant row times the demands e_1 .. e_{N-1}, and so is the
+Hessian, which is factorised once for all flights. The heading turns only what is given in the body frame:
+stick limits, velocity bounds. The class offers what `ChainQP` and `InteriorPoint` need, as `Chain` does for
+vehicles with lags.
 """
 
 from typing import Final
@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lapack, solve_discrete_are
 
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.flight.lateral import POSITION, VELOCITY, LateralSystem
-from vehicles.state import Array
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
+from rcopterx.vehicles.state import Array
 
 AXES: Final = 2
 BEYOND: Final = 2

@@ -2,11 +2,11 @@
 
 from functools import partial
 
-from agents.controllers.active_set import ActiveSetQP, ChainSolution
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.lateral_chain import LateralChain
-from agents.flight.lateral import LateralSystem
-from vehicles.state import Array
+from rcopterx.agents.controllers.active_set import ActiveSetQP, ChainSolution
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.lateral_chain import LateralChain
+from rcopterx.agents.flight.lateral import LateralSystem
+from rcopterx.vehicles.state import Array
 
 
 class LateralQP(ActiveSetQP):

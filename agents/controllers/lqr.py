@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from agents.controllers.feedback import FeedbackController
-from agents.controllers.paper_model import (
+from rcopterx.agents.controllers.feedback import FeedbackController
+from rcopterx.agents.controllers.paper_model import (
     INPUT_WEIGHTS,
     INTEGRAL_STATES,
     STATE_WEIGHTS,
     PaperModel,
     TerminalCost,
 )
-from agents.controllers.settings import ControllerSettings, ElevenWeights, FourWeights, PositiveFloat
-from vehicles.model import Model
-from vehicles.state import MOTION_SIZE, Array
+from rcopterx.agents.controllers.settings import ControllerSettings, ElevenWeights, FourWeights, PositiveFloat
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import MOTION_SIZE, Array
 
 
 class LqrSettings(ControllerSettings, frozen=True, kw_only=True):

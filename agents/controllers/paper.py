@@ -9,8 +9,8 @@ from typing import Annotated, ClassVar, Final, Literal
 import msgspec
 import numpy as np
 
-from agents.controllers.base import GuardedController, Solution
-from agents.controllers.paper_model import (
+from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.paper_model import (
     BOUNDED_STATES,
     INPUT_WEIGHTS,
     STATE_SIZE,
@@ -19,12 +19,12 @@ from agents.controllers.paper_model import (
     PaperModel,
     TerminalCost,
 )
-from agents.controllers.settings import ControllerSettings, ElevenWeights, FourWeights, TimeLimit
-from agents.controllers.stage_qp import StageQP, StageStructure
-from agents.interfaces import Estimate
-from agents.references.trajectory import COLUMNS, Trajectory
-from vehicles.model import Model
-from vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array
+from rcopterx.agents.controllers.settings import ControllerSettings, ElevenWeights, FourWeights, TimeLimit
+from rcopterx.agents.controllers.stage_qp import StageQP, StageStructure
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array
 
 WIDENING: Final = 1e-3
 """How far beyond the rolled-out plan a state bound is put, in scaled variables."""

@@ -21,8 +21,20 @@ from typing import Final
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, Array, X, Y, Z
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import (
+    INPUT_SIZE,
+    MOTION_SIZE,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    ZD_BODY,
+    Array,
+    X,
+    Y,
+    Z,
+)
 
 X_INT: Final = 8
 Y_INT: Final = 9

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from agents.controllers.feedback import FeedbackController
-from agents.controllers.settings import ControllerSettings, FourWeights, PositiveFloat
-from vehicles.model import Model
-from vehicles.state import XD_BODY, Array
+from rcopterx.agents.controllers.feedback import FeedbackController
+from rcopterx.agents.controllers.settings import ControllerSettings, FourWeights, PositiveFloat
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import XD_BODY, Array
 
 
 class PidSettings(ControllerSettings, frozen=True, kw_only=True):

@@ -7,16 +7,16 @@ A controller's module is imported only when that controller is asked for; agents
 
 from typing import Final
 
-from agents.interfaces import Controller
-from agents.plugins.registry import Registry
+from rcopterx.agents.interfaces import Controller
+from rcopterx.agents.plugins.registry import Registry
 
 CONTROLLERS: Final = Registry[Controller](
     "controller",
     "rcopterx.controllers",
     {
-        "cascade": "agents.controllers.cascade:CascadeController",
-        "lqr": "agents.controllers.lqr:LqrController",
-        "paper": "agents.controllers.paper:PaperController",
-        "pid": "agents.controllers.pid:PidController",
+        "cascade": "rcopterx.agents.controllers.cascade:CascadeController",
+        "lqr": "rcopterx.agents.controllers.lqr:LqrController",
+        "paper": "rcopterx.agents.controllers.paper:PaperController",
+        "pid": "rcopterx.agents.controllers.pid:PidController",
     },
 )

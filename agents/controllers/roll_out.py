@@ -9,10 +9,21 @@ flies the trajectory through this same model reproduces it exactly.
 import numpy as np
 from scipy.linalg import blas
 
-from agents.interfaces import Estimate
-from agents.references.trajectory import COLUMNS, Trajectory
-from vehicles.model import Model
-from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, Array
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import (
+    U_PITCH,
+    U_ROLL,
+    U_THRUST,
+    U_YAW,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    ZD_BODY,
+    Array,
+)
 
 
 def lag_poles(model: Model, period_s: float) -> Array:

@@ -1,7 +1,8 @@
 """Settings every controller shares.
 
 A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a request's body becomes one
-through `agents.plugins.plain_settings`, which names the field and what is allowed when something is wrong.
+through `rcopterx.agents.plugins.plain_settings`, which names the field and what is allowed when something is
+wrong.
 """
 
 from collections.abc import Iterable
@@ -11,9 +12,9 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from agents.plugins.plain_settings import SettingsError
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, Array
+from rcopterx.agents.plugins.plain_settings import SettingsError
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 PositiveFloat = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegativeFloat = Annotated[float, msgspec.Meta(ge=0.0)]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from osqp import OSQPException, SolverStatus
 from scipy import sparse
 
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 Indices = NDArray[np.int64]
 

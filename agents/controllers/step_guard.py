@@ -12,14 +12,14 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.base import HOVER, SHIFTED_PLAN, SHIFTED_PLAN_LIMIT_S
-from agents.controllers.hovering import hovering_input
-from agents.controllers.roll_out import predict
-from agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, NoTimeLimit, OutOfTimeError, TimeLimit
-from agents.interfaces import Controller, ControlStep, Estimate, StopsEarly
-from agents.references.trajectory import COLUMNS, Trajectory
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, Array
+from rcopterx.agents.controllers.base import HOVER, SHIFTED_PLAN, SHIFTED_PLAN_LIMIT_S
+from rcopterx.agents.controllers.hovering import hovering_input
+from rcopterx.agents.controllers.roll_out import predict
+from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, NoTimeLimit, OutOfTimeError, TimeLimit
+from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, StopsEarly
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 DEFAULT_CONTROLLER: Final = "default_controller"
 """Counted for every step that the default controller flew for one that failed."""

@@ -1,21 +1,21 @@
 """Weights that follow from a vehicle's model and from how far the true vehicle may be from it.
 
 The rule: the weight of a stick is the least one of a geometric row with which filter and regulator together
-bear every departure of the model's uncertainty (`vehicles.model.Uncertainty`): gain larger and smaller, more
-delay, frequency higher and lower, each alone. The row begins with a floor; behind a tilt that floor rises
-with what the gain may be wrong, because a true vehicle departs in everything at once.
+bear every departure of the model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): gain larger and
+smaller, more delay, frequency higher and lower, each alone. The row begins with a floor; behind a tilt that
+floor rises with what the gain may be wrong, because a true vehicle departs in everything at once.
 """
 
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Final
 
-from agents.margins.axes import lag_loop, tilt_loop
-from agents.margins.loop import FeedbackLoop
-from agents.margins.search import bears
-from vehicles.model import UNIDENTIFIED, Model
-from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
-from vehicles.tuples import Four
+from rcopterx.agents.margins.axes import lag_loop, tilt_loop
+from rcopterx.agents.margins.loop import FeedbackLoop
+from rcopterx.agents.margins.search import bears
+from rcopterx.vehicles.model import UNIDENTIFIED, Model
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
+from rcopterx.vehicles.tuples import Four
 
 _LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
 _TILT_STATES: Final = (100.0, 100.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)

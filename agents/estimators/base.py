@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from agents.estimators.gate import InnovationGate
-from agents.estimators.settings import EstimatorSettings
-from agents.interfaces import Estimate, Measurement
-from agents.references.turns import nearest_heading
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.agents.estimators.gate import InnovationGate
+from rcopterx.agents.estimators.settings import EstimatorSettings
+from rcopterx.agents.interfaces import Estimate, Measurement
+from rcopterx.agents.references.turns import nearest_heading
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 
 _FARTHEST_M: Final = 1e3
 _MOST_TURNED_RAD: Final = 1e4
@@ -183,7 +183,7 @@ def body_motion(pose: Array, rates: Array) -> Array:
     Returns
     -------
     Array
-        Motion state of `vehicles.state`, shape (8,).
+        Motion state of `rcopterx.vehicles.state`, shape (8,).
     """
     yaw, vx, vy = float(pose[YAW]), float(rates[0]), float(rates[1])
     c, s = math.cos(yaw), math.sin(yaw)

@@ -10,9 +10,9 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from agents.flight.time_limit import NoTimeLimit, OutOfTimeError, TimeLimit
-from agents.interfaces import Estimate, Estimator, Measurement
-from vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
+from rcopterx.agents.flight.time_limit import NoTimeLimit, OutOfTimeError, TimeLimit
+from rcopterx.agents.interfaces import Estimate, Estimator, Measurement
+from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
 RAISED: Final = "estimator_raised"
 UNUSABLE: Final = "estimator_unusable"

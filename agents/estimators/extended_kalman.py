@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
-from agents.estimators.tilt_kalman import TiltKalmanEstimator
-from vehicles.model import Model
+from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
+from rcopterx.agents.estimators.tilt_kalman import TiltKalmanEstimator
+from rcopterx.vehicles.model import Model
 
 
 class ExtendedKalman:
@@ -13,7 +13,7 @@ class ExtendedKalman:
     Settings: Final = ExtendedKalmanSettings
 
     def __call__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> LagKalmanEstimator:
-        """The filter for this model (`agents.estimators.registry.EstimatorClass`)."""
+        """The filter for this model (`rcopterx.agents.estimators.registry.EstimatorClass`)."""
         kind = LagKalmanEstimator if model.tilt is None else TiltKalmanEstimator
         return kind(model, period_s, settings)
 

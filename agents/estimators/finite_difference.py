@@ -5,12 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from agents.estimators.base import PoseEstimator, body_motion
-from agents.estimators.settings import EstimatorSettings, Positive
-from agents.flight.prediction import actuator_response
-from agents.interfaces import Estimate
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.agents.estimators.base import PoseEstimator, body_motion
+from rcopterx.agents.estimators.settings import EstimatorSettings, Positive
+from rcopterx.agents.flight.prediction import actuator_response
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 
 _UNKNOWN_ACCELERATION: Final = np.array([0.5, 0.5, 1.0, 3.0])
 """Deviation of the accelerations that this estimator knows nothing of [m/s^2, rad/s^2]."""

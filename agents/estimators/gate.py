@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.estimators.settings import EstimatorSettings
-from vehicles.model import Model
-from vehicles.state import Array
+from rcopterx.agents.estimators.settings import EstimatorSettings
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
 
 _DEVIATIONS: Final = 5.0
 _SPEED_FACTOR: Final = 2.0

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from agents.estimators.base import PoseEstimator, body_motion
-from agents.estimators.settings import EstimatorSettings, FourPositive, Positive
-from agents.flight.prediction import actuator_response
-from agents.interfaces import Estimate
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.agents.estimators.base import PoseEstimator, body_motion
+from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
+from rcopterx.agents.flight.prediction import actuator_response
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 
 
 class KalmanSettings(EstimatorSettings, frozen=True, kw_only=True):

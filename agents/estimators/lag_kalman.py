@@ -8,14 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from agents.estimators.base import PoseEstimator, body_motion
-from agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
-from agents.estimators.settings import EstimatorSettings, FourPositive, Positive
-from agents.flight.linear import prepared_period
-from agents.flight.prediction import actuator_response, predict
-from agents.interfaces import Estimate
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
+from rcopterx.agents.estimators.base import PoseEstimator, body_motion
+from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
+from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
+from rcopterx.agents.flight.linear import prepared_period
+from rcopterx.agents.flight.prediction import actuator_response, predict
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
 
 _LIFTING_FRACTION: Final = 0.9
 """Modelled thrust over weight from which a standing vehicle may lift."""

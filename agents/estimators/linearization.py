@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from scipy.linalg import expm
 
-from vehicles.model import Model
-from vehicles.state import (
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import (
     INPUT_SIZE,
     MOTION_SIZE,
     U_YAW,

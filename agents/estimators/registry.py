@@ -8,15 +8,15 @@ An estimator's module is imported only when that estimator is asked for.
 
 from typing import Final
 
-from agents.interfaces import Estimator
-from agents.plugins.registry import Registry
+from rcopterx.agents.interfaces import Estimator
+from rcopterx.agents.plugins.registry import Registry
 
 ESTIMATORS: Final = Registry[Estimator](
     "estimator",
     "rcopterx.estimators",
     {
-        "extended_kalman": "agents.estimators.extended_kalman:extended_kalman",
-        "finite_difference": "agents.estimators.finite_difference:FiniteDifferenceEstimator",
-        "kalman": "agents.estimators.kalman:KalmanEstimator",
+        "extended_kalman": "rcopterx.agents.estimators.extended_kalman:extended_kalman",
+        "finite_difference": "rcopterx.agents.estimators.finite_difference:FiniteDifferenceEstimator",
+        "kalman": "rcopterx.agents.estimators.kalman:KalmanEstimator",
     },
 )

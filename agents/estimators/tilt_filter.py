@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import expm
 
-from agents.flight.lateral import (
+from rcopterx.agents.flight.lateral import (
     POSITION,
     VELOCITY,
     WIND_CORRELATION_S,
@@ -21,9 +21,9 @@ from agents.flight.lateral import (
     demand_matrix,
     lateral_system,
 )
-from agents.interfaces import TiltEstimate
-from vehicles.model import Model
-from vehicles.state import Array, heading_matrix
+from rcopterx.agents.interfaces import TiltEstimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array, heading_matrix
 
 TRIM_LIMIT: Final = 0.3
 OFFSET_LIMIT_RAD: Final = 0.2

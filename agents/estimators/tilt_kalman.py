@@ -2,7 +2,7 @@
 
 The horizontal motion is estimated by two filters side by side, `TiltFilter` with the measured tilt and with
 positions only. The second one is believed where no tilt is measured, or one that does not go with the motion
-(`agents.estimators.tilt_trust`). Height and heading, and what a first-order lag would need
+(`rcopterx.agents.estimators.tilt_trust`). Height and heading, and what a first-order lag would need
 to explain the flight (for controllers that know nothing else), by the filter for vehicles with lags.
 """
 
@@ -13,18 +13,18 @@ from typing import Final
 
 import numpy as np
 
-from agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
-from agents.estimators.tilt_filter import TiltFilter
-from agents.estimators.tilt_trust import TiltTrust
-from agents.interfaces import Estimate, Measurement
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
+from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
+from rcopterx.agents.estimators.tilt_filter import TiltFilter
+from rcopterx.agents.estimators.tilt_trust import TiltTrust
+from rcopterx.agents.interfaces import Estimate, Measurement
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
 
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
 TILT_DENSITY_OF_GAIN = 7.0
 """Random-walk density of the tilt rate per unit of what the gain may be wrong
-(`vehicles.model.Uncertainty`)."""
+(`rcopterx.vehicles.model.Uncertainty`)."""
 
 
 def tilt_filter_of(model: Model, settings: ExtendedKalmanSettings) -> TiltFilter:

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 WINDOW_S: Final = 2.0
 """Time constant of the means."""

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 FADING_TIME_S: Final = 0.09
 """Time constant with which the difference fades that another controller or estimator makes to the input."""

@@ -3,7 +3,7 @@
 from collections import deque
 from dataclasses import dataclass
 
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 HISTORY_LENGTH = 64
 TIME_TOLERANCE_S = 1e-6

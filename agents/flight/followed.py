@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.formation.law import FormationOffset, OffsetTransition
-from agents.interfaces import Estimate
-from agents.references.trajectory import Trajectory
-from agents.references.turns import whole_turns
-from vehicles.state import YAW
+from rcopterx.agents.formation.law import FormationOffset, OffsetTransition
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.agents.references.turns import whole_turns
+from rcopterx.vehicles.state import YAW
 
 
 @dataclass(frozen=True, slots=True)

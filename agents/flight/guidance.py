@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.flight.followed import FollowedLeader, LeaderPlan, offset_between
-from agents.flight.task import Task
-from agents.flight.touchdown import Touchdown
-from agents.formation.law import combined_reference, follower_reference
-from agents.interfaces import Estimate
-from agents.phases import AIRBORNE, Event, Phase, next_phase
-from agents.references.paths import FlightPath
-from agents.references.quintic import PEAK_TO_MEAN_SPEED
-from agents.references.set_points import (
+from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan, offset_between
+from rcopterx.agents.flight.task import Task
+from rcopterx.agents.flight.touchdown import Touchdown
+from rcopterx.agents.formation.law import combined_reference, follower_reference
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
+from rcopterx.agents.references.paths import FlightPath
+from rcopterx.agents.references.quintic import PEAK_TO_MEAN_SPEED
+from rcopterx.agents.references.set_points import (
     PathReference,
     ReferenceSource,
     SetPointReference,
@@ -26,9 +26,9 @@ from agents.references.set_points import (
     SmoothTurn,
     TurnLimits,
 )
-from agents.references.trajectory import Trajectory
-from agents.references.turns import on_turn_of
-from vehicles.state import YAW, Array
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.agents.references.turns import on_turn_of
+from rcopterx.vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6
 LANDING_SPEED_M_S = 0.35

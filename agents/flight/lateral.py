@@ -1,6 +1,6 @@
 """The horizontal motion of a vehicle with a tilt model, as one linear system in the inertial frame.
 
-    state   position, velocity, core (`vehicles.tilt`), servo [m/s^2], wind      two components each
+    state   position, velocity, core (`rcopterx.vehicles.tilt`), servo [m/s^2], wind      two components each
     input   demand e = R(psi) b (stick + trim)                                   [m/s^2]
 
 Nothing in it depends on the heading except the direction of the demand, so its matrices are computed once.
@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.linear import prepared_period, zero_order_hold
-from vehicles.model import Model
-from vehicles.state import Array, heading_matrix
+from rcopterx.agents.flight.linear import prepared_period, zero_order_hold
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array, heading_matrix
 
 POSITION: Final = slice(0, 2)
 VELOCITY: Final = slice(2, 4)

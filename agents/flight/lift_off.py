@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.interfaces import Estimate
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_THRUST, ZD_BODY, Array
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, ZD_BODY, Array
 
 SPOOL_UP_S: Final = 0.5
 SPOOL_UP_SHARE: Final = 0.85

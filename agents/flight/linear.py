@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 Complex = NDArray[np.complex128]
 _PERIOD_DIGITS: Final = 6

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.model import Model
-from vehicles.state import U_PITCH, U_ROLL, U_YAW, YAW, Array
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_YAW, YAW, Array
 
 SHORTEST_HALF_WAVE_S: Final = 0.1
 LONGEST_HALF_WAVE_S: Final = 0.8

@@ -9,11 +9,21 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
-from agents.interfaces import Estimate, TiltEstimate
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
-from vehicles.tuples import Four
+from rcopterx.agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
+from rcopterx.agents.interfaces import Estimate, TiltEstimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import (
+    INPUT_SIZE,
+    U_THRUST,
+    U_YAW,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    ZD_BODY,
+    Array,
+    heading_matrix,
+)
+from rcopterx.vehicles.tuples import Four
 
 _LONGEST_STEP_S: Final = 0.0201
 """Beyond one 50 Hz period Runge-Kutta steps are split, which keeps positions exact to micrometres."""
@@ -145,7 +155,7 @@ def _followed(
     time_s: float,
 ) -> list[float]:
     """Sticks with what gyro and thrust make of that of yaw in the middle of a time
-    (`vehicles.model.input_behind_gyro`)."""
+    (`rcopterx.vehicles.model.input_behind_gyro`)."""
     pitch, roll, thrust, yaw = sticks
     half_s = 0.5 * time_s
     yaw_rate = motion[YAW_RATE] + half_s * (model.input_gain[U_YAW] * actuator[U_YAW] + disturbance[U_YAW])

@@ -1,8 +1,8 @@
 """Whether the vehicle does what its sticks ask, and what is flown when it does not."""
 
-from agents.flight.vehicle_watch import HoverThrustLimits, VehicleFault, VehicleWatch
-from vehicles.model import Model
-from vehicles.state import Array
+from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits, VehicleFault, VehicleWatch
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
 
 
 class SelfCheck:

@@ -2,10 +2,10 @@
 
 from typing import Protocol
 
-from agents.flight.fleet_clock import FleetClock
-from agents.flight.guidance import Guidance
-from agents.interfaces import Estimate
-from vehicles.model import Model
+from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.model import Model
 
 
 class FlightState(Protocol):

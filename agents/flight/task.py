@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from agents.flight.followed import FollowedLeader
-from agents.phases import Phase
-from agents.references.set_points import ReferenceSource
+from rcopterx.agents.flight.followed import FollowedLeader
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.references.set_points import ReferenceSource
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vehicles.state import ZD_BODY, Array, Z
+from rcopterx.vehicles.state import ZD_BODY, Array, Z
 
 FLOOR_TOLERANCE_M: Final = 0.03
 BELOW_FLOOR_M: Final = 0.1

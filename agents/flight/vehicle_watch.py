@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.model import Model
-from vehicles.state import (
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import (
     INPUT_SIZE,
     U_PITCH,
     U_ROLL,

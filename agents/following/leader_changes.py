@@ -12,18 +12,18 @@ from types import MappingProxyType
 
 import numpy as np
 
-from agents.flight.state import FlightState
-from agents.following.leader_plans import LeaderPlans
-from agents.following.links import followed_leader
-from agents.following.peers import PeerStatuses
-from agents.following.regrouping import Regrouping
-from agents.formation.placement import Room, offset_problem, place_problem
-from agents.formation.present import formation_of
-from agents.formation.topology import ancestors, in_words, line_between
-from agents.phases import Phase
-from bus.messages import LeaderLink
-from bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
-from bus.session import Incoming
+from rcopterx.agents.flight.state import FlightState
+from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.following.regrouping import Regrouping
+from rcopterx.agents.formation.placement import Room, offset_problem, place_problem
+from rcopterx.agents.formation.present import formation_of
+from rcopterx.agents.formation.topology import ancestors, in_words, line_between
+from rcopterx.agents.phases import Phase
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
+from rcopterx.bus.session import Incoming
 
 FIRST_PLAN_LIMIT_S = 0.3
 RECENT_STATUS_S = 0.3

@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 
-from agents.flight.fleet_clock import FleetClock
-from agents.flight.followed import LeaderPlan
-from agents.references.trajectory import Trajectory
-from bus.messages import Plan
-from bus.subscription import Inbox
+from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.bus.messages import Plan
+from rcopterx.bus.subscription import Inbox
 
 
 def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from agents.flight.followed import FollowedLeader
-from agents.formation.law import FormationOffset
-from bus.messages import LeaderLink
+from rcopterx.agents.flight.followed import FollowedLeader
+from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.bus.messages import LeaderLink
 
 
 def followed_leader(following: LeaderLink) -> FollowedLeader:

@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from agents.flight.followed import FollowedLeader, LeaderPlan
-from agents.flight.state import FlightState
-from agents.following.leader_plans import LeaderPlans
-from agents.following.links import followed_leader, target_link
-from agents.following.peers import PeerStatuses
-from agents.formation.succession import (
+from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
+from rcopterx.agents.flight.state import FlightState
+from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.links import followed_leader, target_link
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.formation.succession import (
     FOLLOWING_MODES,
     Finding,
     FollowingMode,
@@ -19,8 +19,8 @@ from agents.formation.succession import (
     link_to_successor,
     successor_of,
 )
-from agents.phases import Phase
-from bus.messages import LeaderLink
+from rcopterx.agents.phases import Phase
+from rcopterx.bus.messages import LeaderLink
 
 LATE_AFTER_S = 0.1
 """Age from which the newest plan counts as the last one."""

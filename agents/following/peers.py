@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable, Mapping
 
-from bus.messages import AgentStatus
-from bus.subscription import Inbox
+from rcopterx.bus.messages import AgentStatus
+from rcopterx.bus.subscription import Inbox
 
 
 class PeerStatuses:

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agents.flight.fleet_clock import FleetClock
-from agents.flight.followed import FollowedLeader
-from bus.messages import SetPoint
-from vehicles.state import Array
+from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.followed import FollowedLeader
+from rcopterx.bus.messages import SetPoint
+from rcopterx.vehicles.state import Array
 
 PREPARED_S = 3.0
 """How long a prepared change waits for its frame."""

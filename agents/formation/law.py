@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from agents.references.quintic import rest_to_rest
-from agents.references.trajectory import (
+from rcopterx.agents.references.quintic import rest_to_rest
+from rcopterx.agents.references.trajectory import (
     ACCELERATION,
     POSITION,
     VELOCITY,
@@ -21,7 +21,7 @@ from agents.references.trajectory import (
     YAW_RATE,
     Trajectory,
 )
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 OffsetFrame = Literal["inertial", "heading"]
 

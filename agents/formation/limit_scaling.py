@@ -9,11 +9,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from agents.formation.topology import FormationGraph, followers, leaders_of, places
-from agents.interfaces import Controller, LimitScale, ScalesLimits
-from agents.references.set_points import TurnLimits
-from vehicles.model import Model
-from vehicles.state import Array
+from rcopterx.agents.formation.topology import FormationGraph, followers, leaders_of, places
+from rcopterx.agents.interfaces import Controller, LimitScale, ScalesLimits
+from rcopterx.agents.references.set_points import TurnLimits
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
 
 LEADER_LIMIT_SCALE = 0.8
 """Share of its followers' accelerations a leader plans with."""

@@ -6,11 +6,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from agents.formation.present import AT_WORK, formation_of
-from agents.formation.topology import FormationGraph, followers, places
-from bus.messages import AgentStatus, LeaderLink
-from vehicles.state import Array
-from vehicles.tuples import Three
+from rcopterx.agents.formation.present import AT_WORK, formation_of
+from rcopterx.agents.formation.topology import FormationGraph, followers, places
+from rcopterx.bus.messages import AgentStatus, LeaderLink
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 
 TOLERANCE_M = 1e-6
 NOBODY: Mapping[str, Array] = MappingProxyType({})
@@ -79,7 +79,7 @@ def place_problem(
     following
         Its new leaders, with the offsets to be reached.
     links, heads
-        The others, as of `agents.formation.present.formation_of`.
+        The others, as of `rcopterx.agents.formation.present.formation_of`.
     room
         Limits.
 

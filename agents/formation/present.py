@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from agents.formation.topology import FormationGraph
-from agents.phases import Phase
-from bus.messages import AgentStatus, LeaderLink
-from vehicles.state import Array
+from rcopterx.agents.formation.topology import FormationGraph
+from rcopterx.agents.phases import Phase
+from rcopterx.bus.messages import AgentStatus, LeaderLink
+from rcopterx.vehicles.state import Array
 
 AT_WORK = (Phase.TAKEOFF, Phase.FLYING)
 """Phases in which a vehicle is at its place in the formation, or on the way there."""
@@ -30,7 +30,7 @@ def formation_of(
     Returns
     -------
     links, heads
-        As `agents.formation.topology.places` takes them.
+        As `rcopterx.agents.formation.topology.places` takes them.
     """
     at_work = {name for name, status in statuses.items() if status.phase in AT_WORK} | set(flying)
     links: dict[str, tuple[LeaderLink, ...]] = {}

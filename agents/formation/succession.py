@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from agents.formation.topology import FormationGraph, link_between, places
-from bus.messages import LeaderLink
+from rcopterx.agents.formation.topology import FormationGraph, link_between, places
+from rcopterx.bus.messages import LeaderLink
 
 
 class Finding(StrEnum):

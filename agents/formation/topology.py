@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from bus.messages import LeaderLink
-from vehicles.state import YAW, Array, heading_matrix
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
 FormationGraph = Mapping[str, tuple[LeaderLink, ...]]
 """Leaders of each vehicle; empty for one that follows nobody."""

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.model import Model
-from vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 BASE_HZ: Final = 0.05
 """All frequencies are multiples of it, so that the signal repeats every 20 s."""

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from agents.identification.excitation import Excitation
-from vehicles.state import Array
+from rcopterx.agents.identification.excitation import Excitation
+from rcopterx.vehicles.state import Array
 
 LONGEST_BLIND_S: Final = 0.1
 """Without poses for longer the vehicle is left in peace."""

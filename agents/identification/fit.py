@@ -2,8 +2,8 @@
 
 Horizontal motion and height are fitted to the innovations of the stationary Kalman predictor of the model,
 the heading to errors further ahead, because its model is a coarser one. What is known of the type beforehand
-counts as much as a measurement (`agents.identification.parameters`), so that what a flight does not show
-stays what it was. The last part of the flight is not fitted: it judges the result.
+counts as much as a measurement (`rcopterx.agents.identification.parameters`), so that what a flight does not
+show stays what it was. The last part of the flight is not fitted: it judges the result.
 """
 
 import math
@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from agents.flight.linear import Complex
-from agents.identification.motions import Motion, Offsets, heading, horizontal, vertical
-from agents.identification.parameters import (
+from rcopterx.agents.flight.linear import Complex
+from rcopterx.agents.identification.motions import Motion, Offsets, heading, horizontal, vertical
+from rcopterx.agents.identification.parameters import (
     FREQUENCY,
     PITCH_GAIN,
     ROLL_GAIN,
@@ -27,9 +27,9 @@ from agents.identification.parameters import (
     heading_parameters,
     horizontal_parameters,
 )
-from agents.identification.recording import FlightRecording
-from vehicles.model import IDENTIFIED, Model, Uncertainty
-from vehicles.state import U_THRUST, Array
+from rcopterx.agents.identification.recording import FlightRecording
+from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty
+from rcopterx.vehicles.state import U_THRUST, Array
 
 FITTED_SHARE: Final = 0.8
 """Fraction of the flight that is fitted; the rest judges."""

@@ -1,7 +1,7 @@
 """Stationary Kalman predictor of a linear system, over a whole flight at once.
 
-The horizontal motion of a vehicle prefers no direction (`vehicles.tilt`), so that the two components of every
-vector become one complex number, x + i y. Height and heading are real systems.
+The horizontal motion of a vehicle prefers no direction (`rcopterx.vehicles.tilt`), so that the two components
+of every vector become one complex number, x + i y. Height and heading are real systems.
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
-from agents.flight.linear import Complex, zero_order_hold
-from vehicles.state import Array
+from rcopterx.agents.flight.linear import Complex, zero_order_hold
+from rcopterx.vehicles.state import Array
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from typing import Final
 import numpy as np
 from scipy.signal import lfilter
 
-from agents.flight.lateral import WIND_CORRELATION_S, LateralSystem
-from agents.flight.linear import Complex, as_complex
-from agents.identification.linear_filter import LinearSystem, StationaryPredictor
-from agents.identification.recording import FlightRecording
-from vehicles.model import Model
-from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
+from rcopterx.agents.flight.lateral import WIND_CORRELATION_S, LateralSystem
+from rcopterx.agents.flight.linear import Complex, as_complex
+from rcopterx.agents.identification.linear_filter import LinearSystem, StationaryPredictor
+from rcopterx.agents.identification.recording import FlightRecording
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
 
 POSITION_NOISE_M: Final = 0.0005
 YAW_NOISE_RAD: Final = 0.003

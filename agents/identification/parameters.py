@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from agents.identification.motions import Offsets
-from vehicles.model import Model
-from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
-from vehicles.tilt import TiltModel
+from rcopterx.agents.identification.motions import Offsets
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
+from rcopterx.vehicles.tilt import TiltModel
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.interfaces import Measurement
-from vehicles.state import INPUT_SIZE, Array
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 FORMAT: Final = 1
 LONGEST_GAP_S: Final = 0.1
@@ -27,7 +27,7 @@ class FlightRecording:
     Attributes
     ----------
     kind
-        Type of the vehicle (`vehicles.model.Model.kind`).
+        Type of the vehicle (`rcopterx.vehicles.model.Model.kind`).
     period_s
         Control period.
     position_m

@@ -10,13 +10,13 @@ from typing import Final
 
 import numpy as np
 
-from agents.estimators.lag_kalman import ExtendedKalmanSettings
-from agents.estimators.tilt_kalman import tilt_filter_of
-from agents.flight.lateral import LateralSystem, lateral_system
-from agents.flight.linear import as_complex, zero_order_hold
-from agents.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
-from vehicles.model import Model
-from vehicles.state import U_YAW
+from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.agents.estimators.tilt_kalman import tilt_filter_of
+from rcopterx.agents.flight.lateral import LateralSystem, lateral_system
+from rcopterx.agents.flight.linear import as_complex, zero_order_hold
+from rcopterx.agents.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_YAW
 
 Weights = tuple[float, float, float]
 """Of position, velocity and input."""

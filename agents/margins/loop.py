@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from agents.flight.linear import Complex
-from vehicles.state import Array
+from rcopterx.agents.flight.linear import Complex
+from rcopterx.vehicles.state import Array
 
 Dynamics = tuple[Array, Array]
 """Continuous x' = A x + B u, shapes (n, n) and (n,); real or complex."""

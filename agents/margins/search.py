@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from agents.margins.loop import FeedbackLoop, Perturbation
-from vehicles.model import Uncertainty
+from rcopterx.agents.margins.loop import FeedbackLoop, Perturbation
+from rcopterx.vehicles.model import Uncertainty
 
 GAIN_LIMIT: Final = 10.0
 PHASE_LIMIT_RAD: Final = math.pi / 2

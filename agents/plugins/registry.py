@@ -8,8 +8,8 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 
 import msgspec
 
-from agents.plugins.plain_settings import SettingsError, parse_settings
-from vehicles.model import Model
+from rcopterx.agents.plugins.plain_settings import SettingsError, parse_settings
+from rcopterx.vehicles.model import Model
 
 PERIOD_RANGE_S: Final = (0.002, 0.2)
 

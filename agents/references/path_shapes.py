@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from agents.references.paths import KNOT_COLUMNS, MAX_KNOTS, FlightPath, PathError
-from vehicles.state import Array
-from vehicles.tuples import Three
+from rcopterx.agents.references.paths import KNOT_COLUMNS, MAX_KNOTS, FlightPath, PathError
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 
 HEADINGS: Final = ("fixed", "along", "center")
 _KNOT_SPACING_S: Final = 0.05

@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic
-from agents.references.trajectory import COLUMNS, YAW
-from agents.references.turns import nearest_heading, whole_turns
-from vehicles.model import Model
-from vehicles.state import Array
-from vehicles.tuples import Three
+from rcopterx.agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic
+from rcopterx.agents.references.trajectory import COLUMNS, YAW
+from rcopterx.agents.references.turns import nearest_heading, whole_turns
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 
 KNOT_COLUMNS: Final = 1 + COLUMNS
 MAX_KNOTS: Final = 600

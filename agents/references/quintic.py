@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 PEAK_TO_MEAN_SPEED: Final = 1.875
 """Ratio of the peak to the mean speed from rest to rest."""

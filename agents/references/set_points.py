@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from agents.references.paths import FlightPath
-from agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic, rest_to_rest
-from agents.references.trajectory import (
+from rcopterx.agents.references.paths import FlightPath
+from rcopterx.agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic, rest_to_rest
+from rcopterx.agents.references.trajectory import (
     ACCELERATION,
     COLUMNS,
     POSITION,
@@ -21,7 +21,7 @@ from agents.references.trajectory import (
     Trajectory,
     hold,
 )
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 _TURN_DURATIONS_S = np.geomspace(0.2, 120.0, 90)
 _TURN_MOMENTS = np.linspace(0.0, 1.0, 21)

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from vehicles.state import Array
+from rcopterx.vehicles.state import Array
 
 POSITION: Final = slice(0, 3)
 YAW: Final = 3

@@ -2,7 +2,7 @@
 
 import math
 
-from agents.references.trajectory import YAW, Trajectory
+from rcopterx.agents.references.trajectory import YAW, Trajectory
 
 
 def whole_turns(difference_rad: float) -> int:

@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.followed import LeaderPlan
-from agents.interfaces import Obstacle
-from vehicles.state import Array
+from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.interfaces import Obstacle
+from rcopterx.vehicles.state import Array
 
 NEAR: Final = 1.3
 """Plans that come no closer than this, in ellipsoids, constrain nothing."""

@@ -2,15 +2,15 @@
 
 Every vehicle works it out by itself from the statuses of all. Vehicles of different formations
 both avoid each other, as in traffic without right of way; who passes on which side is settled in
-`agents.controllers.clearance`.
+`rcopterx.agents.controllers.clearance`.
 """
 
 from collections.abc import Mapping
 from typing import Final
 
-from agents.formation.topology import FormationGraph, ancestors, roots
-from agents.separation.avoidance import SeparationEllipsoid
-from vehicles.state import Array
+from rcopterx.agents.formation.topology import FormationGraph, ancestors, roots
+from rcopterx.agents.separation.avoidance import SeparationEllipsoid
+from rcopterx.vehicles.state import Array
 
 FORMATION_SCALE: Final = 0.9
 """Fraction of the distance of two places in a formation that its vehicles keep."""

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from agents.controllers.step_guard import StepGuard
-from agents.interfaces import AvoidsObstacles, Controller
-from agents.references.trajectory import Trajectory
-from agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
+from rcopterx.agents.controllers.step_guard import StepGuard
+from rcopterx.agents.interfaces import AvoidsObstacles, Controller
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
 
 
 class PlanAvoidance:

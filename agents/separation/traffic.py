@@ -12,17 +12,17 @@ from typing import Final
 
 import numpy as np
 
-from agents.flight.fleet_clock import FleetClock
-from agents.flight.followed import LeaderPlan
-from agents.following.leader_plans import leader_plan
-from agents.formation.present import formation_of
-from agents.formation.topology import places, roots
-from agents.phases import Phase
-from agents.separation.avoidance import Neighbour, SeparationEllipsoid
-from agents.separation.ellipsoid_scales import ellipsoid_scale
-from bus.messages import AgentStatus, Plan
-from bus.subscription import Inbox
-from vehicles.state import Array
+from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.following.leader_plans import leader_plan
+from rcopterx.agents.formation.present import formation_of
+from rcopterx.agents.formation.topology import places, roots
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
+from rcopterx.agents.separation.ellipsoid_scales import ellipsoid_scale
+from rcopterx.bus.messages import AgentStatus, Plan
+from rcopterx.bus.subscription import Inbox
+from rcopterx.vehicles.state import Array
 
 TEND_EVERY_TICKS: Final = 10
 AHEAD_S: Final = 1.2

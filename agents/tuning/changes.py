@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.interfaces import Controller, Estimate, Estimator, LimitScale
-from agents.pilot import Pilot
-from agents.references.trajectory import hold
-from agents.tuning.configuration import Configuration
-from vehicles.model import Model
-from vehicles.state import YAW, Array
+from rcopterx.agents.interfaces import Controller, Estimate, Estimator, LimitScale
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.references.trajectory import hold
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import YAW, Array
 
 WARM_UP_STEPS = 3
 """Of a controller or an estimator that nobody has flown with; one step tries out other settings of one."""

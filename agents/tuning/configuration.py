@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from agents.controllers.registry import CONTROLLERS
-from agents.estimators.registry import ESTIMATORS
-from agents.interfaces import Controller, Estimator, LimitScale, ScalesLimits
-from vehicles.model import Model
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.interfaces import Controller, Estimator, LimitScale, ScalesLimits
+from rcopterx.vehicles.model import Model
 
 DEFAULT_CONTROLLER: Final = "cascade"
 DEFAULT_ESTIMATOR: Final = "extended_kalman"

@@ -9,11 +9,11 @@ from collections import Counter
 from dataclasses import replace
 from typing import Final
 
-from agents.controllers.registry import CONTROLLERS
-from agents.flight.oscillation import OscillationDetector
-from agents.pilot import ControlOutput, Pilot
-from agents.tuning.changes import Tuning
-from agents.tuning.configuration import Configuration
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.flight.oscillation import OscillationDetector
+from rcopterx.agents.pilot import ControlOutput, Pilot
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.configuration import Configuration
 
 EFFORT_FACTOR: Final = "effort_factor"
 """Setting of a controller that lowers its bandwidth."""

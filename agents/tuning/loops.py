@@ -5,15 +5,15 @@ from typing import Final
 
 import numpy as np
 
-from agents.controllers.cascade import CascadeSettings
-from agents.controllers.weights import default_input_weights, default_state_weights
-from agents.estimators.lag_kalman import ExtendedKalmanSettings
-from agents.margins.axes import lag_loop, tilt_loop
-from agents.margins.loop import FeedbackLoop
-from agents.plugins.plain_settings import parse_settings
-from agents.tuning.configuration import Configuration
-from vehicles.model import Model
-from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
+from rcopterx.agents.controllers.cascade import CascadeSettings
+from rcopterx.agents.controllers.weights import default_input_weights, default_state_weights
+from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.agents.margins.axes import lag_loop, tilt_loop
+from rcopterx.agents.margins.loop import FeedbackLoop
+from rcopterx.agents.plugins.plain_settings import parse_settings
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
 
 CONTROLLER: Final = "cascade"
 ESTIMATOR: Final = "extended_kalman"

@@ -3,8 +3,8 @@
 import os.path
 from collections.abc import Mapping
 
-from bus.keys import EVERY_FLEET
-from deploy.fleet_file.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError, FleetFile
+from rcopterx.bus.keys import EVERY_FLEET
+from rcopterx.deploy.fleet_file.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError, FleetFile
 
 
 def check_consistency(fleet: FleetFile) -> None:

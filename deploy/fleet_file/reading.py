@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect
 
-from bus.message import Name
-from deploy.fleet_file.consistency import check_consistency
-from deploy.fleet_file.schema import FleetError, FleetFile, GatewayConfig, HostConfig, VehicleConfig
-from deploy.fleet_file.snapshot import SUFFIX, read_snapshot
+from rcopterx.bus.message import Name
+from rcopterx.deploy.fleet_file.consistency import check_consistency
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile, GatewayConfig, HostConfig, VehicleConfig
+from rcopterx.deploy.fleet_file.snapshot import SUFFIX, read_snapshot
 
 T = TypeVar("T")
 

@@ -1,4 +1,4 @@
-"""Writes the reference of the fleet file: `python -m deploy.fleet_file.reference > docs/fleet_file.md`.
+"""Writes the page of the fleet file: `python -m rcopterx.deploy.fleet_file.reference > docs/fleet_file.md`.
 
 Keys, types, defaults, limits and what they mean are read from the types that read the file.
 """
@@ -15,10 +15,10 @@ from typing import Any, Final
 import msgspec
 from msgspec import inspect as types
 
-from agents.controllers.registry import CONTROLLERS
-from agents.estimators.registry import ESTIMATORS
-from bus.reference import bounds, documented, one_line
-from deploy.fleet_file.schema import (
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.bus.reference import bounds, documented, one_line
+from rcopterx.deploy.fleet_file.schema import (
     AvoidanceConfig,
     BatteryConfig,
     BusConfig,
@@ -37,20 +37,20 @@ from deploy.fleet_file.schema import (
     VolumeConfig,
     WatchdogConfig,
 )
-from simulator.conditions import Conditions
-from transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
-from transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
-from transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
-from transmitter_gateway.protocols.dsmp import DsmpSettings
-from transmitter_gateway.protocols.multi import MultiSettings
-from transmitter_gateway.protocols.ppm import PpmSettings
-from vehicles.model import Model, Uncertainty
-from vehicles.tilt import TiltModel
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
+from rcopterx.transmitter_gateway.protocols.dsmp import DsmpSettings
+from rcopterx.transmitter_gateway.protocols.multi import MultiSettings
+from rcopterx.transmitter_gateway.protocols.ppm import PpmSettings
+from rcopterx.vehicles.model import Model, Uncertainty
+from rcopterx.vehicles.tilt import TiltModel
 
 HEAD: Final = """\
 # The fleet file
 
-Generated from the types that read the file by `python -m deploy.fleet_file.reference`.
+Generated from the types that read the file by `python -m rcopterx.deploy.fleet_file.reference`.
 
 A fleet is one TOML file. Only `name` and one vehicle with `subject` and `transmitter.port` are needed;
 everything else has a default. A file with a wrong or unknown key is refused as a whole, with the path of the

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct, field
 
-from bus import channels
-from bus.message import Four, Name, Three
+from rcopterx.bus import channels
+from rcopterx.bus.message import Four, Name, Three
 
 Positive = Annotated[float, Meta(gt=0)]
 Text = Annotated[str, Meta(min_length=1)]

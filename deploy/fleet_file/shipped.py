@@ -3,12 +3,12 @@
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.fleet_file.schema import FleetError
 
 
 def shipped_fleets() -> dict[str, Path]:
     """Fleet files that come with the package, by name."""
-    with as_file(files("deploy") / "fleets") as directory:
+    with as_file(files("rcopterx.deploy") / "fleets") as directory:
         return {path.stem: path for path in sorted(directory.glob("*.toml"))}
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 
 SUFFIX = ".json"
 

@@ -1,8 +1,8 @@
 """Where the processes of a fleet find the bus."""
 
-from bus.session import BusAddress
-from deploy.fleet_file.schema import FleetFile
-from deploy.run_directory import router_socket, run_directory
+from rcopterx.bus.session import BusAddress
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.run_directory import router_socket, run_directory
 
 
 def bus_address(fleet: FleetFile, host: str) -> BusAddress:

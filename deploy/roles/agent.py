@@ -1,19 +1,19 @@
 """The role of a vehicle's agent: its settings and its pilot from the fleet file."""
 
-from agents.assembly import build_pilot
-from agents.flight.vehicle_watch import HoverThrustLimits
-from agents.formation.limit_scaling import limit_scale_of
-from agents.formation.succession import Succession
-from agents.pilot import Pilot
-from agents.process import run_agent
-from agents.separation.avoidance import SeparationEllipsoid
-from agents.settings import AgentSettings
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.formation_check import links_of
-from deploy.roles.addresses import bus_address
-from deploy.roles.arbiter_limits import limits_of
-from deploy.roles.priorities import Priority
-from deploy.roles.vehicle_models import model_of
+from rcopterx.agents.assembly import build_pilot
+from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
+from rcopterx.agents.formation.limit_scaling import limit_scale_of
+from rcopterx.agents.formation.succession import Succession
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.process import run_agent
+from rcopterx.agents.separation.avoidance import SeparationEllipsoid
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.formation_check import links_of
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.arbiter_limits import limits_of
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.deploy.roles.vehicle_models import model_of
 
 
 def run(fleet: FleetFile, vehicle: str) -> None:

@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from deploy.fleet_file.reading import replaced
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.roles.vehicle_models import model_of
-from transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
-from vehicles.model import Model
+from rcopterx.deploy.fleet_file.reading import replaced
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.vehicles.model import Model
 
 SLOWEST_YAW_PER_S: Final = 1.0
 """A vehicle without yaw damping turns as far in a second as this one."""

@@ -2,7 +2,7 @@
 
 from enum import IntEnum
 
-from deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.fleet_file.schema import FleetFile
 
 
 class Priority(IntEnum):

@@ -7,15 +7,15 @@ from typing import Final
 
 import msgspec
 
-from deploy.fleet_file.schema import FleetFile
-from deploy.fleet_file.snapshot import digest_of
-from deploy.roles.addresses import bus_address
-from deploy.roles.priorities import Priority
-from deploy.run_directory import flight_path, run_directory
-from flight_log.flight_writing import FlightSettings
-from flight_log.flights import default_directory, flight_name
-from flight_log.provenance import provenance
-from flight_log.recorder import NANO, RecorderSettings, run_recorder, schemas
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.fleet_file.snapshot import digest_of
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.deploy.run_directory import flight_path, run_directory
+from rcopterx.flight_log.flight_writing import FlightSettings
+from rcopterx.flight_log.flights import default_directory, flight_name
+from rcopterx.flight_log.provenance import provenance
+from rcopterx.flight_log.recorder import NANO, RecorderSettings, run_recorder, schemas
 
 MB: Final = 1_000_000
 GB: Final = 1_000_000_000

@@ -1,13 +1,13 @@
 """The role of the bus router of a host; it needs no numerical library."""
 
-from bus.requests import IdentifyReply
-from bus.router import run_router
-from deploy.fleet_file.schema import FleetFile
-from deploy.fleet_file.snapshot import digest_of, write_snapshot
-from deploy.roles.addresses import router_endpoints
-from deploy.roles.priorities import Priority
-from deploy.run_directory import run_directory, snapshot_path
-from deploy.running import RunningFleet, recorded
+from rcopterx.bus.requests import IdentifyReply
+from rcopterx.bus.router import run_router
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.fleet_file.snapshot import digest_of, write_snapshot
+from rcopterx.deploy.roles.addresses import router_endpoints
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.deploy.run_directory import run_directory, snapshot_path
+from rcopterx.deploy.running import RunningFleet, recorded
 
 
 def run(fleet: FleetFile, host: str) -> None:

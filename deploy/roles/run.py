@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 
 from setproctitle import setproctitle, setthreadtitle
 
-from bus.session import BusUnreachableError
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.process_log import set_up
+from rcopterx.bus.session import BusUnreachableError
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.process_log import set_up
 
 ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
 PR_SET_PDEATHSIG = 1
@@ -93,27 +93,27 @@ def runner(role: str) -> Callable[[FleetFile, str], None]:
     """Import what a role needs, and nothing else: start-up time counts when a process restarts in flight."""
     match role:
         case "router":
-            from deploy.roles import router
+            from rcopterx.deploy.roles import router
 
             return router.run
         case "recorder":
-            from deploy.roles import recorder
+            from rcopterx.deploy.roles import recorder
 
             return recorder.run
         case "simulator":
-            from deploy.roles import simulator
+            from rcopterx.deploy.roles import simulator
 
             return simulator.run
         case "tracker":
-            from deploy.roles import tracker
+            from rcopterx.deploy.roles import tracker
 
             return tracker.run
         case "transmitters":
-            from deploy.roles import transmitters
+            from rcopterx.deploy.roles import transmitters
 
             return transmitters.run
         case _:
-            from deploy.roles import agent
+            from rcopterx.deploy.roles import agent
 
             return agent.run
 

@@ -3,18 +3,18 @@
 from pathlib import Path
 from typing import Any
 
-from bus.message import Four
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.roles.addresses import bus_address
-from deploy.roles.priorities import Priority
-from deploy.roles.tracker import tracker_address
-from deploy.roles.transmitters import calibration_of, protocol_of
-from deploy.roles.vehicle_models import model_of
-from deploy.run_directory import run_directory, serial_path
-from simulator.conditions import Conditions, conditions_from
-from simulator.plant import Pose
-from simulator.process import run_simulator
-from simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
+from rcopterx.bus.message import Four
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.deploy.roles.tracker import tracker_address
+from rcopterx.deploy.roles.transmitters import calibration_of, protocol_of
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.deploy.run_directory import run_directory, serial_path
+from rcopterx.simulator.conditions import Conditions, conditions_from
+from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.process import run_simulator
+from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
 
 
 def run(fleet: FleetFile, _host: str) -> None:

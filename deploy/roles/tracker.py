@@ -4,13 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.roles.addresses import bus_address
-from deploy.roles.priorities import Priority
-from vicon_gateway.brands import LibraryMissingError, check_brand, check_library
-from vicon_gateway.process import run_tracker_gateway
-from vicon_gateway.recording_file import RecordingFileError, check_creatable
-from vicon_gateway.settings import BrandSettings, TrackerSettings
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.vicon_gateway.brands import LibraryMissingError, check_brand, check_library
+from rcopterx.vicon_gateway.process import run_tracker_gateway
+from rcopterx.vicon_gateway.recording_file import RecordingFileError, check_creatable
+from rcopterx.vicon_gateway.settings import BrandSettings, TrackerSettings
 
 OWN_CLIENT: Final = "vicon"
 BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")

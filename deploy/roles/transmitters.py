@@ -4,17 +4,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from deploy.fleet_file.reading import dataclass_from
-from deploy.fleet_file.schema import FleetError, FleetFile, VehicleConfig
-from deploy.roles.addresses import bus_address
-from deploy.roles.arbiter_limits import limits_of
-from deploy.roles.priorities import Priority
-from deploy.run_directory import run_directory, serial_path
-from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.process import run_gateway
-from transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
-from transmitter_gateway.protocols.registry import create_protocol, default_line
-from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
+from rcopterx.deploy.fleet_file.reading import dataclass_from
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile, VehicleConfig
+from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.arbiter_limits import limits_of
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.deploy.run_directory import run_directory, serial_path
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.process import run_gateway
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
+from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line
+from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
 """What a radio protocol calls the number of the model match; the others have none on the wire."""

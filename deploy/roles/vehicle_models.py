@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from deploy.fleet_file.reading import replaced
-from deploy.fleet_file.schema import FleetError, FleetFile
-from vehicles.model import Model
-from vehicles.types import TYPES
+from rcopterx.deploy.fleet_file.reading import replaced
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.types import TYPES
 
 
 def model_of(fleet: FleetFile, name: str) -> Model:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from agents.controllers.base import GuardedController, Solution
-from agents.controllers.roll_out import predict
-from agents.controllers.settings import ControllerSettings, PositiveFloat
-from vehicles.state import U_THRUST, heading_matrix
+from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.roll_out import predict
+from rcopterx.agents.controllers.settings import ControllerSettings, PositiveFloat
+from rcopterx.vehicles.state import U_THRUST, heading_matrix
 
 
 class Settings(ControllerSettings, frozen=True, kw_only=True):

@@ -7,15 +7,15 @@ from typing import Any, Final
 
 import viser
 
-from agents.controllers.registry import CONTROLLERS
-from agents.references.path_shapes import through
-from ground_station.fleet import Fleet
-from ground_station.page.formations import SHAPES
-from ground_station.page.geometry import on_level
-from ground_station.page.steering import Steering
-from ground_station.page.weights import GROUPS, weights_of
-from ground_station.page.words import vehicle_table
-from ground_station.state import VehicleState
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.references.path_shapes import through
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.page.formations import SHAPES
+from rcopterx.ground_station.page.geometry import on_level
+from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.page.weights import GROUPS, weights_of
+from rcopterx.ground_station.page.words import vehicle_table
+from rcopterx.ground_station.state import VehicleState
 
 NOBODY: Final = "(nobody)"
 KILL_STYLE: Final = """<style>button:has(.icon-tabler-hand-stop) {

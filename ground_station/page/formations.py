@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from bus.messages import LeaderLink
+from rcopterx.bus.messages import LeaderLink
 
 Place = tuple[float, float, float]
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bus.messages import LeaderLink, Plan
+from rcopterx.bus.messages import LeaderLink, Plan
 
 Array = NDArray[np.float64]
 

@@ -5,21 +5,21 @@ from typing import Final
 
 import viser
 
-from bus import channels
-from ground_station.fleet import Fleet
-from ground_station.page.controls import (
+from rcopterx.bus import channels
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.page.controls import (
     VehicleControls,
     Waypoints,
     add_fleet_controls,
     add_formation_controls,
 )
-from ground_station.page.history import History
-from ground_station.page.plots import Plots
-from ground_station.page.scene import FleetScene
-from ground_station.page.steering import Steering
-from ground_station.page.timeline import Timeline
-from ground_station.page.words import banner, event_list
-from ground_station.state import VehicleState
+from rcopterx.ground_station.page.history import History
+from rcopterx.ground_station.page.plots import Plots
+from rcopterx.ground_station.page.scene import FleetScene
+from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.page.timeline import Timeline
+from rcopterx.ground_station.page.words import banner, event_list
+from rcopterx.ground_station.state import VehicleState
 
 TEXT_S: Final = 0.25
 PLOT_S: Final = 0.5

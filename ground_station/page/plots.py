@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from ground_station.page.history import KEPT_S, History
+from rcopterx.ground_station.page.history import KEPT_S, History
 
 HEIGHT_PX: Final = 170
 RED: Final = "#d62728"

@@ -6,8 +6,8 @@ from typing import Any, Final
 import numpy as np
 import viser
 
-from ground_station.fleet import Fleet
-from ground_station.page.geometry import (
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.page.geometry import (
     NOWHERE,
     Array,
     box_edges,
@@ -17,9 +17,9 @@ from ground_station.page.geometry import (
     plan_segments,
     polyline,
 )
-from ground_station.page.history import History
-from ground_station.page.steering import Steering
-from ground_station.state import VehicleState
+from rcopterx.ground_station.page.history import History
+from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.state import VehicleState
 
 COLOURS: Final = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75),

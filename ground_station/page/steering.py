@@ -4,11 +4,11 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
-from bus.message import Setting
-from bus.messages import LeaderLink
-from ground_station.fleet import Fleet
-from ground_station.page.formations import formation_links
-from ground_station.vehicle import FLIGHT_ERRORS
+from rcopterx.bus.message import Setting
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.page.formations import formation_links
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
 
 KILL_REASON: Final = "ground station"
 

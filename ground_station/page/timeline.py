@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from ground_station.state import VehicleState
+from rcopterx.ground_station.state import VehicleState
 
 KEPT: Final = 200
 QUIET_COUNTS: Final = frozenset({"not_converged"})

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Final
 
-from agents.controllers.weights import default_input_weights, default_state_weights
-from deploy.fleet_file.schema import FleetFile
-from deploy.roles.vehicle_models import model_of
+from rcopterx.agents.controllers.weights import default_input_weights, default_state_weights
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.roles.vehicle_models import model_of
 
 _STATES: Final[Mapping[str, tuple[int, ...]]] = {
     "position": (0, 1, 2),

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Final
 
-from ground_station.page.timeline import Event
-from ground_station.state import VehicleState
+from rcopterx.ground_station.page.timeline import Event
+from rcopterx.ground_station.state import VehicleState
 
 EVENTS_SHOWN: Final = 30
 SILENT_S: Final = 0.5

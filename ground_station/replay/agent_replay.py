@@ -9,16 +9,16 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from agents.assembly import TUNED
-from agents.process import Agent
-from bus.channels import Channel
-from bus.codec import decode, encode
-from bus.message import Message
-from bus.messages import Command, Plan
-from deploy.fleet_file.schema import FleetFile
-from deploy.roles.agent import pilot_of
-from ground_station.replay.recorded_agent import AgentLife, AgentStep, Frame, RecordedAgent
-from ground_station.replay.replay_bus import ReplayBus
+from rcopterx.agents.assembly import TUNED
+from rcopterx.agents.process import Agent
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.message import Message
+from rcopterx.bus.messages import Command, Plan
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.roles.agent import pilot_of
+from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, Frame, RecordedAgent
+from rcopterx.ground_station.replay.replay_bus import ReplayBus
 
 TOLERANCE: Final = 1e-6
 """Largest difference of inputs, positions [m] and speeds [m/s] on a computer that computes otherwise."""
@@ -145,7 +145,7 @@ class ControlPeriod:
     command, plan
         None if it did not control.
     estimate
-        As in `bus.log_messages.AgentSteps`.
+        As in `rcopterx.bus.log_messages.AgentSteps`.
     missing
         Inputs so far that the flight log does not have.
     """

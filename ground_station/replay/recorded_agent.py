@@ -5,15 +5,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bus import channels
-from bus.codec import RejectedError, decode
-from bus.log_messages import AgentSteps, AnsweredRequest
-from bus.messages import Command, Plan
-from bus.stepping import REQUEST
-from deploy.fleet_file.schema import FleetFile
-from flight_log.flight_writing import METADATA
-from flight_log.mcap_reading import Contents, FlightLogError, messages_of
-from ground_station.replay.republishing import fleet_of
+from rcopterx.bus import channels
+from rcopterx.bus.codec import RejectedError, decode
+from rcopterx.bus.log_messages import AgentSteps, AnsweredRequest
+from rcopterx.bus.messages import Command, Plan
+from rcopterx.bus.stepping import REQUEST
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.flight_log.flight_writing import METADATA
+from rcopterx.flight_log.mcap_reading import Contents, FlightLogError, messages_of
+from rcopterx.ground_station.replay.republishing import fleet_of
 
 Frame = tuple[int, int]
 """Epoch and frame of the motion capture."""
@@ -45,7 +45,7 @@ class AgentLife:
     Attributes
     ----------
     life, began_s
-        See `bus.log_messages.AgentSteps`.
+        See `rcopterx.bus.log_messages.AgentSteps`.
     from_start
         Whether the flight log has its first step.
     replies

@@ -3,14 +3,14 @@
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
-from bus.channels import Channel
-from bus.codec import decode
-from bus.message import Message
-from bus.requests import VERBS, RecallReply, Reply, Request
-from bus.session import Incoming, RequestFailedError
-from bus.stepping import REQUEST, Inboxes
-from bus.subscription import Inbox
-from ground_station.replay.recorded_agent import AgentLife, AgentStep
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.codec import decode
+from rcopterx.bus.message import Message
+from rcopterx.bus.requests import VERBS, RecallReply, Reply, Request
+from rcopterx.bus.session import Incoming, RequestFailedError
+from rcopterx.bus.stepping import REQUEST, Inboxes
+from rcopterx.bus.subscription import Inbox
+from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep
 
 M = TypeVar("M", bound=Message)
 
@@ -38,7 +38,7 @@ class _One:
 
 
 class ReplayBus:
-    """Implements `bus.stepping.StepBus` from the life of a recorded agent.
+    """Implements `rcopterx.bus.stepping.StepBus` from the life of a recorded agent.
 
     Parameters
     ----------

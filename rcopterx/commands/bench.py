@@ -41,10 +41,10 @@ def solver(
     plot: PlotOption = None,
 ) -> None:
     """Whole control steps of the cascade, the paper's scheme and other solvers, on the same problems."""
-    from benchmarks.solver import STEPS, run
-    from benchmarks.solver_figure import draw_solver
-    from experiments.catalogue import save_figure
-    from experiments.runner import Result
+    from rcopterx.benchmarks.solver import STEPS, run
+    from rcopterx.benchmarks.solver_figure import draw_solver
+    from rcopterx.experiments.catalogue import save_figure
+    from rcopterx.experiments.runner import Result
 
     check_plot(plot)
     document = run(
@@ -66,8 +66,8 @@ def restart(
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Kill agents, router and Vicon gateway in flight; how long until the vehicles are flown again?"""
-    from benchmarks.restart import run
-    from deploy.fleet_file.shipped import fleet_path
+    from rcopterx.benchmarks.restart import run
+    from rcopterx.deploy.fleet_file.shipped import fleet_path
 
     with user_errors():
         document = run(fleet_path(fleet), rounds, lambda text: typer.echo(f"bench restart: {text}", err=True))
@@ -96,7 +96,7 @@ def gateway(
     seconds: Annotated[float, typer.Option(metavar="S", min=1, max=600, help="How long to measure.")] = 20.0,
 ) -> None:
     """Load of one transmitter gateway process, and time from a command to its serial frame."""
-    from benchmarks.gateway import run
+    from rcopterx.benchmarks.gateway import run
 
     document = run(transmitters, seconds, lambda text: typer.echo(f"bench gateway: {text}", err=True))
     if as_json:
@@ -116,8 +116,8 @@ def requests(
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Requests of each kind.")] = 100,
 ) -> None:
     """Round trips of requests to agents in flight, on the trio."""
-    from benchmarks.request_times import run
-    from deploy.fleet_file.shipped import fleet_path
+    from rcopterx.benchmarks.request_times import run
+    from rcopterx.deploy.fleet_file.shipped import fleet_path
 
     with user_errors():
         path = fleet_path("trio")
@@ -142,9 +142,9 @@ def scale(
     plot: PlotOption = None,
 ) -> None:
     """Fleets of growing size on this computer: missed control periods, pose to command, load."""
-    from benchmarks.scale import draw_scale, run
-    from experiments.catalogue import save_figure
-    from experiments.runner import Result
+    from rcopterx.benchmarks.scale import draw_scale, run
+    from rcopterx.experiments.catalogue import save_figure
+    from rcopterx.experiments.runner import Result
 
     check_plot(plot)
     sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=63)
@@ -175,8 +175,8 @@ def links(
     ] = "100,300,1000,3000",
 ) -> None:
     """Two hosts whose link is cut: how long until both directions carry data again? Needs root."""
-    from benchmarks.links import run
-    from benchmarks.namespaces import NetworkUnavailableError
+    from rcopterx.benchmarks.links import run
+    from rcopterx.benchmarks.namespaces import NetworkUnavailableError
 
     cuts_s = [cut_ms / 1e3 for cut_ms in different_numbers(cuts, "--cuts-ms", lowest=1, highest=60_000)]
     try:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.numbers import different_numbers
-from simulator.conditions import PRESETS
+from rcopterx.simulator.conditions import PRESETS
 
 QUICK_HELP = "Short flights, to see that it works; the figures mean little."
 
@@ -50,8 +50,8 @@ def experiment(
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
 ) -> None:
     """Fly an experiment of the paper in simulation, faster than real time, and tell its figures."""
-    from experiments.catalogue import EXPERIMENTS, save_figure
-    from experiments.runner import Options
+    from rcopterx.experiments.catalogue import EXPERIMENTS, save_figure
+    from rcopterx.experiments.runner import Options
 
     if show_list:
         for row in EXPERIMENTS.values():

@@ -17,8 +17,8 @@ def export(
     ] = None,
 ) -> None:
     """Write a flight log as CSV tables: a file for every unit and channel, a row for every message."""
-    from flight_log.csv_export import export_csv
-    from flight_log.mcap_reading import FlightLogError
+    from rcopterx.flight_log.csv_export import export_csv
+    from rcopterx.flight_log.mcap_reading import FlightLogError
 
     found = chosen_flight(flight)
     directory = output or Path(found.name)

@@ -16,8 +16,8 @@ from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 
 if TYPE_CHECKING:
-    from experiments.manoeuvre import Manoeuvre
-    from ground_station.fleet import Fleet
+    from rcopterx.experiments.manoeuvre import Manoeuvre
+    from rcopterx.ground_station.fleet import Fleet
 
 SLICE_S = 0.25
 """Between two looks at the clock and at Ctrl-C."""
@@ -47,7 +47,7 @@ def fly(
     record: RecordOption = True,
 ) -> None:
     """Fly a manoeuvre, judge it, and write a report. Exit code 1 if a check failed. Ctrl-C lands."""
-    from experiments.manoeuvres import MANOEUVRES
+    from rcopterx.experiments.manoeuvres import MANOEUVRES
 
     if show_list:
         for row in MANOEUVRES.values():
@@ -100,10 +100,10 @@ def _fly_rows(
 def _fly_row(
     row: "Manoeuvre", fleet: "Fleet", stop: threading.Event, progress: "Progress", results: "Results"
 ) -> None:
-    from experiments.flight import fly as fly_manoeuvre
-    from experiments.flight import not_flown, reason_not_to_fly, report_of
-    from ground_station.vehicle import FLIGHT_ERRORS
-    from ground_station.waiting import NotReachedError, StoppedError, stopped_by
+    from rcopterx.experiments.flight import fly as fly_manoeuvre
+    from rcopterx.experiments.flight import not_flown, reason_not_to_fly, report_of
+    from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
+    from rcopterx.ground_station.waiting import NotReachedError, StoppedError, stopped_by
 
     reason = reason_not_to_fly(row, fleet)
     if reason is not None:
@@ -156,7 +156,7 @@ class Progress:
         StoppedError
             The user has asked to stop.
         """
-        from ground_station.waiting import StoppedError
+        from rcopterx.ground_station.waiting import StoppedError
 
         end_s = time.monotonic() + seconds
         while (left_s := end_s - time.monotonic()) > 0:
@@ -203,7 +203,7 @@ class Results:
 
     def add(self, report: dict[str, Any], figures: Any = None) -> None:
         """Keep a report, draw its picture, and write it."""
-        from experiments.flight import write_report
+        from rcopterx.experiments.flight import write_report
 
         self._reports.append(report)
         if self._directory is None or figures is None:
@@ -211,13 +211,13 @@ class Results:
         where = self._directory / report["manoeuvre"] if self._several else self._directory
         typer.echo(f"report: {write_report(report, where)}", err=True)
         if self._draws:
-            from experiments.flight_picture import svg_of
+            from rcopterx.experiments.flight_picture import svg_of
 
             self._pictures[report["manoeuvre"]] = svg_of(report, figures)
 
     def write_page(self) -> None:
         """Write the page about everything that was flown."""
-        from experiments.flight_page import write_page
+        from rcopterx.experiments.flight_page import write_page
 
         if self._directory is not None and self._reports:
             typer.echo(f"page: {write_page(self._reports, self._pictures, self._directory)}", err=True)

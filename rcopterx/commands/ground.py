@@ -43,8 +43,8 @@ def ground(
         raise typer.Exit(EXIT_FAILED)
     import viser
 
-    from deploy.roles.run import end_with_parent
-    from ground_station.page.page import FleetPage
+    from rcopterx.deploy.roles.run import end_with_parent
+    from rcopterx.ground_station.page.page import FleetPage
 
     end_with_parent()
     with running_fleet(fleet) as running:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bus.realtime import request_realtime
+from rcopterx.bus.realtime import request_realtime
 from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, fleet_file, running_fleet, user_errors
 
 if TYPE_CHECKING:
-    from deploy.fleet_file.schema import FleetFile
-    from simulator.faults import TimedFault
-    from simulator.tracker_replay import ReplayProgress, TrackerReplay
-    from vicon_gateway.recording import RecordedConnection
+    from rcopterx.deploy.fleet_file.schema import FleetFile
+    from rcopterx.simulator.faults import TimedFault
+    from rcopterx.simulator.tracker_replay import ReplayProgress, TrackerReplay
+    from rcopterx.vicon_gateway.recording import RecordedConnection
 
 POLL_S = 0.1
 REALTIME_PRIORITY = 20
@@ -47,8 +47,8 @@ def replay_tracker(
 
 
 def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay":
-    from deploy.fleet_file.schema import FleetError
-    from simulator.tracker_replay import TrackerReplay
+    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.simulator.tracker_replay import TrackerReplay
 
     try:
         return TrackerReplay(_recorded(file), address, port, speed=speed)
@@ -57,7 +57,7 @@ def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay
 
 
 def _recorded(file: Path) -> list["RecordedConnection"]:
-    from vicon_gateway.recording import RecordingError, connections, read_records
+    from rcopterx.vicon_gateway.recording import RecordingError, connections, read_records
 
     with file.open("rb") as source:
         found = connections(read_records(source))
@@ -117,10 +117,10 @@ def inject(
     if show_list:
         _show_faults()
         return
-    from deploy.fleet_file.schema import FleetError
-    from ground_station.joining import fleet_that_is_up
-    from ground_station.scenario import FaultRefusedError, ScenarioError, inject_faults
-    from simulator.faults import fault_text
+    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.ground_station.joining import fleet_that_is_up
+    from rcopterx.ground_station.scenario import FaultRefusedError, ScenarioError, inject_faults
+    from rcopterx.simulator.faults import fault_text
 
     with user_errors():
         file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)
@@ -149,8 +149,8 @@ def _wanted(
     scenario: Path | None,
 ) -> tuple["TimedFault", ...]:
     """Faults of the command line; vehicles may stand for their subjects."""
-    from ground_station.scenario import ScenarioError, fault_from, field_from, read_scenario
-    from simulator.faults import TimedFault
+    from rcopterx.ground_station.scenario import ScenarioError, fault_from, field_from, read_scenario
+    from rcopterx.simulator.faults import TimedFault
 
     if scenario is not None:
         if fault is not None:
@@ -176,7 +176,7 @@ def _show_faults() -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from ground_station.scenario import fault_list
+    from rcopterx.ground_station.scenario import fault_list
 
     table = Table(box=None, pad_edge=False)
     for heading in ("fault", "fields", "what happens"):

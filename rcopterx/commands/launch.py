@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deploy.run_directory import run_directory
 from rcopterx.commands.ground import page_of
+from rcopterx.deploy.run_directory import run_directory
 from rcopterx.fleet_option import (
     DEFAULT_FLEET,
     EXIT_FAILED,
@@ -26,7 +26,7 @@ from rcopterx.fleet_option import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ground_station.fleet import Fleet
+    from rcopterx.ground_station.fleet import Fleet
 
 REFRESH_S = 0.2
 PLAIN_REFRESH_S = 5.0
@@ -58,7 +58,7 @@ def interruptible(
     name: str, host: str | None, without: Sequence[str] = (), *, watchdog: bool = True, record: bool = True
 ) -> Iterator[tuple["Fleet", Interrupts]]:
     """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
-    from ground_station.launched import processes_up
+    from rcopterx.ground_station.launched import processes_up
 
     file = fleet_file(name)
     this_host = chosen_host(file, host)
@@ -74,7 +74,7 @@ def interruptible(
 
 def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
     """Land what flies; a second Ctrl-C cuts the motors."""
-    from ground_station.waiting import NotReachedError
+    from rcopterx.ground_station.waiting import NotReachedError
 
     if not any(vehicle.state.airborne for vehicle in fleet):
         return
@@ -117,7 +117,7 @@ class Watch:
         """Show until a condition holds or the user asks to stop."""
         from rich.live import Live
 
-        from ground_station.live_table import fleet_table
+        from rcopterx.ground_station.live_table import fleet_table
 
         live = self._console.is_terminal
         if live:
@@ -162,7 +162,7 @@ def up(
     ] = True,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
-    from ground_station.margins import configured_warnings
+    from rcopterx.ground_station.margins import configured_warnings
 
     with (
         user_errors(),
@@ -188,7 +188,7 @@ def demo(
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
     from rich.console import Console
 
-    from experiments.demonstration import Demonstration
+    from rcopterx.experiments.demonstration import Demonstration
 
     with ExitStack() as stack:
         stack.enter_context(user_errors())

@@ -19,10 +19,10 @@ def logs(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show what the processes of this computer have logged, merged in time (UTC)."""
-    from deploy.log_reading import ProcessLogs
-    from deploy.run_directory import run_directory
-    from ground_station.joining import fleet_that_is_up
+    from rcopterx.deploy.log_reading import ProcessLogs
+    from rcopterx.deploy.run_directory import run_directory
     from rcopterx.fleet_option import fleet_file
+    from rcopterx.ground_station.joining import fleet_that_is_up
 
     with user_errors():
         file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)

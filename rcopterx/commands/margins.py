@@ -30,7 +30,7 @@ def margins(
     from rich.table import Table
     from rich.text import Text
 
-    from ground_station.margins import fleet_margins
+    from rcopterx.ground_station.margins import fleet_margins
 
     with user_errors():
         file = fleet_file(fleet)
@@ -54,7 +54,7 @@ def margins(
 
 def _rows(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     """Rows of a vehicle: its axes, and what the rule asks for."""
-    from agents.margins.search import DELAY_LIMIT_S, FREQUENCY_LIMIT, GAIN_LIMIT, PHASE_LIMIT_RAD
+    from rcopterx.agents.margins.search import DELAY_LIMIT_S, FREQUENCY_LIMIT, GAIN_LIMIT, PHASE_LIMIT_RAD
 
     if found["axes"] is None:
         yield name, found["unknown"]

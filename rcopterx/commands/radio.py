@@ -102,7 +102,7 @@ def calibrate(
     for name, answer in answers.items():
         if answer not in (None, "ok", "reversed"):
             raise typer.BadParameter(f"{answer!r}: allowed are ok, reversed", param_hint=f"--{name}")
-    from deploy.roles.transmitters import calibration_of
+    from rcopterx.deploy.roles.transmitters import calibration_of
     from rcopterx.radio_bench import (
         Dialogue,
         asked_signs,
@@ -130,4 +130,6 @@ def udev_rules() -> None:
     """Print udev rules with stable names and rights for radio modules, for /etc/udev/rules.d."""
     from importlib.resources import files
 
-    typer.echo((files("deploy") / "udev" / "60-rcopterx.rules").read_text(encoding="utf-8"), nl=False)
+    typer.echo(
+        (files("rcopterx.deploy") / "udev" / "60-rcopterx.rules").read_text(encoding="utf-8"), nl=False
+    )

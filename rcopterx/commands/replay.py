@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deploy.spare_process import ONE_THREAD
+from rcopterx.deploy.spare_process import ONE_THREAD
 from rcopterx.fleet_option import EXIT_FAILED, user_errors
 
 if TYPE_CHECKING:
-    from flight_log.flights import Flight
-    from ground_station.replay.agent_replay import Comparison
+    from rcopterx.flight_log.flights import Flight
+    from rcopterx.ground_station.replay.agent_replay import Comparison
 
 FlightArgument = Annotated[
     str, typer.Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
@@ -56,7 +56,7 @@ def replay(
 
 def chosen_flight(name: str) -> "Flight":
     """Flight that is meant; says what there is if it is not found."""
-    from flight_log.flights import NoFlightError, default_directory, found_flight
+    from rcopterx.flight_log.flights import NoFlightError, default_directory, found_flight
 
     try:
         return found_flight(name, default_directory())
@@ -79,8 +79,8 @@ def changes_of(words: list[str]) -> dict[str, Any]:
 
 
 def _republish(flight: "Flight", speed: float) -> None:
-    from bus.session import Session
-    from ground_station.replay.republishing import ROUTER_S, fleet_of, republish, router_up
+    from rcopterx.bus.session import Session
+    from rcopterx.ground_station.replay.republishing import ROUTER_S, fleet_of, republish, router_up
 
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -91,10 +91,10 @@ def _republish(flight: "Flight", speed: float) -> None:
 
 
 def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: bool) -> None:
-    from flight_log.mcap_reading import FlightLogError
-    from flight_log.provenance import arithmetic, provenance
-    from ground_station.replay.agent_replay import TOLERANCE, changed, replay
-    from ground_station.replay.recorded_agent import recorded_agent
+    from rcopterx.flight_log.mcap_reading import FlightLogError
+    from rcopterx.flight_log.provenance import arithmetic, provenance
+    from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, replay
+    from rcopterx.ground_station.replay.recorded_agent import recorded_agent
 
     try:
         recorded = recorded_agent(flight.parts, vehicle)

@@ -13,7 +13,7 @@ Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the 
 
 
 def _run(role: str, unit: str, fleet: str) -> None:
-    from deploy.roles.run import run_role
+    from rcopterx.deploy.roles.run import run_role
 
     with user_errors():
         run_role(role, unit, fleet_file(fleet))
@@ -43,13 +43,13 @@ def tracker(
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Run the Vicon gateway: motion capture to poses."""
-    from deploy.roles.run import check_unit
+    from rcopterx.deploy.roles.run import check_unit
 
     with user_errors():
         file = fleet_file(fleet)
         check_unit(file, "tracker", host)
         # Only what a role needs is imported.
-        from deploy.roles.tracker import run
+        from rcopterx.deploy.roles.tracker import run
 
         run(file, host, record_raw)
 

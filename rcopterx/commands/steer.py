@@ -9,7 +9,7 @@ import typer
 from rcopterx.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
 
 if TYPE_CHECKING:
-    from bus.message import Setting
+    from rcopterx.bus.message import Setting
 
 Vehicles = Annotated[
     list[str] | None,
@@ -37,7 +37,7 @@ def disarm(
     """Keep the throttle low until armed again; refused in the air, for that there are land and kill."""
     if bool(vehicles) == everybody:
         raise typer.BadParameter("name the vehicles, or give --all", param_hint="[VEHICLE]...")
-    from ground_station.vehicle import RefusedError
+    from rcopterx.ground_station.vehicle import RefusedError
 
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)

@@ -5,16 +5,16 @@ from collections.abc import Callable
 from support.flight import ExactEstimator, NotedController
 from support.waiting import FakeClock, wait_for
 
-from agents.flight.guidance import Guidance
-from agents.following.links import followed_leader
-from agents.pilot import Pilot
-from agents.process import Agent
-from agents.settings import AgentSettings
-from bus import channels
-from bus.messages import AgentStatus, Applied, Command, LeaderLink, Pose
-from bus.session import BusAddress, Session
-from bus.stepping import SteppedSession
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.process import Agent
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.bus import channels
+from rcopterx.bus.messages import AgentStatus, Applied, Command, LeaderLink, Pose
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.stepping import SteppedSession
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
 FOLLOWING = (LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0)),)

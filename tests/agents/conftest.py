@@ -3,7 +3,7 @@
 import pytest
 from agent_bench import Bench, Join
 
-from bus.session import BusAddress
+from rcopterx.bus.session import BusAddress
 
 
 @pytest.fixture

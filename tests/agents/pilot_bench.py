@@ -3,15 +3,15 @@
 import numpy as np
 from support.flight import ExactEstimator, NotedController
 
-from agents.controllers.registry import CONTROLLERS
-from agents.estimators.registry import ESTIMATORS
-from agents.flight.followed import FollowedLeader
-from agents.flight.guidance import Guidance
-from agents.interfaces import Measurement
-from agents.phases import Phase
-from agents.pilot import Pilot, StampedMeasurement
-from vehicles.model import Model
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.flight.followed import FollowedLeader
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
 UP = (0.1, -0.2, 1.0)

@@ -5,8 +5,8 @@ from agent_bench import HOVER, Bench, Join
 from support.failing import FailingController
 from support.flight import ExactEstimator, NotedController
 
-from agents.interfaces import Measurement
-from bus.session import BusAddress
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.bus.session import BusAddress
 
 
 class RaisingEstimator(ExactEstimator):

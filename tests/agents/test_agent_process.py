@@ -9,18 +9,18 @@ from agent_bench import FOLLOWING, HOVER, Bench, Join, settings_of
 from support.bus import raw_session
 from support.plans import plan_of
 
-from agents.assembly import build_pilot
-from agents.interfaces import LimitScale
-from agents.pilot import BLIND_LIMIT_S
-from agents.process import Agent
-from agents.references.trajectory import hold
-from bus import channels
-from bus.codec import encode
-from bus.messages import Plan
-from bus.requests import TakeOff
-from bus.session import BusAddress, RequestFailedError
-from bus.stepping import SteppedSession
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.assembly import build_pilot
+from rcopterx.agents.interfaces import LimitScale
+from rcopterx.agents.pilot import BLIND_LIMIT_S
+from rcopterx.agents.process import Agent
+from rcopterx.agents.references.trajectory import hold
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import Plan
+from rcopterx.bus.requests import TakeOff
+from rcopterx.bus.session import BusAddress, RequestFailedError
+from rcopterx.bus.stepping import SteppedSession
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 @pytest.fixture

@@ -11,14 +11,14 @@ from agent_bench import FOLLOWING, Bench, Join
 from support.bus import answering
 from support.waiting import wait_for
 
-from agents.assembly import build_pilot
-from agents.process import Agent
-from bus import channels
-from bus.intent import Intent
-from bus.messages import SetPoint
-from bus.requests import GoTo, RecallReply
-from bus.session import BusAddress, Session
-from bus.stepping import SteppedSession
+from rcopterx.agents.assembly import build_pilot
+from rcopterx.agents.process import Agent
+from rcopterx.bus import channels
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.messages import SetPoint
+from rcopterx.bus.requests import GoTo, RecallReply
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.stepping import SteppedSession
 
 
 def test_sequences_grow_over_restarts(bench: Bench, join: Join) -> None:

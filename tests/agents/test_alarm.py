@@ -9,8 +9,8 @@ from collections.abc import Iterator
 import pytest
 from support.failing import compute_for
 
-from agents.alarm import LONGEST_WAIT_S, AlarmTimeLimit
-from agents.flight.time_limit import OutOfTimeError
+from rcopterx.agents.alarm import LONGEST_WAIT_S, AlarmTimeLimit
+from rcopterx.agents.flight.time_limit import OutOfTimeError
 
 
 @pytest.fixture

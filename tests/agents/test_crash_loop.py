@@ -6,16 +6,16 @@ import pytest
 from agent_bench import HOVER, settings_of
 from pilot_bench import seen
 
-from agents.assembly import build_pilot
-from agents.handover import Handover
-from agents.pilot import Pilot
-from agents.tuning.changes import Tuning
-from agents.tuning.configuration import Configuration
-from bus.codec import decode, encode
-from bus.intent import FlownBy, Intent
-from bus.messages import SetPoint
-from bus.requests import RecallReply
-from bus.session import BusAddress
+from rcopterx.agents.assembly import build_pilot
+from rcopterx.agents.handover import Handover
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.intent import FlownBy, Intent
+from rcopterx.bus.messages import SetPoint
+from rcopterx.bus.requests import RecallReply
+from rcopterx.bus.session import BusAddress
 
 FILE = Configuration("pid", "kalman", {"horizon": 10})
 CHANGED = Configuration("lqr", "extended_kalman", {"horizon": 12})

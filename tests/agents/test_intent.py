@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.flight import still
 
-from agents.flight.followed import FollowedLeader, LeaderPlan
-from agents.flight.guidance import Guidance
-from agents.flight.task import Task
-from agents.formation.law import FormationOffset
-from agents.intent import configuration_of, intent_of, passed_s, task_of
-from agents.phases import Event, Phase
-from agents.references.paths import FlightPath
-from agents.references.set_points import (
+from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.task import Task
+from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.intent import configuration_of, intent_of, passed_s, task_of
+from rcopterx.agents.phases import Event, Phase
+from rcopterx.agents.references.paths import FlightPath
+from rcopterx.agents.references.set_points import (
     PathReference,
     ReferenceSource,
     SetPointReference,
@@ -23,10 +23,10 @@ from agents.references.set_points import (
     SmoothTurn,
     TurnLimits,
 )
-from agents.references.trajectory import COLUMNS, YAW, Trajectory
-from agents.tuning.configuration import Configuration
-from bus.codec import decode, encode
-from bus.intent import Intent
+from rcopterx.agents.references.trajectory import COLUMNS, YAW, Trajectory
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.intent import Intent
 
 CONFIGURATION = Configuration("lqr", "kalman", {"horizon": 12, "position_weights": (1.0, 2.0)}, {})
 UP = (0.1, 0.2, 1.0)

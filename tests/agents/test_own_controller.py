@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from support.hovering import HoveringFlight
 
-from agents.controllers.registry import CONTROLLERS
-from agents.plugins.plain_settings import SettingsError
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.plugins.plain_settings import SettingsError
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_controller"
 

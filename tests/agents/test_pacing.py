@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.pacing import Pacing, SolveTimer
+from rcopterx.agents.pacing import Pacing, SolveTimer
 
 
 def due(pacing: Pacing, frames: range | list[int], period_s: float, flying: bool = True) -> list[int]:

@@ -5,15 +5,15 @@ import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
 from support.flight import ExactEstimator, NotedController
 
-from agents.flight.followed import FollowedLeader
-from agents.flight.guidance import Guidance
-from agents.flight.lift_off import SPOOL_UP_S
-from agents.formation.law import FormationOffset
-from agents.identification.excitation import Excitation
-from agents.phases import Event, Phase
-from agents.pilot import BRIDGED_S, Pilot
-from vehicles.state import U_THRUST
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.flight.followed import FollowedLeader
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.lift_off import SPOOL_UP_S
+from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.identification.excitation import Excitation
+from rcopterx.agents.phases import Event, Phase
+from rcopterx.agents.pilot import BRIDGED_S, Pilot
+from rcopterx.vehicles.state import U_THRUST
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_on_the_floor_the_rotor_stays_off_and_the_controller_is_not_asked() -> None:

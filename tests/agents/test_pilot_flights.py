@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from pilot_bench import HOVER, real, seen
 from support.flight import Lab, Plant, assert_sound, measured, still
 
-from agents.controllers.registry import CONTROLLERS
-from agents.estimators.registry import ESTIMATORS
-from agents.flight.followed import FollowedLeader, LeaderPlan
-from agents.formation.law import FormationOffset
-from agents.interfaces import Measurement
-from agents.phases import Phase
-from agents.pilot import StampedMeasurement
-from agents.references.trajectory import hold
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
+from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.pilot import StampedMeasurement
+from rcopterx.agents.references.trajectory import hold
 
 PAIRS = [
     *((controller, "extended_kalman") for controller in CONTROLLERS.available()),

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen, unseen
 from support.flight import ExactEstimator, NotedController, Plant, measured, still
 
-from agents.flight.guidance import Guidance
-from agents.interfaces import Measurement
-from agents.phases import Phase
-from agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
-from vehicles.model import Model
-from vehicles.types import COAXIAL_LAG, QUADROTOR
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 
 @settings(max_examples=30, deadline=None)

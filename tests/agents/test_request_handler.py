@@ -6,13 +6,13 @@ from support.plans import plan_of
 from support.request_handling import UP, HandlerBench, follow, follow_at, go_to, say
 from support.statuses import hovering
 
-from agents.following.links import followed_leader, present_link
-from agents.phases import Phase
-from agents.references.path_shapes import through
-from agents.tuning.guard import effort_factor
-from bus.message import FloatArray, Setting
-from bus.messages import LeaderLink, SetPoint
-from bus.requests import (
+from rcopterx.agents.following.links import followed_leader, present_link
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.references.path_shapes import through
+from rcopterx.agents.tuning.guard import effort_factor
+from rcopterx.bus.message import FloatArray, Setting
+from rcopterx.bus.messages import LeaderLink, SetPoint
+from rcopterx.bus.requests import (
     Disarm,
     Excite,
     Fly,

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from benchmarks.pilot_time import compared
+from rcopterx.benchmarks.pilot_time import compared
 
 ROOT = Path(__file__).parents[2]
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from benchmarks.restart import _deviation_mm, _difference, _flown_again_ms, _summary
-from bus import channels
-from bus.codec import encode
-from bus.message import Message
-from bus.messages import Applied, LaboratoryState, LaboratoryVehicle, Pose
-from ground_station.recorder import Record, Recording
-from ground_station.waiting import NotReachedError
+from rcopterx.benchmarks.restart import _deviation_mm, _difference, _flown_again_ms, _summary
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.message import Message
+from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle, Pose
+from rcopterx.ground_station.recorder import Record, Recording
+from rcopterx.ground_station.waiting import NotReachedError
 
 
 def record(unit: str, topic: str, message: Message, arrived_s: float) -> Record:

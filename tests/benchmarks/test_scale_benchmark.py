@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from benchmarks import scale
-from deploy.fleet_check import check_fleet
-from deploy.fleet_file.reading import load_fleet, parse_fleet
-from deploy.fleet_file.shipped import fleet_path
-from ground_station.vehicle import RefusedError
+from rcopterx.benchmarks import scale
+from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.ground_station.vehicle import RefusedError
 
 
 def row(vehicles: int, missed: int, p99_ms: float = 5.0) -> dict[str, Any]:

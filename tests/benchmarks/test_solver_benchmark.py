@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks import flight, judge, solver
+from rcopterx.benchmarks import flight, judge, solver
 
 
 def test_every_installed_contestant_is_timed_and_solves_its_problems(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,11 +5,11 @@ import inspect
 import msgspec
 import pytest
 
-from bus import channels, intent, link_messages, log_messages, messages, requests
-from bus.channels import CHANNELS, Channel
-from bus.message import SCHEMA_VERSION, InvalidMessageError, Message
-from bus.requests import VERBS, Reply, Request, verb_of
-from transmitter_gateway.inputs import State
+from rcopterx.bus import channels, intent, link_messages, log_messages, messages, requests
+from rcopterx.bus.channels import CHANNELS, Channel
+from rcopterx.bus.message import SCHEMA_VERSION, InvalidMessageError, Message
+from rcopterx.bus.requests import VERBS, Reply, Request, verb_of
+from rcopterx.transmitter_gateway.inputs import State
 
 PRIORITIES = (channels.REAL_TIME, channels.INTERACTIVE_HIGH, channels.DATA_HIGH, channels.DATA_LOW)
 rows = pytest.mark.parametrize("channel", CHANNELS, ids=lambda channel: f"{channel.unit}-{channel.topic}")

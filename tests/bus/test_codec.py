@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.messages import MESSAGE_TYPES, valid_messages, wire_maps
 
-from bus.codec import MAX_DEPTH, RejectedError, decode, encode
-from bus.message import FloatArray, Message
-from bus.messages import (
+from rcopterx.bus.codec import MAX_DEPTH, RejectedError, decode, encode
+from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.messages import (
     MAX_NEXT_INPUTS,
     MAX_STAGES,
     PLAN_COLUMNS,
@@ -25,7 +25,7 @@ from bus.messages import (
     Plan,
     Pose,
 )
-from bus.requests import GoTo, TakeOff
+from rcopterx.bus.requests import GoTo, TakeOff
 
 message_types = st.sampled_from(MESSAGE_TYPES)
 

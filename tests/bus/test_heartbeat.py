@@ -3,11 +3,11 @@
 import subprocess
 import sys
 
-from bus.heartbeat import VARIABLE, HeartbeatPage, Phase, own_heartbeat
+from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, Phase, own_heartbeat
 
 PROGRAM = """
 import os, sys
-from bus.heartbeat import VARIABLE, own_heartbeat
+from rcopterx.bus.heartbeat import VARIABLE, own_heartbeat
 heartbeat = own_heartbeat()
 assert own_heartbeat() is heartbeat
 assert VARIABLE not in os.environ

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 
 import pytest
 
-from bus.link_sockets import DIAL_LIMIT_S, Dials, close_link, hasten
-from bus.link_watch import RouterLink
+from rcopterx.bus.link_sockets import DIAL_LIMIT_S, Dials, close_link, hasten
+from rcopterx.bus.link_watch import RouterLink
 
 
 class Connection:

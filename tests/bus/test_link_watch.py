@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.link_messages import Beat, Echo
-from bus.link_watch import (
+from rcopterx.bus.link_messages import Beat, Echo
+from rcopterx.bus.link_watch import (
     LONGEST_PATIENCE_S,
     SILENCE_S,
     STALL_S,

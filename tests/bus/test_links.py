@@ -12,10 +12,10 @@ import pytest
 import zenoh
 from support.bus import FLEET, free_port
 
-from bus import channels
-from bus.endpoints import router_config
-from bus.links import LinkService, open_links
-from bus.session import BusAddress, Session
+from rcopterx.bus import channels
+from rcopterx.bus.endpoints import router_config
+from rcopterx.bus.links import LinkService, open_links
+from rcopterx.bus.session import BusAddress, Session
 
 LIMIT_S = 20.0
 

@@ -8,8 +8,8 @@ import pytest
 import zenoh
 from support.waiting import wait_for
 
-from bus.endpoints import client_config, router_config
-from bus.probe import Probe
+from rcopterx.bus.endpoints import client_config, router_config
+from rcopterx.bus.probe import Probe
 
 KEY = "rcopterx/lab/main/probe/router"
 

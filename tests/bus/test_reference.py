@@ -8,15 +8,15 @@ import msgspec
 import pytest
 from support.messages import MESSAGE_TYPES
 
-import bus
-from bus.channels import CHANNELS
-from bus.codec import decode
-from bus.message import Message
-from bus.messages import Command
-from bus.reference import EXAMPLE, reference
-from bus.requests import VERBS
+from rcopterx import bus
+from rcopterx.bus.channels import CHANNELS
+from rcopterx.bus.codec import decode
+from rcopterx.bus.message import Message
+from rcopterx.bus.messages import Command
+from rcopterx.bus.reference import EXAMPLE, reference
+from rcopterx.bus.requests import VERBS
 
-PAGE = Path(bus.__file__).parents[1] / "docs" / "messages.md"
+PAGE = Path(bus.__file__).resolve().parents[1] / "docs" / "messages.md"
 
 
 @cache
@@ -30,7 +30,9 @@ def section(text: str, title: str) -> str:
 
 
 def test_the_page_is_what_the_tables_say_now() -> None:
-    assert PAGE.read_text(encoding="utf-8") == printed(), "run: python -m bus.reference > docs/messages.md"
+    assert PAGE.read_text(encoding="utf-8") == printed(), (
+        "run: python -m rcopterx.bus.reference > docs/messages.md"
+    )
 
 
 @pytest.mark.parametrize("message_type", MESSAGE_TYPES, ids=lambda kind: kind.__name__)

@@ -14,18 +14,18 @@ import zenoh
 from support.bus import Child, RouterProcess, answering, own_address, raw_put, raw_session
 from support.waiting import FakeClock, wait_for
 
-from bus import channels
-from bus.codec import encode
-from bus.messages import Kill, Pose, SetPoint
-from bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply
-from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
-from bus.subscription import Inbox
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import Kill, Pose, SetPoint
+from rcopterx.bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply
+from rcopterx.bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
+from rcopterx.bus.subscription import Inbox
 
 Join = Callable[..., Session]
 
 ALIVE_CODE = """
 import json, sys, threading
-from bus.session import BusAddress, Session
+from rcopterx.bus.session import BusAddress, Session
 table = json.loads(sys.argv[1])
 session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]))
 session.announce("h7", "agent")
@@ -36,8 +36,8 @@ threading.Event().wait()
 
 LEFT_OPEN_CODE = """
 import json, sys
-from bus import channels
-from bus.session import BusAddress, Session
+from rcopterx.bus import channels
+from rcopterx.bus.session import BusAddress, Session
 table = json.loads(sys.argv[1])
 session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]))
 inbox = session.subscribe_all(channels.POSE)

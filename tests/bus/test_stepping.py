@@ -7,14 +7,14 @@ import pytest
 from support.bus import answering
 from support.waiting import FakeClock, wait_for
 
-from bus import channels
-from bus.codec import decode, encode
-from bus.log_messages import AgentSteps
-from bus.message import InvalidMessageError
-from bus.messages import Pose
-from bus.requests import Land, Recall, RecallReply
-from bus.session import Session
-from bus.stepping import STEPS_TOLD, SteppedSession
+from rcopterx.bus import channels
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.log_messages import AgentSteps
+from rcopterx.bus.message import InvalidMessageError
+from rcopterx.bus.messages import Pose
+from rcopterx.bus.requests import Land, Recall, RecallReply
+from rcopterx.bus.session import Session
+from rcopterx.bus.stepping import STEPS_TOLD, SteppedSession
 
 Join = Callable[..., Session]
 

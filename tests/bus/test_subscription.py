@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus import channels
-from bus.codec import encode
-from bus.message import FloatArray
-from bus.messages import Command, Kill, Pose
-from bus.subscription import Inbox
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import Command, Kill, Pose
+from rcopterx.bus.subscription import Inbox
 
 
 def pose(frame: int) -> bytes:

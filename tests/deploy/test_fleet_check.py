@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet_check import check_fleet
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
 
 
 @pytest.fixture(autouse=True)

@@ -4,15 +4,15 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from deploy.fleet_edit import write_calibration, write_model
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.fleet_file.shipped import shipped_fleets
-from deploy.roles.transmitters import calibration_of
-from deploy.roles.vehicle_models import model_of
-from transmitter_gateway.calibration import Calibration
-from vehicles.model import IDENTIFIED
-from vehicles.types import COAXIAL
+from rcopterx.deploy.fleet_edit import write_calibration, write_model
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.fleet_file.shipped import shipped_fleets
+from rcopterx.deploy.roles.transmitters import calibration_of
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.vehicles.model import IDENTIFIED
+from rcopterx.vehicles.types import COAXIAL
 
 
 def present(path: Path, name: str = "h1") -> Calibration:

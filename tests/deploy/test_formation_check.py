@@ -3,10 +3,10 @@
 import pytest
 from support.fleets import PAIR
 
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.formation_check import check_formation
-from deploy.roles.agent import agent_settings
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.formation_check import check_formation
+from rcopterx.deploy.roles.agent import agent_settings
 
 THIRD = """
 [vehicles.h3]

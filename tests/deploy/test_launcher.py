@@ -10,12 +10,12 @@ import pytest
 from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.launcher import Launcher, check_resources, watchdog_limits
-from deploy.processes import processes_of
-from deploy.run_directory import router_socket, run_directory, serial_path
-from deploy.watchdog import WatchdogLimits
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.launcher import Launcher, check_resources, watchdog_limits
+from rcopterx.deploy.processes import processes_of
+from rcopterx.deploy.run_directory import router_socket, run_directory, serial_path
+from rcopterx.deploy.watchdog import WatchdogLimits
 
 TWO_HOSTS = (
     PAIR
@@ -97,7 +97,7 @@ def test_a_recording_that_cannot_be_created_is_refused_on_the_host_that_records(
 def test_a_brand_whose_library_is_missing_is_refused_with_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vicon_gateway.brands.find_spec", lambda _: None)
+    monkeypatch.setattr("rcopterx.vicon_gateway.brands.find_spec", lambda _: None)
     text = PAIR + f'[hosts.main]\nrouter_port = {free_port()}\n[tracker]\nbrand = "vicon_sdk"\nrate_hz = 50'
     with pytest.raises(FleetError, match=r"^tracker\.brand: 'vicon_sdk': .*pip install 'rcopterx\[mocap\]'"):
         check_resources(parse_fleet(text), "main", tmp_path)

@@ -8,13 +8,13 @@ import pytest
 from support.statuses import flying_status
 from support.waiting import wait_for
 
-from bus import channels
-from bus.messages import LauncherStatus
-from bus.requests import StartVehicle, StopVehicle
-from bus.session import BusAddress, Session
-from deploy.membership import MembershipService
-from deploy.processes import ProcessSpec
-from deploy.supervisor import Supervisor
+from rcopterx.bus import channels
+from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.requests import StartVehicle, StopVehicle
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.membership import MembershipService
+from rcopterx.deploy.processes import ProcessSpec
+from rcopterx.deploy.supervisor import Supervisor
 
 Join = Callable[..., Session]
 

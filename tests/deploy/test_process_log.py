@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from deploy import process_log
-from deploy.log_reading import ProcessLogs
-from deploy.process_log import append, rotate
+from rcopterx.deploy import process_log
+from rcopterx.deploy.log_reading import ProcessLogs
+from rcopterx.deploy.process_log import append, rotate
 
 CODE = """
 import logging
-from deploy.process_log import set_up
+from rcopterx.deploy.process_log import set_up
 set_up()
 logging.info("agent %s: started", "h1")
 logging.warning("all is lost")

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.processor_time import ThreadTime, excuse_of, threads_of
-from deploy.watchdog import Excuse
+from rcopterx.deploy.processor_time import ThreadTime, excuse_of, threads_of
+from rcopterx.deploy.watchdog import Excuse
 
 MAIN, HELPER = 70, 71
 states = st.sampled_from("RSDTt")

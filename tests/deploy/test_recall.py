@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 from support.waiting import wait_for
 
-from bus import channels
-from bus.intent import Intent
-from bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
-from bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
-from bus.session import BusAddress, Session
-from deploy.recall import RecallService
+from rcopterx.bus import channels
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
+from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.recall import RecallService
 
 INTENT = Intent(
     phase="flying",

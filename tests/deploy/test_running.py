@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
-import deploy.running
-from deploy.running import RunningFleet, recorded, running_fleets
+import rcopterx.deploy.running
+from rcopterx.deploy.running import RunningFleet, recorded, running_fleets
 
 RUNNING = RunningFleet(
     fleet="lab",
@@ -25,7 +25,7 @@ RUNNING = RunningFleet(
 HOLDER = """
 import sys, time
 from pathlib import Path
-from deploy.running import RunningFleet, recorded
+from rcopterx.deploy.running import RunningFleet, recorded
 with recorded(Path(sys.argv[1]), RunningFleet("lab", "0", None, "main", [], [], [], "")):
     print("held", flush=True)
     time.sleep(600)
@@ -64,7 +64,7 @@ def test_a_router_that_was_killed_is_not_up_and_its_successor_is(directory: Path
 def test_a_second_router_of_the_same_fleet_and_host_is_refused(
     directory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(deploy.running, "LOCK_PATIENCE_S", 0.05)
+    monkeypatch.setattr(rcopterx.deploy.running, "LOCK_PATIENCE_S", 0.05)
     with (
         recorded(directory, RUNNING),
         pytest.raises(OSError, match="another router of this fleet is running"),
@@ -83,7 +83,8 @@ def test_a_record_that_is_being_written_is_no_fleet_yet(
 
 
 def test_reading_records_needs_no_validation_library(tmp_path: Path) -> None:
-    code = "import sys, deploy.running; print(sorted({'msgspec', 'numpy', 'zenoh'} & sys.modules.keys()))"
+    unwanted = "{'msgspec', 'numpy', 'zenoh'}"
+    code = f"import sys, rcopterx.deploy.running; print(sorted({unwanted} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout == "[]\n"
 

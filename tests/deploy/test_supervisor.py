@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 from support.fleets import PAIR
 from support.waiting import FakeClock, wait_for
 
-import deploy.supervisor
-from deploy.processes import ProcessSpec
-from deploy.spare_process import SpareProcess
-from deploy.supervisor import (
+import rcopterx.deploy.supervisor
+from rcopterx.deploy.processes import ProcessSpec
+from rcopterx.deploy.spare_process import SpareProcess
+from rcopterx.deploy.supervisor import (
     MAX_PAUSE_S,
     QUICK_RESTARTS,
     STABLE_AFTER_S,
@@ -30,7 +30,7 @@ from deploy.supervisor import (
     Supervisor,
     restart_pause_s,
 )
-from deploy.watchdog import WatchdogLimits
+from rcopterx.deploy.watchdog import WatchdogLimits
 
 SLEEPS = "exec sleep 600"
 DIES = "exit 3"
@@ -198,7 +198,7 @@ def test_processes_are_stopped_group_by_group(supervise: Supervise, tmp_path: Pa
 def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
     supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(deploy.supervisor, "STOP_LIMIT_S", 0.1)
+    monkeypatch.setattr(rcopterx.deploy.supervisor, "STOP_LIMIT_S", 0.1)
     ready = tmp_path / "ready"
     stubborn = f'trap "" TERM; touch {ready}; while :; do sleep 0.02; done'
     supervisor = supervise(fake("stubborn", stubborn), fake("polite"))
@@ -231,7 +231,7 @@ def test_output_is_appended_to_a_log_and_the_environment_is_set(supervise: Super
 
 def test_the_supervisor_tells_which_role_each_process_has() -> None:
     command = ProcessSpec("agent-h1", "agent", "h1", 0).command(Path("/x/lab.toml"))
-    assert command == [sys.executable, "-m", "deploy.roles", "agent", "h1", "/x/lab.toml"]
+    assert command == [sys.executable, "-m", "rcopterx.deploy.roles", "agent", "h1", "/x/lab.toml"]
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.heartbeat import Phase
-from deploy.watchdog import CROWD_LIMITS, LATE_S, Duty, Excuse, Hung, Look, Watchdog, WatchdogLimits
+from rcopterx.bus.heartbeat import Phase
+from rcopterx.deploy.watchdog import CROWD_LIMITS, LATE_S, Duty, Excuse, Hung, Look, Watchdog, WatchdogLimits
 
 LIMITS = WatchdogLimits(flight_s=0.15, floor_s=1.0, start_s=30.0)
 STEP_S = 0.02

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.rig import Rig, RigVehicle
-from simulator.conditions import HELICOPTERS
-from simulator.plant import Pose
-from vehicles.state import Array
-from vehicles.types import COAXIAL
+from rcopterx.experiments.rig import Rig, RigVehicle
+from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL
 
 ENDURANCE_S = 50.0
 FLIGHT_S = 38.0

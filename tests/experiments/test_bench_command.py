@@ -24,7 +24,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
         progress("timing")
         return {"horizons": {str(n): {"cascade": ROW} for n in horizons}, "missing": ["hpipm"]}
 
-    monkeypatch.setattr("benchmarks.solver.run", run)
+    monkeypatch.setattr("rcopterx.benchmarks.solver.run", run)
     return calls
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from agents.formation.topology import ancestors, cycle
-from experiments.chain import draw_chain, figures, fly_shape, generation, shapes
-from experiments.record import rms
-from simulator.conditions import LABORATORY
+from rcopterx.agents.formation.topology import ancestors, cycle
+from rcopterx.experiments.chain import draw_chain, figures, fly_shape, generation, shapes
+from rcopterx.experiments.record import rms
+from rcopterx.simulator.conditions import LABORATORY
 
 SHAPES = shapes()
 EACH_TIME = ("chain_heading", "several_leaders")

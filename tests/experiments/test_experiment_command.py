@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from experiments.runner import Options, Work, run_all
 from rcopterx.command_line import app
-from simulator.conditions import HELICOPTERS
+from rcopterx.experiments.runner import Options, Work, run_all
+from rcopterx.simulator.conditions import HELICOPTERS
 
 runner = CliRunner()
 
@@ -46,7 +46,7 @@ def test_experiments_fly_in_the_conditions_that_are_asked_for() -> None:
 def test_hover_prints_its_document_and_draws_its_figure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("experiments.hover.QUICK_FLIGHT_S", 5.5)
+    monkeypatch.setattr("rcopterx.experiments.hover.QUICK_FLIGHT_S", 5.5)
     figure = tmp_path / "hover.svg"
     result = runner.invoke(
         app,
@@ -79,8 +79,8 @@ def test_hover_prints_its_document_and_draws_its_figure(
 def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
     from dataclasses import replace
 
-    from experiments.catalogue import EXPERIMENTS
-    from experiments.runner import Result
+    from rcopterx.experiments.catalogue import EXPERIMENTS
+    from rcopterx.experiments.runner import Result
 
     seen: list[Options] = []
 
@@ -89,7 +89,7 @@ def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyP
         return Result({"figure": 1}, lambda _: None)
 
     monkeypatch.setattr(
-        "experiments.catalogue.EXPERIMENTS",
+        "rcopterx.experiments.catalogue.EXPERIMENTS",
         {name: replace(row, run=record) for name, row in EXPERIMENTS.items()},
     )
     for arguments in (
@@ -108,14 +108,14 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
 ) -> None:
     from dataclasses import replace
 
-    from experiments.catalogue import EXPERIMENTS
-    from experiments.runner import Result
+    from rcopterx.experiments.catalogue import EXPERIMENTS
+    from rcopterx.experiments.runner import Result
 
     def told(options: Options, _: object) -> Result:
         return Result({"seeds": list(options.seeds)}, lambda figure: figure.subplots())
 
     row = replace(EXPERIMENTS["hover"], run=told)
-    monkeypatch.setattr("experiments.catalogue.EXPERIMENTS", {"hover": row})
+    monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", {"hover": row})
     arguments = ["experiment", "hover", "--json", "--plot", str(tmp_path / "hover.svg")]
     result = runner.invoke(app, arguments)
     assert result.exit_code == 0, result.output

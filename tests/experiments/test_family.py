@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments import family
-from experiments.catalogue import save_figure
-from experiments.family import (
+from rcopterx.experiments import family
+from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.family import (
     LEVELS,
     LIMIT_CYCLE_MRAD,
     LIMIT_CYCLE_STICK,
@@ -16,9 +16,9 @@ from experiments.family import (
     distribution,
     fly_member,
 )
-from experiments.runner import Options
-from experiments.schemes import Scheme
-from simulator.conditions import HELICOPTERS
+from rcopterx.experiments.runner import Options
+from rcopterx.experiments.schemes import Scheme
+from rcopterx.simulator.conditions import HELICOPTERS
 
 GOOD = Flown(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, False, False, 0)
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from experiments import fleets
-from experiments.catalogue import save_figure
-from experiments.fleets import LEVELS, Flown, figures, fly_fleet
-from experiments.formation import SLOTS
-from experiments.runner import Options
-from simulator.conditions import HELICOPTERS
+from rcopterx.experiments import fleets
+from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.fleets import LEVELS, Flown, figures, fly_fleet
+from rcopterx.experiments.formation import SLOTS
+from rcopterx.experiments.runner import Options
+from rcopterx.simulator.conditions import HELICOPTERS
 
 
 def test_fleet_of_drawn_helicopters_keeps_its_formation(monkeypatch: pytest.MonkeyPatch) -> None:

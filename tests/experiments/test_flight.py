@@ -12,21 +12,21 @@ import pytest
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus import channels
-from bus.codec import encode
-from bus.messages import LaboratoryState, LaboratoryVehicle
-from bus.requests import GoTo
-from bus.session import BusAddress, Session
-from deploy.fleet_file.reading import parse_fleet
-from experiments.checks import Check, always, latency_checks
-from experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
-from experiments.manoeuvre import Manoeuvre
-from experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS
-from experiments.steps import Say, Wait, in_order, land, take_off
-from ground_station.fleet import Fleet
-from ground_station.recorder import Record, Recording
-from ground_station.report import FlightFigures
-from ground_station.waiting import NotReachedError, StoppedError
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.requests import GoTo
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.experiments.checks import Check, always, latency_checks
+from rcopterx.experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
+from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS
+from rcopterx.experiments.steps import Say, Wait, in_order, land, take_off
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.recorder import Record, Recording
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.waiting import NotReachedError, StoppedError
 
 NAMES = ["h1", "h2"]
 Lab = tuple[Fleet, dict[str, ScriptedVehicle]]

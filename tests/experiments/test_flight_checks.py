@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from support.statuses import flying_status
 
-from bus import channels
-from bus.codec import encode
-from bus.message import FloatArray
-from bus.messages import Applied, LaboratoryState, LaboratoryVehicle, LeaderLink, Plan, Pose
-from experiments import checks
-from experiments.checks import Check
-from ground_station.recorder import Record, Recording
-from ground_station.report import FlightFigures
-from vehicles.tuples import Three
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle, LeaderLink, Plan, Pose
+from rcopterx.experiments import checks
+from rcopterx.experiments.checks import Check
+from rcopterx.ground_station.recorder import Record, Recording
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.vehicles.tuples import Three
 
 NAMES = ("h1", "h2")
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.catalogue import save_figure
-from experiments.events import Follow, GoTo
-from experiments.formation import (
+from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.events import Follow, GoTo
+from rcopterx.experiments.formation import (
     FOLLOWERS,
     LEADER,
     NEAR,
@@ -24,12 +24,12 @@ from experiments.formation import (
     run,
     sequence,
 )
-from experiments.formation_figure import draw_formation
-from experiments.rig import Rig
-from experiments.runner import Options, Result
-from experiments.schemes import CASCADE, HELICOPTER_SCHEMES, PAPER, SCHEMES
-from simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
-from vehicles.types import COAXIAL_LAG
+from rcopterx.experiments.formation_figure import draw_formation
+from rcopterx.experiments.rig import Rig
+from rcopterx.experiments.runner import Options, Result
+from rcopterx.experiments.schemes import CASCADE, HELICOPTER_SCHEMES, PAPER, SCHEMES
+from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_sequence_changes_set_points_distances_and_headings() -> None:
@@ -118,7 +118,7 @@ def test_every_scheme_with_an_installed_controller_is_flown(monkeypatch: pytest.
     def no_flight(scheme: object, conditions: object, seed: int, *_: object) -> Flown:
         return Flown(np.ones(2), np.ones(1), np.zeros(7), {}, None)
 
-    monkeypatch.setattr("experiments.formation.fly_formation", no_flight)
+    monkeypatch.setattr("rcopterx.experiments.formation.fly_formation", no_flight)
     result = run(Options((7, 8)), lambda label, fraction: seen.append(f"{label} {fraction:.2f}"))
     assert set(result.document["ideal"]) == set(SCHEMES)
     assert set(result.document["laboratory"]["pid"]["per_seed"]) == {"7", "8"}

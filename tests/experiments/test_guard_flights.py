@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.references.path_shapes import figure_eight
-from agents.tuning.guard import BANDWIDTH_LOWERED, OSCILLATION, effort_factor
-from experiments.events import Event, Fly, GoTo
-from experiments.record import VehicleRecord
-from experiments.rig import Rig, RigOptions, RigVehicle
-from simulator.conditions import HELICOPTERS
-from simulator.plant import Pose
-from vehicles.model import IDENTIFIED, Model
-from vehicles.types import COAXIAL, COAXIAL_LAG
+from rcopterx.agents.references.path_shapes import figure_eight
+from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, OSCILLATION, effort_factor
+from rcopterx.experiments.events import Event, Fly, GoTo
+from rcopterx.experiments.record import VehicleRecord
+from rcopterx.experiments.rig import Rig, RigOptions, RigVehicle
+from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 LAG_ONLY = replace(COAXIAL_LAG, kind=COAXIAL.kind)
 """Flies the helicopter by the paper's model, as if there were neither bar nor oscillator."""

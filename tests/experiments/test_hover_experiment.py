@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from experiments.horizon import SET_POINTS, draw_horizon, fly_horizon
-from experiments.horizon import figures as horizon_figures
-from experiments.hover import SETTINGS, figures, fly_hover, over_vehicles, settings_in
-from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, PAPER
-from simulator.conditions import HELICOPTERS, LABORATORY
+from rcopterx.experiments.horizon import SET_POINTS, draw_horizon, fly_horizon
+from rcopterx.experiments.horizon import figures as horizon_figures
+from rcopterx.experiments.hover import SETTINGS, figures, fly_hover, over_vehicles, settings_in
+from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, PAPER
+from rcopterx.simulator.conditions import HELICOPTERS, LABORATORY
 
 
 def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_predecessor() -> None:

@@ -5,13 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.identified import NotIdentifiedError, excited_flight, identification, identified_model
-from experiments.rig import Rig, RigVehicle
-from simulator.conditions import HELICOPTERS
-from simulator.plant import Pose
-from vehicles.model import Model
-from vehicles.state import Array
-from vehicles.types import COAXIAL
+from rcopterx.experiments.identified import (
+    NotIdentifiedError,
+    excited_flight,
+    identification,
+    identified_model,
+)
+from rcopterx.experiments.rig import Rig, RigVehicle
+from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL
 
 SEED = 2
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.flight.prediction import predict
-from agents.interfaces import Estimate
-from experiments.knowledge import LATE_S, exact_model, known_model
-from experiments.rig import Rig
-from experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES
-from simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
-from simulator.helicopter import Helicopter, helicopter_of
-from simulator.plant import Pose
-from vehicles.model import IDENTIFIED, UNIDENTIFIED
-from vehicles.state import YAW_RATE, heading_matrix
-from vehicles.types import COAXIAL, COAXIAL_LAG
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.experiments.knowledge import LATE_S, exact_model, known_model
+from rcopterx.experiments.rig import Rig
+from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES
+from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
+from rcopterx.simulator.helicopter import Helicopter, helicopter_of
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
+from rcopterx.vehicles.state import YAW_RATE, heading_matrix
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 STEP_S = 0.001
 PERIOD_S = 0.02

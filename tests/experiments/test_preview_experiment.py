@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments import preview
-from experiments.catalogue import save_figure
-from experiments.runner import Options
+from rcopterx.experiments import preview
+from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.runner import Options
 
 
 def test_preview_and_feed_forward_fly_closer_to_the_path(

@@ -6,23 +6,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.formation.limit_scaling import LEADER_LIMIT_SCALE
-from agents.formation.topology import places
-from bus.messages import LeaderLink
-from experiments.events import Event, Follow, GoTo, Lead, Switch
-from experiments.record import FlightRecord, rms, total_fallbacks
-from experiments.rig import (
+from rcopterx.agents.formation.limit_scaling import LEADER_LIMIT_SCALE
+from rcopterx.agents.formation.topology import places
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.experiments.events import Event, Follow, GoTo, Lead, Switch
+from rcopterx.experiments.record import FlightRecord, rms, total_fallbacks
+from rcopterx.experiments.rig import (
     Rig,
     RigError,
     RigOptions,
     RigVehicle,
     flying_order,
 )
-from experiments.schemes import NO_HURRY
-from simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
-from simulator.plant import Pose
-from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG, QUADROTOR
+from rcopterx.experiments.schemes import NO_HURRY
+from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 OFFSET_M = (-0.4, 0.5, 0.0)
 STEP = GoTo(2.0, "h1", (0.5, 0.0, 1.2), np.pi / 2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.swapping import (
+from rcopterx.experiments.swapping import (
     ANTIPODES,
     CASES,
     HARD_M,
@@ -15,7 +15,7 @@ from experiments.swapping import (
     goals_of,
     places,
 )
-from simulator.conditions import LABORATORY
+from rcopterx.simulator.conditions import LABORATORY
 
 
 @pytest.mark.parametrize("case", [ANTIPODES, RANDOM])

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from agents.controllers.pid import PidSettings
-from experiments import tuning
-from experiments.catalogue import save_figure
-from experiments.runner import Options
-from experiments.schemes import PID, TUNED_LQR, TUNED_PAPER, TUNED_PID
-from experiments.tuning import ROWS, Factors, faster, fly_candidate, judged
-from simulator.conditions import HELICOPTERS
+from rcopterx.agents.controllers.pid import PidSettings
+from rcopterx.experiments import tuning
+from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.runner import Options
+from rcopterx.experiments.schemes import PID, TUNED_LQR, TUNED_PAPER, TUNED_PID
+from rcopterx.experiments.tuning import ROWS, Factors, faster, fly_candidate, judged
+from rcopterx.simulator.conditions import HELICOPTERS
 
 
 def test_candidate_hovers() -> None:

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from experiments import turning
-from experiments.catalogue import save_figure
-from experiments.runner import Options
+from rcopterx.experiments import turning
+from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.runner import Options
 
 
 def test_followers_on_arms_keep_their_places_while_their_leader_turns(tmp_path: Path) -> None:

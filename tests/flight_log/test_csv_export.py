@@ -7,11 +7,11 @@ import msgpack
 import pytest
 from typer.testing import CliRunner
 
-from bus.codec import decode
-from bus.messages import Command
-from flight_log.csv_export import export_csv, flat
-from flight_log.mcap_reading import messages_of
+from rcopterx.bus.codec import decode
+from rcopterx.bus.messages import Command
 from rcopterx.command_line import app
+from rcopterx.flight_log.csv_export import export_csv, flat
+from rcopterx.flight_log.mcap_reading import messages_of
 
 FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from flight_log.flight_writing import FREE_BYTES, FlightSettings, FlightWriter
-from flight_log.flights import flights_in, part_path
-from flight_log.listing import summary_of
-from flight_log.mcap_reading import contents_of, messages_of
-from flight_log.mcap_writing import LoggedMessage
+from rcopterx.flight_log.flight_writing import FREE_BYTES, FlightSettings, FlightWriter
+from rcopterx.flight_log.flights import flights_in, part_path
+from rcopterx.flight_log.listing import summary_of
+from rcopterx.flight_log.mcap_reading import contents_of, messages_of
+from rcopterx.flight_log.mcap_writing import LoggedMessage
 
 FLIGHT = "lab-20261122-141500"
 PLENTY = 10**12

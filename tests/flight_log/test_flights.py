@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from flight_log.flights import (
+from rcopterx.flight_log.flights import (
     NoFlightError,
     default_directory,
     flight_name,

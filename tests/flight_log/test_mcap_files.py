@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from flight_log.listing import mend
-from flight_log.mcap_reading import Contents, FlightLogError, contents_of, messages_of
-from flight_log.mcap_writing import LoggedMessage, McapFile
+from rcopterx.flight_log.listing import mend
+from rcopterx.flight_log.mcap_reading import Contents, FlightLogError, contents_of, messages_of
+from rcopterx.flight_log.mcap_writing import LoggedMessage, McapFile
 
 SCHEMAS = {
     "pose": ("rcopterx.Pose", b'{"type": "object"}'),

@@ -10,16 +10,16 @@ import pytest
 from support.bus import Child, raw_put
 from support.waiting import wait_for
 
-from bus import channels
-from bus.channels import CHANNELS
-from bus.log_messages import RecorderStatus
-from bus.messages import Kill, Pose
-from bus.session import BusAddress, Heard, Session
-from flight_log.flight_writing import FlightSettings, FlightWriter
-from flight_log.flights import flights_in
-from flight_log.mcap_reading import messages_of
-from flight_log.mcap_writing import LoggedMessage
-from flight_log.recorder import NANO, Gaps, Recorder, Waiting, schemas
+from rcopterx.bus import channels
+from rcopterx.bus.channels import CHANNELS
+from rcopterx.bus.log_messages import RecorderStatus
+from rcopterx.bus.messages import Kill, Pose
+from rcopterx.bus.session import BusAddress, Heard, Session
+from rcopterx.flight_log.flight_writing import FlightSettings, FlightWriter
+from rcopterx.flight_log.flights import flights_in
+from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.flight_log.mcap_writing import LoggedMessage
+from rcopterx.flight_log.recorder import NANO, Gaps, Recorder, Waiting, schemas
 
 Join = Callable[..., Session]
 FLIGHT = "lab-20261122-141500"
@@ -27,9 +27,9 @@ FLIGHT = "lab-20261122-141500"
 RECORDER_CODE = """
 import sys
 from pathlib import Path
-from bus.session import BusAddress
-from flight_log.flight_writing import FlightSettings
-from flight_log.recorder import RecorderSettings, run_recorder, schemas
+from rcopterx.bus.session import BusAddress
+from rcopterx.flight_log.flight_writing import FlightSettings
+from rcopterx.flight_log.recorder import RecorderSettings, run_recorder, schemas
 endpoint, fleet, namespace, directory = sys.argv[1:]
 flight = FlightSettings(Path(directory), "lab-20261122-141500", {}, b"{}", schemas(), 10**9, 10**9)
 bus = BusAddress((endpoint,), fleet, namespace)

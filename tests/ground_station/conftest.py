@@ -7,9 +7,9 @@ import pytest
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus.session import BusAddress, Session
-from deploy.fleet_file.reading import parse_fleet
-from ground_station.fleet import Fleet
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.ground_station.fleet import Fleet
 
 
 @pytest.fixture

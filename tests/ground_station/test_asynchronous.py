@@ -10,12 +10,12 @@ import pytest
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus.requests import Arm, GoTo, TakeOff
-from bus.session import BusAddress, Session
-from ground_station.asynchronous import AsyncFleet, AsyncVehicle
-from ground_station.fleet import Fleet
-from ground_station.vehicle import RefusedError, Vehicle
-from ground_station.waiting import NotReachedError
+from rcopterx.bus.requests import Arm, GoTo, TakeOff
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.ground_station.asynchronous import AsyncFleet, AsyncVehicle
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.vehicle import RefusedError, Vehicle
+from rcopterx.ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
 

@@ -12,15 +12,15 @@ from support.bus import own_address
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus.messages import LeaderLink
-from bus.requests import Arm, Follow, GoTo, Land, TakeOff
-from bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
-from deploy.fleet_file.reading import parse_fleet
-from ground_station.fleet import Fleet
-from ground_station.live_table import COLUMNS, fleet_table
-from ground_station.status import fleet_status
-from ground_station.vehicle import RefusedError, lines_of
-from ground_station.waiting import NotReachedError
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.requests import Arm, Follow, GoTo, Land, TakeOff
+from rcopterx.bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.live_table import COLUMNS, fleet_table
+from rcopterx.ground_station.status import fleet_status
+from rcopterx.ground_station.vehicle import RefusedError, lines_of
+from rcopterx.ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
 

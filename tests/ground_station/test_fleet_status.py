@@ -10,12 +10,12 @@ from support.plans import plan_of
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus.messages import LauncherStatus, LeaderLink, SubjectState, TrackerStatus
-from bus.session import BusAddress, Session
-from deploy.fleet_file.reading import parse_fleet
-from ground_station.fleet import Fleet
-from ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
-from ground_station.status import fleet_check, fleet_status, readable
+from rcopterx.bus.messages import LauncherStatus, LeaderLink, SubjectState, TrackerStatus
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.status import fleet_check, fleet_status, readable
 
 Vehicles = dict[str, ScriptedVehicle]
 

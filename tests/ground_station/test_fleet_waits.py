@@ -3,9 +3,9 @@
 import pytest
 from support.scripted import ScriptedVehicle
 
-from bus.messages import LeaderLink
-from ground_station.fleet import Fleet
-from ground_station.waiting import NotReachedError
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
 LINK = LeaderLink(leader="h1", offset_m=(-0.4, 0.5, 0.0))

@@ -1,7 +1,7 @@
 """Promises of what is told about hosts: missing links first, clocks as seen from here."""
 
-from bus.link_messages import LinkState, RouterStatus
-from ground_station.hosts import host_notes
+from rcopterx.bus.link_messages import LinkState, RouterStatus
+from rcopterx.ground_station.hosts import host_notes
 
 
 def linked(**fields: float) -> LinkState:

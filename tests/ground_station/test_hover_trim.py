@@ -1,6 +1,6 @@
 import pytest
 
-from ground_station.hover_trim import HoverError, mean_of_hover
+from rcopterx.ground_station.hover_trim import HoverError, mean_of_hover
 
 HOVER = (0.04, -0.03, 0.55, 0.01)
 

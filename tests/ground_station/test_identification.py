@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from bus import channels
-from bus.codec import encode
-from bus.messages import Applied, Pose
-from ground_station.identification import IdentificationError, recording_of
-from ground_station.recorder import Record, Recording
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import Applied, Pose
+from rcopterx.ground_station.identification import IdentificationError, recording_of
+from rcopterx.ground_station.recorder import Record, Recording
 
 ROWS = 40
 

@@ -9,17 +9,17 @@ import pytest
 from support.bus import Child, own_address
 from support.scripted import fleet_file_text
 
-from bus.session import BusAddress
-from deploy.fleet_file.reading import load_fleet, parse_fleet
-from deploy.fleet_file.schema import FleetError
-from ground_station.fleet import Fleet
-from ground_station.joining import WrongFleetError, fleet_that_is_up
+from rcopterx.bus.session import BusAddress
+from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.joining import WrongFleetError, fleet_that_is_up
 
 ROLE = """
 import json, sys
 from pathlib import Path
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.run import run_role
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.run import run_role
 run_role("router", "main", load_fleet(Path(sys.argv[1])))
 """
 

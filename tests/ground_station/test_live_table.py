@@ -8,11 +8,11 @@ from support.scripted import ScriptedVehicle
 from support.statuses import flying_status
 from support.waiting import wait_for
 
-from bus.messages import LeaderLink, TransmitterStatus
-from ground_station.fleet import Fleet
-from ground_station.live_table import COLUMNS, columns_named, fleet_view, pages, table_width
-from ground_station.state import VehicleState
+from rcopterx.bus.messages import LeaderLink, TransmitterStatus
 from rcopterx.commands.watch import COLUMN_NAMES
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.live_table import COLUMNS, columns_named, fleet_view, pages, table_width
+from rcopterx.ground_station.state import VehicleState
 
 Vehicles = dict[str, ScriptedVehicle]
 

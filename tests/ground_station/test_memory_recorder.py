@@ -3,9 +3,9 @@
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
-from bus import channels
-from ground_station.fleet import Fleet
-from ground_station.recorder import Recorder
+from rcopterx.bus import channels
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.recorder import Recorder
 
 
 def test_a_recording_holds_what_travelled_between_start_and_stop(

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from support.plans import plan_of
 from support.statuses import hovering
 
-from agents.formation.topology import cycle
-from bus.messages import AgentStatus, LeaderLink, Plan
-from bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
-from bus.session import RequestFailedError
-from ground_station.regroup import RegroupError, change_lines, formation_leader, regroup, swapped
+from rcopterx.agents.formation.topology import cycle
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
+from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.ground_station.regroup import RegroupError, change_lines, formation_leader, regroup, swapped
 
 FormationGraph = dict[str, tuple[LeaderLink, ...]]
 

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.statuses import flying_status
 
-from bus import channels
-from bus.channels import Channel
-from bus.codec import encode
-from bus.message import FloatArray, Message
-from bus.messages import (
+from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.codec import encode
+from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.messages import (
     Applied,
     LaboratoryState,
     LaboratoryVehicle,
@@ -21,9 +21,9 @@ from bus.messages import (
     Pose,
     TransmitterStatus,
 )
-from ground_station.recorder import Record, Recording
-from ground_station.report import FlightFigures, percentiles, rms_and_max
-from vehicles.tuples import Four, Three
+from rcopterx.ground_station.recorder import Record, Recording
+from rcopterx.ground_station.report import FlightFigures, percentiles, rms_and_max
+from rcopterx.vehicles.tuples import Four, Three
 
 
 class Flight:

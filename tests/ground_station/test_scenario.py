@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from ground_station.scenario import ScenarioError, fault_from, fault_list, field_from, read_scenario
-from simulator.faults import (
+from rcopterx.ground_station.scenario import ScenarioError, fault_from, fault_list, field_from, read_scenario
+from rcopterx.simulator.faults import (
     FAULTS,
     AddSubject,
     BreakRadio,

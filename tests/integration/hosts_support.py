@@ -9,12 +9,12 @@ from pathlib import Path
 
 from integration_support import Flying, fleet_text
 
-from benchmarks.namespaces import Network, network
-from bus import channels
-from bus.messages import Applied
-from bus.subscription import Received
-from deploy.fleet_file.reading import load_fleet
-from ground_station.fleet import Fleet
+from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Applied
+from rcopterx.bus.subscription import Received
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.ground_station.fleet import Fleet
 
 HOSTS = ("main", "second")
 """The simulated laboratory and its gateways; the agents."""

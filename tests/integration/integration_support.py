@@ -15,13 +15,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from bus import channels
-from bus.messages import LaboratoryVehicle
-from bus.session import RequestFailedError
-from deploy.fleet_file.reading import load_fleet
-from deploy.launcher import Launcher
-from ground_station.fleet import Fleet
-from ground_station.vehicle import FLIGHT_ERRORS, RefusedError
+from rcopterx.bus import channels
+from rcopterx.bus.messages import LaboratoryVehicle
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.launcher import Launcher
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, RefusedError
 
 NAMES = ("h1", "h2", "h3")
 GENTLE_M_S = 1.7

@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.links import linked_hosts, measured_cut
-from benchmarks.namespaces import NetworkUnavailableError, network
+from rcopterx.benchmarks.links import linked_hosts, measured_cut
+from rcopterx.benchmarks.namespaces import NetworkUnavailableError, network
 
 pytestmark = pytest.mark.integration
 

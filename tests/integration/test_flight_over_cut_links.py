@@ -10,7 +10,7 @@ import pytest
 from hosts_support import Obeyed, fleet_on_two_hosts
 from integration_support import NAMES, Flying, Truth, landed_gently
 
-from benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
 
 pytestmark = pytest.mark.campaign
 

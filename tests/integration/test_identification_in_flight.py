@@ -8,10 +8,10 @@ from collections.abc import Callable
 import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.vehicle_models import model_of
-from vehicles.model import IDENTIFIED
-from vehicles.types import COAXIAL
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.vehicles.model import IDENTIFIED
+from rcopterx.vehicles.types import COAXIAL
 
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(180)]
 

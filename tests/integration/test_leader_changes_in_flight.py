@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from integration_support import NAMES, Flying, Truth, at
 
-from bus import channels
-from bus.messages import Plan
-from ground_station.recorder import Recorder, Recording
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Plan
+from rcopterx.ground_station.recorder import Recorder, Recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from integration_support import Flying, fleet_text, free_port
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.vehicle_models import model_of
-from ground_station.recorder import Recorder
-from ground_station.report import FlightFigures
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.ground_station.recorder import Recorder
+from rcopterx.ground_station.report import FlightFigures
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 

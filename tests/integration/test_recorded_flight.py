@@ -14,11 +14,11 @@ from integration_support import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 from support.waiting import wait_for
 
-from bus import channels
-from bus.messages import Pose
-from bus.session import BusUnreachableError, Session
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.addresses import bus_address
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Pose
+from rcopterx.bus.session import BusUnreachableError, Session
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.addresses import bus_address
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 
@@ -53,7 +53,10 @@ def processes(*commands: list[str]) -> Iterator[list[subprocess.Popen[str]]]:
 @contextmanager
 def laboratory(path: Path, *roles: str) -> Iterator[Callable[[], Poses]]:
     """Run these processes of a fleet; what is yielded returns all poses published so far."""
-    with processes(*(["deploy.roles", role, "main", str(path)] for role in roles)), joined(path) as session:
+    with (
+        processes(*(["rcopterx.deploy.roles", role, "main", str(path)] for role in roles)),
+        joined(path) as session,
+    ):
         inboxes = {name: session.subscribe(channels.POSE, name, depth=10_000) for name in ("h1", "h2")}
         poses: Poses = {}
 

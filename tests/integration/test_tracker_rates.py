@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from integration_support import Flying, fleet_text, free_port
 
-from bus import channels
-from ground_station.recorder import Recorder
-from ground_station.report import FlightFigures
+from rcopterx.bus import channels
+from rcopterx.ground_station.recorder import Recorder
+from rcopterx.ground_station.report import FlightFigures
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 

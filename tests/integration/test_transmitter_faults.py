@@ -21,10 +21,10 @@ from integration_support import (
     transmitter_state,
 )
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.transmitters import calibration_of
-from ground_station.scenario import inject_faults
-from simulator.faults import BreakRadio, Recover
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.transmitters import calibration_of
+from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.simulator.faults import BreakRadio, Recover
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -7,8 +7,8 @@ import pytest
 from support.scripted import ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
-from bus import channels
-from bus.session import BusAddress, Session
+from rcopterx.bus import channels
+from rcopterx.bus.session import BusAddress, Session
 
 
 @pytest.fixture(autouse=True)

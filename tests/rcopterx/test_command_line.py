@@ -14,14 +14,14 @@ from support.scripted import ScriptedVehicle, fleet_file_text
 from support.waiting import wait_for
 from typer.testing import CliRunner
 
-from bus.requests import Follow, GoTo, TakeOff
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.fleet_file.shipped import fleet_path, shipped_fleets
-from experiments.manoeuvres import MANOEUVRES
-from ground_station.fleet import Fleet
+from rcopterx.bus.requests import Follow, GoTo, TakeOff
 from rcopterx.command_line import COMMANDS, app
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.fleet_file.shipped import fleet_path, shipped_fleets
+from rcopterx.experiments.manoeuvres import MANOEUVRES
 from rcopterx.fleet_option import chosen_host
+from rcopterx.ground_station.fleet import Fleet
 
 NAMES = [command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands]
 UNITS = {
@@ -127,7 +127,7 @@ def test_wrong_arguments_are_usage_errors_that_say_what_is_allowed(
 def test_a_fleet_that_is_not_up_is_said_so(
     arguments: tuple[str, ...], down: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ground_station.fleet.Fleet", quick_fleet())
+    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", quick_fleet())
     result = run(*arguments, "--fleet", down)
     assert result.exit_code == 1
     assert "error: no router at" in result.stderr

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from flight_log.flight_writing import FlightSettings, FlightWriter
-from flight_log.flights import part_path
-from flight_log.mcap_reading import contents_of
-from flight_log.mcap_writing import LoggedMessage
 from rcopterx.command_line import app
+from rcopterx.flight_log.flight_writing import FlightSettings, FlightWriter
+from rcopterx.flight_log.flights import part_path
+from rcopterx.flight_log.mcap_reading import contents_of
+from rcopterx.flight_log.mcap_writing import LoggedMessage
 
 FLIGHT = "lab-20261122-141500"
 

@@ -11,13 +11,13 @@ from click.testing import Result
 from support.scripted import ScriptedVehicle
 from typer.testing import CliRunner
 
-from experiments.checks import Check
-from experiments.flight_page import page
-from experiments.manoeuvre import Manoeuvre
-from experiments.steps import Step, in_order, refused
-from ground_station.fleet import Fleet
-from ground_station.waiting import NotReachedError
 from rcopterx.command_line import app
+from rcopterx.experiments.checks import Check
+from rcopterx.experiments.flight_page import page
+from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.steps import Step, in_order, refused
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
 NAMES = ("h1", "h2", "h3")
@@ -58,13 +58,13 @@ TABLE = {
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("experiments.flight.SETTLE_S", 0.0)
+    monkeypatch.setattr("rcopterx.experiments.flight.SETTLE_S", 0.0)
 
 
 @pytest.fixture
 def table(monkeypatch: pytest.MonkeyPatch) -> dict[str, Manoeuvre]:
     rows = dict(TABLE)
-    monkeypatch.setattr("experiments.manoeuvres.MANOEUVRES", rows)
+    monkeypatch.setattr("rcopterx.experiments.manoeuvres.MANOEUVRES", rows)
     return rows
 
 

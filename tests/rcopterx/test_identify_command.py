@@ -9,14 +9,14 @@ import pytest
 from support.fleets import PAIR
 from typer.testing import CliRunner
 
-from agents.flight.lateral import LateralSystem, demand_matrix
-from agents.identification.excitation import excitation_for
-from agents.identification.recording import FlightRecording
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.vehicle_models import model_of
+from rcopterx.agents.flight.lateral import LateralSystem, demand_matrix
+from rcopterx.agents.identification.excitation import excitation_for
+from rcopterx.agents.identification.recording import FlightRecording
 from rcopterx.command_line import app
-from vehicles.model import IDENTIFIED
-from vehicles.types import COAXIAL
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.vehicles.model import IDENTIFIED
+from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 

@@ -13,12 +13,12 @@ from support.scripted import ScriptedVehicle, fleet_file_text
 from typer.testing import CliRunner
 
 import rcopterx.kill
-from bus import channels
-from bus.codec import decode
-from bus.messages import Kill
-from bus.session import BusAddress
-from deploy.running import RunningFleet, recorded
+from rcopterx.bus import channels
+from rcopterx.bus.codec import decode
+from rcopterx.bus.messages import Kill
+from rcopterx.bus.session import BusAddress
 from rcopterx.command_line import app
+from rcopterx.deploy.running import RunningFleet, recorded
 from rcopterx.kill import Verdict, kill, parsed, report, run
 
 Vehicles = dict[str, ScriptedVehicle]

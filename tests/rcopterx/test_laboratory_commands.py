@@ -15,13 +15,21 @@ from support.tracker import running_tracker
 from support.waiting import wait_for
 from typer.testing import CliRunner
 
-from bus.channels import SIMULATOR_UNIT
-from bus.requests import Inject, Reply
-from bus.session import BusAddress, Session
+from rcopterx.bus.channels import SIMULATOR_UNIT
+from rcopterx.bus.requests import Inject, Reply
+from rcopterx.bus.session import BusAddress, Session
 from rcopterx.command_line import app
-from simulator.faults import AddSubject, BreakRadio, Occlude, Silence, SwapSubjects, TimedFault, timed_faults
-from vicon_gateway.client import DataStreamClient
-from vicon_gateway.recording import FILE_MAGIC
+from rcopterx.simulator.faults import (
+    AddSubject,
+    BreakRadio,
+    Occlude,
+    Silence,
+    SwapSubjects,
+    TimedFault,
+    timed_faults,
+)
+from rcopterx.vicon_gateway.client import DataStreamClient
+from rcopterx.vicon_gateway.recording import FILE_MAGIC
 
 
 def run(*arguments: str) -> Result:

@@ -6,8 +6,8 @@ import pytest
 from support.fleets import PAIR
 from typer.testing import CliRunner
 
-from deploy.run_directory import run_directory
 from rcopterx.command_line import app
+from rcopterx.deploy.run_directory import run_directory
 
 
 @pytest.fixture

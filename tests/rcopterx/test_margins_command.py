@@ -9,9 +9,9 @@ from support.bus import own_address
 from support.scripted import ScriptedVehicle, fleet_file_text
 from typer.testing import CliRunner
 
-from deploy.fleet_file.reading import load_fleet
-from ground_station.margins import configured_warnings
 from rcopterx.command_line import app
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.ground_station.margins import configured_warnings
 
 LOOSE = "[vehicles.h2.control.settings]\ninput_weights = [0.002, 0.002, 33.75, 100.0]\n"
 

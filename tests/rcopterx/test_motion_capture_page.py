@@ -7,13 +7,15 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR
 
-import ground_station
-from deploy.fleet_file.reading import parse_fleet
-from deploy.roles.tracker import BRAND_NAMES, brand_of
-from ground_station.scenario import fault_from, field_from, read_scenario
-from simulator.faults import FAULTS
+from rcopterx import ground_station
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.roles.tracker import BRAND_NAMES, brand_of
+from rcopterx.ground_station.scenario import fault_from, field_from, read_scenario
+from rcopterx.simulator.faults import FAULTS
 
-PAGE = (Path(ground_station.__file__).parents[1] / "docs" / "motion_capture.md").read_text(encoding="utf-8")
+PAGE = (Path(ground_station.__file__).resolve().parents[1] / "docs" / "motion_capture.md").read_text(
+    encoding="utf-8"
+)
 TABLE = PAGE.split("<!-- faults: begin -->")[1].split("<!-- faults: end -->")[0]
 COMMANDS = [
     command

@@ -4,11 +4,11 @@ import re
 from pathlib import Path
 
 import rcopterx
-from agents.phases import TRANSITIONS
-from bus.messages import SubjectState, TrackerStatus, TransmitterStatus
-from ground_station.live_table import COLUMNS
-from ground_station.state import VehicleState, tracker_problems
+from rcopterx.agents.phases import TRANSITIONS
+from rcopterx.bus.messages import SubjectState, TrackerStatus, TransmitterStatus
 from rcopterx.command_line import COMMANDS
+from rcopterx.ground_station.live_table import COLUMNS
+from rcopterx.ground_station.state import VehicleState, tracker_problems
 
 TEXT = (Path(rcopterx.__file__).parents[1] / "docs" / "operations.md").read_text(encoding="utf-8")
 

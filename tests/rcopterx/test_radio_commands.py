@@ -14,15 +14,15 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.transmitters import calibration_of, protocol_of
-from deploy.run_directory import run_directory, serial_path
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_kinds import module_of
-from simulator.radio_module import SerialFrame
-from simulator.radio_receiver import Receiver, ReceiverState
-from simulator.settings import SimulatedRadio
-from transmitter_gateway.serial_port import SerialPort
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.transmitters import calibration_of, protocol_of
+from rcopterx.deploy.run_directory import run_directory, serial_path
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_kinds import module_of
+from rcopterx.simulator.radio_module import SerialFrame
+from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
+from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 FLEET = """# Our two helicopters.
 name = "lab"

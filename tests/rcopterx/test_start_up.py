@@ -6,16 +6,17 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from agents.identification.excitation import BASE_HZ
-from agents.references.path_shapes import HEADINGS
+from rcopterx.agents.identification.excitation import BASE_HZ
+from rcopterx.agents.references.path_shapes import HEADINGS
 from rcopterx.command_line import app
 
 NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib"}
 
 
 def imported_by(statement: str) -> set[str]:
-    """Top-level packages that are loaded after a statement in a fresh interpreter."""
-    script = f"import sys; {statement}; print(*{{name.partition('.')[0] for name in sys.modules}})"
+    """Packages, ours without `rcopterx`, that are loaded after a statement in a fresh interpreter."""
+    names = "name.removeprefix('rcopterx.').partition('.')[0] for name in sys.modules"
+    script = f"import sys; {statement}; print(*{{{names}}})"
     return set(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout.split())
 
 
@@ -27,7 +28,11 @@ def test_declarations_of_all_commands_need_neither_the_bus_nor_numerical_librari
 
 @pytest.mark.parametrize(
     "statement",
-    ["from rcopterx import Fleet", "import ground_station.status", "import ground_station.live_table"],
+    [
+        "from rcopterx import Fleet",
+        "import rcopterx.ground_station.status",
+        "import rcopterx.ground_station.live_table",
+    ],
 )
 def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statement: str) -> None:
     loaded = imported_by(statement)
@@ -46,7 +51,7 @@ def test_help_texts_that_are_not_computed_agree_with_the_code() -> None:
 
 def test_the_version_is_told_with_its_commit(monkeypatch: pytest.MonkeyPatch) -> None:
     origin = {"rcopterx": "1.2.3", "commit": "abc123+", "python": "3.11.7"}
-    monkeypatch.setattr("flight_log.provenance.provenance", lambda: origin)
+    monkeypatch.setattr("rcopterx.flight_log.provenance.provenance", lambda: origin)
     told = CliRunner().invoke(app, ["--version"])
     assert (told.exit_code, told.stdout) == (0, "rcopterx 1.2.3 (commit abc123+), Python 3.11.7\n")
     origin["commit"] = ""

@@ -18,10 +18,10 @@ from support.scripted import ScriptedVehicle, fleet_file_text
 from support.waiting import wait_for
 from typer.testing import CliRunner
 
-from deploy.fleet_file.schema import FleetFile
-from ground_station.fleet import Fleet
 from rcopterx.command_line import app
 from rcopterx.commands.ground import page_of
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.ground_station.fleet import Fleet
 
 Vehicles = dict[str, ScriptedVehicle]
 
@@ -36,7 +36,9 @@ def run(*arguments: str) -> Result:
 def test_without_a_fleet_the_error_says_how_to_start_one(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ground_station.fleet.Fleet", lambda file, host, _: Fleet(file, host, timeout_s=0.05))
+    monkeypatch.setattr(
+        "rcopterx.ground_station.fleet.Fleet", lambda file, host, _: Fleet(file, host, timeout_s=0.05)
+    )
     path = tmp_path / "down.toml"
     path.write_text(fleet_file_text(own_address()))
     result = run(command, "-f", str(path))
@@ -76,7 +78,7 @@ def test_check_that_waits_also_waits_for_the_router(
         patience.append(router_within_s)
         return Fleet(file, host, router_within_s)
 
-    monkeypatch.setattr("ground_station.fleet.Fleet", joined)
+    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", joined)
     for wait in ("1.5", "20"):
         assert run("check", "--wait", wait, "-f", up).exit_code == 0
     assert patience == [3.0, 20.0]

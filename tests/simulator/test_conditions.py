@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions, conditions_from
+from rcopterx.simulator.conditions import (
+    HELICOPTER,
+    HELICOPTERS,
+    IDEAL,
+    LABORATORY,
+    Conditions,
+    conditions_from,
+)
 
 
 def test_presets_are_reachable_by_name() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.conditions import LABORATORY
-from simulator.disturbance import NOISE, TURBULENCE, ColouredNoise, random_stream
+from rcopterx.simulator.conditions import LABORATORY
+from rcopterx.simulator.disturbance import NOISE, TURBULENCE, ColouredNoise, random_stream
 
 GRID_S = 0.002
 

@@ -1,7 +1,7 @@
 import msgspec
 import pytest
 
-from simulator.faults import (
+from rcopterx.simulator.faults import (
     AddSubject,
     BreakRadio,
     Burst,
@@ -26,8 +26,8 @@ from simulator.faults import (
     WrongMagic,
     YUp,
 )
-from simulator.tracker_faults import TrackerFaults
-from simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
+from rcopterx.simulator.tracker_faults import TrackerFaults
+from rcopterx.simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
 
 H1, H2 = TrackedBody("h1", (1.0, 0.0, 0.0)), TrackedBody("h2", (2.0, 0.0, 0.0))
 

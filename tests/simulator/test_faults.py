@@ -2,9 +2,9 @@
 
 import pytest
 
-from bus.codec import decode, encode
-from bus.requests import Inject, InjectedFault
-from simulator.faults import (
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.requests import Inject, InjectedFault
+from rcopterx.simulator.faults import (
     AddSubject,
     BreakRadio,
     Dribble,

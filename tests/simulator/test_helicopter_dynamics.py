@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from simulator.helicopter_dynamics import STATE_SIZE, HelicopterDynamics, State, level_state
-from simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
-from vehicles.state import GRAVITY_M_S2, Array
+from rcopterx.simulator.helicopter_dynamics import STATE_SIZE, HelicopterDynamics, State, level_state
+from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
+from rcopterx.vehicles.state import GRAVITY_M_S2, Array
 
 CALM = (0.0, 0.0, 0.0, 0.0)
 HIGH = (0.0, 0.0, 50.0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 
 DRAWN = [HelicopterParameters.drawn(np.random.default_rng(seed)) for seed in range(300)]
 

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from simulator.conditions import IDEAL, LABORATORY, Conditions
-from simulator.first_order_plant import FirstOrderPlant
-from simulator.plant import Pose
-from vehicles.model import Model, motion_derivative
-from vehicles.quadrotor import QUADROTOR
-from vehicles.state import ZD_BODY, Array
-from vehicles.types import COAXIAL_LAG
+from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
+from rcopterx.simulator.first_order_plant import FirstOrderPlant
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import Model, motion_derivative
+from rcopterx.vehicles.quadrotor import QUADROTOR
+from rcopterx.vehicles.state import ZD_BODY, Array
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = tuple(COAXIAL_LAG.hover_input)
 PROMPT = replace(IDEAL, transport_delay_s=0.0)

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.faults import BreakRadio, Close, FaultError, Recover, TimedFault
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_faults import RadioFaults
-from simulator.radio_kinds import module_of
-from simulator.radio_receiver import Receiver
-from simulator.settings import SimulatedRadio
-from transmitter_gateway.protocols.registry import create_protocol
+from rcopterx.simulator.faults import BreakRadio, Close, FaultError, Recover, TimedFault
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_faults import RadioFaults
+from rcopterx.simulator.radio_kinds import module_of
+from rcopterx.simulator.radio_receiver import Receiver
+from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.transmitter_gateway.protocols.registry import create_protocol
 
 
 def radio(path: Path, protocol: str) -> RadioPty:

@@ -3,14 +3,14 @@ from pathlib import Path
 
 import pytest
 
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_kinds import condition_refused, module_of, set_condition
-from simulator.radio_multi import MultiModule
-from simulator.radio_receiver import Receiver, ReceiverState
-from simulator.settings import SimulatedRadio
-from transmitter_gateway.protocols.base import SerialLine
-from transmitter_gateway.protocols.registry import create_protocol
-from transmitter_gateway.serial_port import SerialPort
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_kinds import condition_refused, module_of, set_condition
+from rcopterx.simulator.radio_multi import MultiModule
+from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
+from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.protocols.registry import create_protocol
+from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 KINDS = {
     "multi": {"rx_num": 5, "inverted_line": False},

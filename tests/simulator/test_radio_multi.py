@@ -3,13 +3,13 @@ from itertools import pairwise
 
 import pytest
 
-from simulator.radio import RadioLink
-from simulator.radio_module import AirPacket, SerialInput
-from simulator.radio_multi import MultiModule, air_value, killed_throttle, status_answer
-from simulator.radio_receiver import Receiver, ReceiverState
-from transmitter_gateway.protocols.base import FrameFlags, ten_bit_count
-from transmitter_gateway.protocols.multi import MultiFrame, MultiProtocol, MultiSettings
-from transmitter_gateway.protocols.multi_answers import AnswerParser, MultiBindAnswer, MultiStatus
+from rcopterx.simulator.radio import RadioLink
+from rcopterx.simulator.radio_module import AirPacket, SerialInput
+from rcopterx.simulator.radio_multi import MultiModule, air_value, killed_throttle, status_answer
+from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
+from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ten_bit_count
+from rcopterx.transmitter_gateway.protocols.multi import MultiFrame, MultiProtocol, MultiSettings
+from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, MultiBindAnswer, MultiStatus
 
 FRAME_S = 27 * 120e-6
 HOVER = [1540.0]

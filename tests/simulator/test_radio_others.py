@@ -5,16 +5,16 @@ from collections.abc import Callable
 
 import pytest
 
-from simulator.radio import RadioLink
-from simulator.radio_dsm2 import Dsm2Board
-from simulator.radio_dsmp import DsmpModule
-from simulator.radio_module import RadioModule
-from simulator.radio_ppm import TrainerTransmitter
-from simulator.radio_receiver import Receiver, ReceiverOutput, ReceiverState
-from transmitter_gateway.protocols.base import FrameFlags, RadioProtocol
-from transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings
-from transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
-from transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings
+from rcopterx.simulator.radio import RadioLink
+from rcopterx.simulator.radio_dsm2 import Dsm2Board
+from rcopterx.simulator.radio_dsmp import DsmpModule
+from rcopterx.simulator.radio_module import RadioModule
+from rcopterx.simulator.radio_ppm import TrainerTransmitter
+from rcopterx.simulator.radio_receiver import Receiver, ReceiverOutput, ReceiverState
+from rcopterx.transmitter_gateway.protocols.base import FrameFlags, RadioProtocol
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings
+from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
+from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings
 
 HOVER = [1540.0, 1450.0, 1520.0, 1480.0]
 

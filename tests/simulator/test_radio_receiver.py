@@ -1,7 +1,7 @@
 import pytest
 
-from simulator.radio_module import AirPacket
-from simulator.radio_receiver import HOLD_S, Receiver, ReceiverState
+from rcopterx.simulator.radio_module import AirPacket
+from rcopterx.simulator.radio_receiver import HOLD_S, Receiver, ReceiverState
 
 HOVER = (1540.0, 1450.0, 1520.0, 1500.0, 1500.0, 1500.0)
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from simulator.faults import Delay, FaultError, Occlude, Recover, ResetFrameId, Silence, TimedFault
-from simulator.tracker import TrackerServer
-from simulator.tracker_frame import TrackedBody, TrackerFrame
-from vicon_gateway.control_objects import ObjectEnums, Ping, RequestFrame, WireObject, packet
-from vicon_gateway.objects import FrameInfo, decode_body
-from vicon_gateway.recording import RecordedConnection
-from vicon_gateway.wire import PacketReader
+from rcopterx.simulator.faults import Delay, FaultError, Occlude, Recover, ResetFrameId, Silence, TimedFault
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.vicon_gateway.control_objects import ObjectEnums, Ping, RequestFrame, WireObject, packet
+from rcopterx.vicon_gateway.objects import FrameInfo, decode_body
+from rcopterx.vicon_gateway.recording import RecordedConnection
+from rcopterx.vicon_gateway.wire import PacketReader
 
 DEADLINE_S = 20.0
 STREAM = packet(ObjectEnums(frozenset({1, 2, 5, 9, 26, 100004})), RequestFrame(True))

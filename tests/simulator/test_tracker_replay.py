@@ -9,10 +9,10 @@ import pytest
 from support.tracker import running_tracker
 from support.waiting import DEADLINE_S, FakeClock
 
-from simulator.tracker_replay import TrackerReplay
-from vicon_gateway.client import ClientLimits, DataStreamClient
-from vicon_gateway.frame import CapturedFrame
-from vicon_gateway.recording import RecordedConnection, connections, read_records
+from rcopterx.simulator.tracker_replay import TrackerReplay
+from rcopterx.vicon_gateway.client import ClientLimits, DataStreamClient
+from rcopterx.vicon_gateway.frame import CapturedFrame
+from rcopterx.vicon_gateway.recording import RecordedConnection, connections, read_records
 
 LIMITS = ClientLimits(connect_s=5.0, silence_min_s=5.0, retry_min_s=0.01, retry_max_s=0.02)
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.tracker_frame import PROFILES, FrameContent, TrackedBody, TrackerFrame
-from simulator.tracker_session import EMPTY_PACKET, TrackerConnection
-from vicon_gateway.control_objects import (
+from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackedBody, TrackerFrame
+from rcopterx.simulator.tracker_session import EMPTY_PACKET, TrackerConnection
+from rcopterx.vicon_gateway.control_objects import (
     Contents,
     Filter,
     KeepAlive,
@@ -20,10 +20,10 @@ from vicon_gateway.control_objects import (
     WireObject,
     packet,
 )
-from vicon_gateway.datastream import DataStreamSession
-from vicon_gateway.objects import ApplicationInfo, FrameInfo, LatencyInfo, SubjectInfo, decode_body
-from vicon_gateway.segment_objects import GlobalSegments, LightweightSegments, LocalSegments
-from vicon_gateway.wire import WireError, encode_object, encode_packet
+from rcopterx.vicon_gateway.datastream import DataStreamSession
+from rcopterx.vicon_gateway.objects import ApplicationInfo, FrameInfo, LatencyInfo, SubjectInfo, decode_body
+from rcopterx.vicon_gateway.segment_objects import GlobalSegments, LightweightSegments, LocalSegments
+from rcopterx.vicon_gateway.wire import WireError, encode_object, encode_packet
 
 WORKED_EXAMPLE = {
     name: bytes.fromhex(text)

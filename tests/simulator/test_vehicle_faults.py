@@ -2,12 +2,12 @@
 
 import pytest
 
-from simulator.conditions import IDEAL
-from simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
-from simulator.laboratory import Laboratory
-from simulator.plant import Plant, PlantFaults, Pose
-from simulator.vehicle_faults import VehicleFaults
-from vehicles.types import COAXIAL
+from rcopterx.simulator.conditions import IDEAL
+from rcopterx.simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Plant, PlantFaults, Pose
+from rcopterx.simulator.vehicle_faults import VehicleFaults
+from rcopterx.vehicles.types import COAXIAL
 
 SOUND = PlantFaults()
 

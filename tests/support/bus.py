@@ -12,9 +12,9 @@ from contextlib import contextmanager
 
 import zenoh
 
-from bus.endpoints import client_config, router_config
-from bus.requests import Reply, Request
-from bus.session import BusAddress, BusUnreachableError, Session
+from rcopterx.bus.endpoints import client_config, router_config
+from rcopterx.bus.requests import Reply, Request
+from rcopterx.bus.session import BusAddress, BusUnreachableError, Session
 
 FLEET = "lab"
 
@@ -67,7 +67,7 @@ class Child:
 
 ROUTER_CODE = """
 import json, sys
-from bus.router import run_router
+from rcopterx.bus.router import run_router
 run_router(*json.loads(sys.argv[1]))
 """
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.interfaces import Controller, ControlStep, Estimate
-from agents.references.trajectory import Trajectory
-from vehicles.state import Array
+from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.vehicles.state import Array
 
 
 class BrokenError(Exception):

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.flight.prediction import predict
-from agents.interfaces import ControlStep, Estimate, Measurement
-from agents.pilot import ControlOutput, Pilot, StampedMeasurement
-from agents.references.trajectory import Trajectory, hold
-from vehicles.model import Model
-from vehicles.state import YAW, Array
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.interfaces import ControlStep, Estimate, Measurement
+from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.references.trajectory import Trajectory, hold
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 REST = np.zeros(4)
 

@@ -4,16 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from agents.flight.guidance import Guidance
-from agents.interfaces import FULL_LIMITS, Measurement
-from agents.pilot import ControlOutput, Pilot, StampedMeasurement
-from agents.tuning.changes import Tuning
-from agents.tuning.configuration import Configuration
-from simulator.conditions import LABORATORY
-from simulator.laboratory import Laboratory
-from simulator.plant import Pose
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.interfaces import FULL_LIMITS, Measurement
+from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.simulator.conditions import LABORATORY
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.types import COAXIAL_LAG
 from support.waiting import wait_for
-from vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from msgspec import inspect
 
-from bus import channels, requests
-from bus.message import FloatArray, Message
-from bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, Pose
+from rcopterx.bus import channels, requests
+from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, Pose
 
 MESSAGE_TYPES: tuple[type[Message], ...] = (
     *(channel.message for channel in channels.CHANNELS),

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from agents.references.trajectory import COLUMNS
-from bus import channels
-from bus.codec import encode
-from bus.message import FloatArray
-from bus.messages import LeaderLink, Plan
-from bus.subscription import Inbox
+from rcopterx.agents.references.trajectory import COLUMNS
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import LeaderLink, Plan
+from rcopterx.bus.subscription import Inbox
 
 
 class PlanInbox(Inbox[Plan]):

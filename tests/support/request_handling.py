@@ -4,28 +4,28 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from agents.external_control import ExternalControl
-from agents.flight.guidance import Guidance
-from agents.following.leader_changes import LeaderChanges
-from agents.following.leader_plans import LeaderPlans
-from agents.following.peers import PeerStatuses
-from agents.formation.placement import Room
-from agents.interfaces import FULL_LIMITS, Measurement
-from agents.phases import Event
-from agents.pilot import Pilot, StampedMeasurement
-from agents.request_handler import RequestHandler
-from agents.settings import AgentSettings
-from agents.tuning.changes import Tuning
-from bus import channels
-from bus.codec import encode
-from bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
-from bus.requests import Follow, GoTo, Reply, Request
-from bus.session import BusAddress
-from bus.subscription import Inbox
+from rcopterx.agents.external_control import ExternalControl
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.following.leader_changes import LeaderChanges
+from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.formation.placement import Room
+from rcopterx.agents.interfaces import FULL_LIMITS, Measurement
+from rcopterx.agents.phases import Event
+from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.request_handler import RequestHandler
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
+from rcopterx.bus.requests import Follow, GoTo, Reply, Request
+from rcopterx.bus.session import BusAddress
+from rcopterx.bus.subscription import Inbox
+from rcopterx.vehicles.types import COAXIAL_LAG
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
 from support.waiting import FakeClock
-from vehicles.types import COAXIAL_LAG
 
 SETTINGS = AgentSettings(
     bus=BusAddress((), "lab"),

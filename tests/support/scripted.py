@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from bus import channels
-from bus.messages import (
+from rcopterx.bus import channels
+from rcopterx.bus.messages import (
     AgentStatus,
     Kill,
     LeaderLink,
@@ -17,8 +17,8 @@ from bus.messages import (
     TrackerStatus,
     TransmitterStatus,
 )
-from bus.requests import Follow, GoTo, Lead, Reply
-from bus.session import BusAddress, Incoming, Session
+from rcopterx.bus.requests import Follow, GoTo, Lead, Reply
+from rcopterx.bus.session import BusAddress, Incoming, Session
 from support.plans import plan_of
 from support.statuses import flying_status
 

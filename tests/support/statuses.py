@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from bus.messages import AgentStatus, Diagnostics, LeaderLink, SetPoint
+from rcopterx.bus.messages import AgentStatus, Diagnostics, LeaderLink, SetPoint
 
 
 def flying_status(**changes: Any) -> AgentStatus:

@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from simulator.tracker import TrackerServer
-from simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 
 PERIOD_S = 0.01
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from transmitter_gateway.arbiter import Arbiter
-from transmitter_gateway.inputs import (
+from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.inputs import (
     Action,
     ActionRequest,
     Answer,
@@ -16,7 +16,7 @@ from transmitter_gateway.inputs import (
     Position,
     State,
 )
-from transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 U_HOVER = 0.55
 SLEW: Input = (20.0, 20.0, 4.0, 8.0)

@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 
 from arbiter_bench import PERIOD_S, Bench
 
-from simulator.conditions import Conditions
-from simulator.first_order_plant import FirstOrderPlant
-from simulator.helicopter import Helicopter
-from simulator.laboratory import Laboratory
-from simulator.plant import Plant, Pose
-from transmitter_gateway.hover import HoverThrust
-from transmitter_gateway.inputs import FLYING, Input, Position, State
-from transmitter_gateway.landing import LandingLaw
-from transmitter_gateway.limits import ArbiterLimits, LandingLimits
-from vehicles.model import Model
-from vehicles.state import GRAVITY_M_S2
-from vehicles.types import COAXIAL
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.first_order_plant import FirstOrderPlant
+from rcopterx.simulator.helicopter import Helicopter
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Plant, Pose
+from rcopterx.transmitter_gateway.hover import HoverThrust
+from rcopterx.transmitter_gateway.inputs import FLYING, Input, Position, State
+from rcopterx.transmitter_gateway.landing import LandingLaw
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, LandingLimits
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.types import COAXIAL
 
 POSE_TO_AIR_S = 0.06
 HOVER_S = 3.0

@@ -3,9 +3,9 @@
 from collections import Counter
 from typing import Any
 
-from transmitter_gateway.inputs import PoseInput, Position
-from transmitter_gateway.limits import Fence, SurveillanceLimits
-from transmitter_gateway.surveillance import Judgement, Surveillance
+from rcopterx.transmitter_gateway.inputs import PoseInput, Position
+from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
+from rcopterx.transmitter_gateway.surveillance import Judgement, Surveillance
 
 BOX = Fence((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0))
 CENTRE: Position = (0.0, 0.0, 1.0)

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
-from transmitter_gateway.admission import Admission, Rejection
-from transmitter_gateway.inputs import CommandInput, PoseStamp
-from transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.admission import Admission, Rejection
+from rcopterx.transmitter_gateway.inputs import CommandInput, PoseStamp
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 GOOD = CommandInput(
     "agent", epoch=5, sequence=10, frame=100, u=(0.1, -0.2, 0.5, 0.0), next_u=((0, 0, 0.5, 0),)

@@ -6,8 +6,8 @@ from itertools import pairwise
 import pytest
 from arbiter_bench import HOVER, IDLE, SLEW, U_HOVER
 
-from transmitter_gateway.arbiter import Arbiter
-from transmitter_gateway.inputs import (
+from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.inputs import (
     Action,
     ActionRequest,
     Answer,
@@ -17,7 +17,7 @@ from transmitter_gateway.inputs import (
     Position,
     State,
 )
-from transmitter_gateway.limits import ArbiterLimits, SurveillanceLimits
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, SurveillanceLimits
 
 TICK_S = 1 / 1024
 PERIOD_S = 1 / 64

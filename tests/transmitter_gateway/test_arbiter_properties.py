@@ -10,8 +10,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from transmitter_gateway.arbiter import Arbiter
-from transmitter_gateway.inputs import (
+from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     Action,
     ActionRequest,
@@ -22,8 +22,8 @@ from transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
-from transmitter_gateway.transitions import TRANSITIONS, Condition
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
+from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition
 
 LIMITS = ArbiterLimits(surveillance=SurveillanceLimits(fence=Fence((-2, -2, -0.5), (2, 2, 2))))
 SOURCES = ("agent", "other")

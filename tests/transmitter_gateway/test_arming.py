@@ -3,7 +3,7 @@
 import pytest
 from arbiter_bench import HOVER, IDLE, Bench, flying
 
-from transmitter_gateway.inputs import NEUTRAL, Action, Cause, LinkState, State
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, Cause, LinkState, State
 
 
 def test_arbiter_starts_disarmed_with_neutral_output() -> None:

@@ -3,7 +3,7 @@
 import pytest
 from arbiter_bench import EDGE_S, HOVER, PLAN, flying, silent
 
-from transmitter_gateway.inputs import Cause, State
+from rcopterx.transmitter_gateway.inputs import Cause, State
 
 
 def test_planned_inputs_are_played_one_per_period_then_hold() -> None:

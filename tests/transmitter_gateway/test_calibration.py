@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.calibration import (
+from rcopterx.transmitter_gateway.calibration import (
     Calibration,
     CalibrationError,
     ChannelCalibration,

@@ -2,13 +2,13 @@
 
 from arbiter_bench import PERIOD_S, Bench
 
-from simulator.conditions import LABORATORY
-from simulator.laboratory import Laboratory
-from simulator.plant import Pose
-from transmitter_gateway.inputs import State
-from transmitter_gateway.limits import ArbiterLimits
-from vehicles.state import U_THRUST, ZD_BODY
-from vehicles.types import COAXIAL_LAG
+from rcopterx.simulator.conditions import LABORATORY
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Pose
+from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.vehicles.state import U_THRUST, ZD_BODY
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 HEIGHT_M = 0.9
 HOVER_S = 3.0

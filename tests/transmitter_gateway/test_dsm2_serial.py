@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.protocols.base import (
+from rcopterx.transmitter_gateway.protocols.base import (
     ForbiddenInFlightError,
     FrameDecodeError,
     FrameFlags,
@@ -13,7 +13,7 @@ from transmitter_gateway.protocols.base import (
     ten_bit_count,
     ten_bit_pulse_us,
 )
-from transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings, encode_counts
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings, encode_counts
 
 MIDDLE = [512] * 6
 LOW = [169, 512, 512, 512, 512, 512]

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.protocols.base import (
+from rcopterx.transmitter_gateway.protocols.base import (
     ForbiddenInFlightError,
     FrameDecodeError,
     FrameFlags,
     ProtocolError,
     PulseRangeError,
 )
-from transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
+from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
 
 # dsm2_transmitters.md section 5
 SETUP = bytes.fromhex("AA 00 00 07 06 00")

@@ -3,9 +3,9 @@
 import pytest
 from surveillance_bench import BOX, Watch
 
-from transmitter_gateway.inputs import Position
-from transmitter_gateway.limits import Fence, SurveillanceLimits
-from transmitter_gateway.surveillance import Judgement, judge_fence
+from rcopterx.transmitter_gateway.inputs import Position
+from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
+from rcopterx.transmitter_gateway.surveillance import Judgement, judge_fence
 
 
 @pytest.mark.parametrize(

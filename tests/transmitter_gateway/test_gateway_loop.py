@@ -9,27 +9,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bus.codec import encode
-from bus.heartbeat import Heartbeat
-from bus.keys import EVERY_FLEET, FLEET_UNIT
-from bus.message import FloatArray, Message
-from bus.messages import Command, Kill, Pose, TransmitterStatus
-from bus.session import BusAddress, Incoming, NobodyServesError
-from bus.subscription import Inbox
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_multi import MultiModule
-from simulator.radio_receiver import Receiver
-from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.inputs import Action, ActionRequest, State
-from transmitter_gateway.kill_keys import KillKeys
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.process import POSE_PATIENCE_S, Gateway
-from transmitter_gateway.protocols.base import SerialLine
-from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from transmitter_gateway.settings import GatewaySettings, TransmitterSettings
-from transmitter_gateway.snapshot import Write
-from transmitter_gateway.transmitter import Transmitter
-from transmitter_gateway.wakeup import Wakeup
+from rcopterx.bus.codec import encode
+from rcopterx.bus.heartbeat import Heartbeat
+from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT
+from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.messages import Command, Kill, Pose, TransmitterStatus
+from rcopterx.bus.session import BusAddress, Incoming, NobodyServesError
+from rcopterx.bus.subscription import Inbox
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_multi import MultiModule
+from rcopterx.simulator.radio_receiver import Receiver
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
+from rcopterx.transmitter_gateway.kill_keys import KillKeys
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.process import POSE_PATIENCE_S, Gateway
+from rcopterx.transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
+from rcopterx.transmitter_gateway.snapshot import Write
+from rcopterx.transmitter_gateway.transmitter import Transmitter
+from rcopterx.transmitter_gateway.wakeup import Wakeup
 
 NAMES = ("h1", "h2", "h3")
 LINE = SerialLine(100_000, "N", 2)

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.hover import SEEN_WITHIN_S, STEADY_M_S, HoverThrust
-from transmitter_gateway.inputs import Position
-from transmitter_gateway.surveillance import Track
+from rcopterx.transmitter_gateway.hover import SEEN_WITHIN_S, STEADY_M_S, HoverThrust
+from rcopterx.transmitter_gateway.inputs import Position
+from rcopterx.transmitter_gateway.surveillance import Track
 
 PERIOD_S = 0.02
 FLOOR_M = -0.3

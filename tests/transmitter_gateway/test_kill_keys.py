@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from transmitter_gateway.kill_keys import KillKeys
+from rcopterx.transmitter_gateway.kill_keys import KillKeys
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ import math
 import pytest
 from arbiter_bench import EDGE_S, HOVER, IDLE, PERIOD_S, U_HOVER, Bench, silent
 
-from transmitter_gateway.arbiter import Arbiter
-from transmitter_gateway.inputs import Action, LastApplied, LinkState, PoseInput, State
-from transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.inputs import Action, LastApplied, LinkState, PoseInput, State
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 
 
 def seen_flying(limits: ArbiterLimits | None = None) -> Bench:

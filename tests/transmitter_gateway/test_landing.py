@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.inputs import Position
-from transmitter_gateway.landing import (
+from rcopterx.transmitter_gateway.inputs import Position
+from rcopterx.transmitter_gateway.landing import (
     CLIMB_CHANGE_M_S2,
     CLIMB_GAIN_PER_S,
     CLIMB_INTEGRAL_PER_S2,
@@ -22,7 +22,7 @@ from transmitter_gateway.landing import (
     Motion,
     climb_rate_m_s,
 )
-from transmitter_gateway.limits import LandingLimits, LimitsError
+from rcopterx.transmitter_gateway.limits import LandingLimits, LimitsError
 
 LIMITS = LandingLimits(input_gain=(2.0, 4.0, 10.0), yaw_rate_gain_rad_s=20.0)
 HOVER = 0.5

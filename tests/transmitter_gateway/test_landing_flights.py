@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 from landing_flight import Flight, Landing, Options, landing
 
-from simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
-from transmitter_gateway.inputs import State
-from vehicles.quadrotor import QUADROTOR
+from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
+from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.vehicles.quadrotor import QUADROTOR
 
 CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}
 KINDS = pytest.mark.parametrize("conditions", CONDITIONS.values(), ids=CONDITIONS)

@@ -3,7 +3,7 @@
 import pytest
 from arbiter_bench import EDGE_S, HOVER, U_HOVER, Bench, flying, silent
 
-from transmitter_gateway.inputs import NEUTRAL, State
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, State
 
 
 def test_hold_begins_at_60_ms_without_planned_inputs() -> None:

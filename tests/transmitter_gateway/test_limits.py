@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from transmitter_gateway.limits import ArbiterLimits, Fence, LimitsError, SurveillanceLimits
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LimitsError, SurveillanceLimits
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.protocols.base import (
+from rcopterx.transmitter_gateway.protocols.base import (
     ForbiddenInFlightError,
     FrameDecodeError,
     FrameFlags,
@@ -12,7 +12,7 @@ from transmitter_gateway.protocols.base import (
     PulseRangeError,
     SerialLine,
 )
-from transmitter_gateway.protocols.multi import (
+from rcopterx.transmitter_gateway.protocols.multi import (
     MultiFrame,
     MultiProtocol,
     MultiSettings,

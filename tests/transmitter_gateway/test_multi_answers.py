@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from transmitter_gateway.protocols.multi_answers import (
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from rcopterx.transmitter_gateway.protocols.multi_answers import (
     AnswerParser,
     MultiBindAnswer,
     MultiInputSync,

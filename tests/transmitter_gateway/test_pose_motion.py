@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from surveillance_bench import BOX, QUIET, Watch
 
-from transmitter_gateway.limits import SurveillanceLimits
-from transmitter_gateway.surveillance import Judgement
+from rcopterx.transmitter_gateway.limits import SurveillanceLimits
+from rcopterx.transmitter_gateway.surveillance import Judgement
 
 
 def test_a_swapped_body_is_not_believed_and_brings_the_vehicle_down_for_good() -> None:

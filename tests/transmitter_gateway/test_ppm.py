@@ -2,8 +2,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transmitter_gateway.protocols.base import FrameDecodeError, FrameFlags, ProtocolError, PulseRangeError
-from transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings, Sc8000pProtocol, TrainerProtocol
+from rcopterx.transmitter_gateway.protocols.base import (
+    FrameDecodeError,
+    FrameFlags,
+    ProtocolError,
+    PulseRangeError,
+)
+from rcopterx.transmitter_gateway.protocols.ppm import (
+    PpmGenProtocol,
+    PpmSettings,
+    Sc8000pProtocol,
+    TrainerProtocol,
+)
 
 # dsm2_transmitters.md section 6: 1100 + 5 x 1500 us
 GOLDEN = bytes.fromhex("01 11 01 4C 04 DC 05 DC 05 DC 05 DC 05 DC 05 C8 04")

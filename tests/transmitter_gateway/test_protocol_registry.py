@@ -1,7 +1,7 @@
 import pytest
 
-from transmitter_gateway.protocols.base import ProtocolError, SerialLine
-from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, create_protocol, default_line
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, SerialLine
+from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, create_protocol, default_line
 
 
 @pytest.mark.parametrize("name", PROTOCOL_NAMES)

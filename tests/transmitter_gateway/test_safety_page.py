@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from transmitter_gateway.inputs import State
-from transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
-from transmitter_gateway.transitions import TRANSITIONS
-from transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
+from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
+from rcopterx.transmitter_gateway.transitions import TRANSITIONS
+from rcopterx.transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
 
 PAGE = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
 

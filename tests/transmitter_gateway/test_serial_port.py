@@ -10,8 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from transmitter_gateway.protocols.base import SerialLine
-from transmitter_gateway.serial_port import LONGEST_BACKLOG_S, RETRY_S, SerialPort, WriteOutcome, set_baud
+from rcopterx.transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.serial_port import (
+    LONGEST_BACKLOG_S,
+    RETRY_S,
+    SerialPort,
+    WriteOutcome,
+    set_baud,
+)
 
 LINE = SerialLine(100_000, "N", 2)
 FRAME = bytes(range(27))

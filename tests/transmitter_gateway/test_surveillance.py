@@ -5,9 +5,9 @@ import math
 import pytest
 from surveillance_bench import QUIET, Watch
 
-from transmitter_gateway.inputs import Position
-from transmitter_gateway.limits import SurveillanceLimits
-from transmitter_gateway.surveillance import Judgement
+from rcopterx.transmitter_gateway.inputs import Position
+from rcopterx.transmitter_gateway.limits import SurveillanceLimits
+from rcopterx.transmitter_gateway.surveillance import Judgement
 
 
 def epoch_of(watch: Watch) -> int | None:

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from arbiter_bench import SLEW, U_HOVER
 
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_multi import MultiModule
-from simulator.radio_receiver import Receiver, ReceiverState
-from transmitter_gateway.arbiter import Arbiter
-from transmitter_gateway.calibration import Calibration
-from transmitter_gateway.inputs import (
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_multi import MultiModule
+from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
+from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.inputs import (
     Action,
     ActionRequest,
     Answer,
@@ -21,12 +21,12 @@ from transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.protocols.base import SerialLine
-from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from transmitter_gateway.serial_port import SerialPort
-from transmitter_gateway.snapshot import Write
-from transmitter_gateway.transmitter import FIRST_POSE_S, RECALL_LIMIT_S, Transmitter
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from rcopterx.transmitter_gateway.serial_port import SerialPort
+from rcopterx.transmitter_gateway.snapshot import Write
+from rcopterx.transmitter_gateway.transmitter import FIRST_POSE_S, RECALL_LIMIT_S, Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
 LAST_FLYING = LastApplied(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, holder="agent")

@@ -2,8 +2,15 @@
 
 import pytest
 
-from transmitter_gateway.landing import Motion
-from transmitter_gateway.touchdown import AT_FLOOR_M, AT_FLOOR_S, LIGHT, LIGHT_S, STILL_M_S, Touchdown
+from rcopterx.transmitter_gateway.landing import Motion
+from rcopterx.transmitter_gateway.touchdown import (
+    AT_FLOOR_M,
+    AT_FLOOR_S,
+    LIGHT,
+    LIGHT_S,
+    STILL_M_S,
+    Touchdown,
+)
 
 FLOOR_M = 0.25
 EDGE = 1e-6

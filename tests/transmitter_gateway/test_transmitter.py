@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from simulator.radio import RadioLink, RadioPty
-from simulator.radio_module import SerialFrame
-from simulator.radio_multi import MultiModule
-from simulator.radio_receiver import Receiver
-from transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
-from transmitter_gateway.inputs import (
+from rcopterx.simulator.radio import RadioLink, RadioPty
+from rcopterx.simulator.radio_module import SerialFrame
+from rcopterx.simulator.radio_multi import MultiModule
+from rcopterx.simulator.radio_receiver import Receiver
+from rcopterx.transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
+from rcopterx.transmitter_gateway.inputs import (
     Action,
     ActionRequest,
     Answer,
@@ -19,14 +19,14 @@ from transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from transmitter_gateway.limits import ArbiterLimits
-from transmitter_gateway.protocols.base import ProtocolError, PulseRangeError, SerialLine
-from transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
-from transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from transmitter_gateway.protocols.ppm import PpmGenProtocol
-from transmitter_gateway.serial_port import SerialPort, WriteOutcome
-from transmitter_gateway.snapshot import Write
-from transmitter_gateway.transmitter import Transmitter
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, PulseRangeError, SerialLine
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
+from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from rcopterx.transmitter_gateway.snapshot import Write
+from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
 IDLE = (0.0, 0.0, 0.0, 0.0)

@@ -3,11 +3,11 @@
 import pytest
 from support.waiting import wait_for
 
-from bus.messages import Applied
-from bus.requests import RecallTransmitterReply, Reply
-from bus.session import NobodyServesError, RequestFailedError
-from transmitter_gateway.inputs import NEUTRAL, LastApplied, State
-from transmitter_gateway.recall import Recall, last_applied
+from rcopterx.bus.messages import Applied
+from rcopterx.bus.requests import RecallTransmitterReply, Reply
+from rcopterx.bus.session import NobodyServesError, RequestFailedError
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
+from rcopterx.transmitter_gateway.recall import Recall, last_applied
 
 APPLIED = Applied(
     state="hold",

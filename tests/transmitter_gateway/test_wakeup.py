@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from transmitter_gateway.wakeup import Wakeup
+from rcopterx.transmitter_gateway.wakeup import Wakeup
 
 LONG_S = 600.0
 """Longer than any test may take: a wait that nobody ends fails."""

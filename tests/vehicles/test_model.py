@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from vehicles.types import COAXIAL_LAG
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 @pytest.mark.parametrize(

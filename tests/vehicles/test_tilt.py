@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicles.state import heading_matrix
-from vehicles.tilt import TiltModel
-from vehicles.types import COAXIAL
+from rcopterx.vehicles.state import heading_matrix
+from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.types import COAXIAL
 
 BAR = COAXIAL.tilt
 assert BAR is not None

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicles.model import Model, motion_derivative
-from vehicles.quadrotor import QUADROTOR, TILT_LIMIT_RAD, thrust_acceleration, tilt_limit_rad
-from vehicles.types import COAXIAL, COAXIAL_LAG, TYPES
+from rcopterx.vehicles.model import Model, motion_derivative
+from rcopterx.vehicles.quadrotor import QUADROTOR, TILT_LIMIT_RAD, thrust_acceleration, tilt_limit_rad
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, TYPES
 
 every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 

@@ -4,7 +4,7 @@ import struct
 
 from hypothesis import strategies as st
 
-from vicon_gateway.control_objects import (
+from rcopterx.vicon_gateway.control_objects import (
     Contents,
     Filter,
     KeepAlive,
@@ -16,7 +16,7 @@ from vicon_gateway.control_objects import (
     StopMulticast,
     WireObject,
 )
-from vicon_gateway.objects import (
+from rcopterx.vicon_gateway.objects import (
     ApplicationInfo,
     FrameInfo,
     FrameRateInfo,
@@ -29,7 +29,7 @@ from vicon_gateway.objects import (
     SubjectInfo,
     Timecode,
 )
-from vicon_gateway.segment_objects import (
+from rcopterx.vicon_gateway.segment_objects import (
     GlobalSegments,
     LabeledRecons,
     LightSegment,

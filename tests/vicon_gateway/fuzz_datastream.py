@@ -17,9 +17,9 @@ import sys
 import time
 from collections.abc import Callable
 
-from simulator.tracker_frame import PROFILES, FrameContent, TrackedBody, TrackerFrame
-from simulator.tracker_session import TrackerConnection
-from vicon_gateway.control_objects import (
+from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackedBody, TrackerFrame
+from rcopterx.simulator.tracker_session import TrackerConnection
+from rcopterx.vicon_gateway.control_objects import (
     Filter,
     ObjectEnums,
     ObjectType,
@@ -29,10 +29,10 @@ from vicon_gateway.control_objects import (
     StartMulticast,
     packet,
 )
-from vicon_gateway.datastream import DataStreamSession
-from vicon_gateway.frame import CapturedFrame
-from vicon_gateway.objects import decode_body, decode_object
-from vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet, split_objects
+from rcopterx.vicon_gateway.datastream import DataStreamSession
+from rcopterx.vicon_gateway.frame import CapturedFrame
+from rcopterx.vicon_gateway.objects import decode_body, decode_object
+from rcopterx.vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet, split_objects
 
 MAX_INPUT_S = 1.0
 MAX_GROWTH_KIB = 128 * 1024

@@ -11,12 +11,12 @@ import pytest
 from datastream_strategies import float32
 from tracker_bench import BODIES
 
-from simulator.faults import Close, Occlude, Silence
-from simulator.tracker import TrackerServer
-from simulator.tracker_frame import TrackerFrame
-from vicon_gateway.brands import BrandClient
-from vicon_gateway.client import ClientLimits
-from vicon_gateway.frame import CapturedFrame
+from rcopterx.simulator.faults import Close, Occlude, Silence
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.tracker_frame import TrackerFrame
+from rcopterx.vicon_gateway.brands import BrandClient
+from rcopterx.vicon_gateway.client import ClientLimits
+from rcopterx.vicon_gateway.frame import CapturedFrame
 
 MOCK = {"rigid_bodies": "h1(1,-2,0.5,0.5,0.5,0.5,-0.5);h2(0,0,1,1,0,0,0)", "frequency": "200"}
 LIMITS = ClientLimits(connect_s=20.0, silence_min_s=0.5, retry_min_s=0.01, retry_max_s=0.05)
@@ -152,7 +152,7 @@ def test_closed_client_leaves_no_process() -> None:
 
 def test_child_dies_with_a_parent_that_is_killed() -> None:
     code = f"""
-        from vicon_gateway.brands import BrandClient
+        from rcopterx.vicon_gateway.brands import BrandClient
         client = BrandClient("mock", {MOCK!r}, 200.0)
         while client.next_frame(1.0) is None:
             pass
@@ -174,7 +174,7 @@ def test_child_dies_with_a_parent_that_is_killed() -> None:
 def test_library_is_not_loaded_into_the_process_that_uses_it() -> None:
     code = f"""
         import sys
-        from vicon_gateway.brands import BrandClient
+        from rcopterx.vicon_gateway.brands import BrandClient
         client = BrandClient("mock", {MOCK!r}, 200.0)
         while client.next_frame(1.0) is None:
             pass
@@ -188,7 +188,7 @@ def test_library_is_not_loaded_into_the_process_that_uses_it() -> None:
 def test_child_does_not_inherit_the_scheduling_class_of_the_gateway() -> None:
     code = f"""
         import os
-        from vicon_gateway.brands import BrandClient
+        from rcopterx.vicon_gateway.brands import BrandClient
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
         client = BrandClient("mock", {MOCK!r}, 200.0)
         while client.next_frame(1.0) is None:

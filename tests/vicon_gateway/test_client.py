@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 import pytest
 from tracker_bench import BODIES, DEADLINE_S, PATIENT, QUICK, Bench
 
-from simulator.faults import Close
-from simulator.tracker_frame import PROFILES
-from vicon_gateway.client import ClientLimits, DataStreamClient
-from vicon_gateway.control_objects import offer_packet
+from rcopterx.simulator.faults import Close
+from rcopterx.simulator.tracker_frame import PROFILES
+from rcopterx.vicon_gateway.client import ClientLimits, DataStreamClient
+from rcopterx.vicon_gateway.control_objects import offer_packet
 
 
 def run_until(client: DataStreamClient, condition: Callable[[], bool]) -> None:

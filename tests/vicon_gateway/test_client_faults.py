@@ -3,10 +3,10 @@
 import pytest
 from tracker_bench import BODIES, PATIENT, QUICK, Bench
 
-from simulator import faults
-from simulator.tracker import TrackerServer
-from vicon_gateway.client import MAX_DRAIN_BYTES
-from vicon_gateway.datastream import NETWORK_LATENCY
+from rcopterx.simulator import faults
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.vicon_gateway.client import MAX_DRAIN_BYTES
+from rcopterx.vicon_gateway.datastream import NETWORK_LATENCY
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from datastream_strategies import positions_m, unit_quaternions
 from hypothesis import given
 from test_objects import TYPES, WORKED_EXAMPLE
 
-from vicon_gateway.control_objects import (
+from rcopterx.vicon_gateway.control_objects import (
     Contents,
     KeepAlive,
     ObjectEnums,
@@ -14,9 +14,9 @@ from vicon_gateway.control_objects import (
     offer_packet,
     packet,
 )
-from vicon_gateway.datastream import NETWORK_LATENCY, DataStreamSession
-from vicon_gateway.frame import CapturedFrame, Position, Quaternion
-from vicon_gateway.objects import (
+from rcopterx.vicon_gateway.datastream import NETWORK_LATENCY, DataStreamSession
+from rcopterx.vicon_gateway.frame import CapturedFrame, Position, Quaternion
+from rcopterx.vicon_gateway.objects import (
     ApplicationInfo,
     FrameInfo,
     LatencyInfo,
@@ -26,9 +26,9 @@ from vicon_gateway.objects import (
     SubjectInfo,
     decode_body,
 )
-from vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
-from vicon_gateway.segment_objects import GlobalSegments, Segment
-from vicon_gateway.wire import WireError, encode_object, encode_packet
+from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
+from rcopterx.vicon_gateway.segment_objects import GlobalSegments, Segment
+from rcopterx.vicon_gateway.wire import WireError, encode_object, encode_packet
 
 FULL_OFFER = frozenset({1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29, 36, 37, 39, 40, 42, 901, 28001, 100004})
 SELECTED = Contents({1: 0, 2: 0, 5: 1, 9: 0, 26: 0}, frozenset({1, 2}))

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vicon_gateway.epoch import EpochCounter, Stamp
-from vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
+from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 
 PERIOD_S = 0.02
 

@@ -1,7 +1,7 @@
 import pytest
 
-from vicon_gateway.frame import CapturedFrame, SubjectPose
-from vicon_gateway.mapping import SubjectMap, SubjectStatus
+from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.mapping import SubjectMap, SubjectStatus
 
 
 def seen(name: str) -> SubjectPose:

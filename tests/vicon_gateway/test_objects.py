@@ -6,7 +6,7 @@ from datastream_strategies import wire_objects
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vicon_gateway.control_objects import (
+from rcopterx.vicon_gateway.control_objects import (
     DYNAMIC_TYPES,
     STATIC_TYPES,
     Contents,
@@ -18,7 +18,7 @@ from vicon_gateway.control_objects import (
     offer_packet,
     packet,
 )
-from vicon_gateway.objects import (
+from rcopterx.vicon_gateway.objects import (
     FrameInfo,
     LatencyInfo,
     SegmentInfo,
@@ -28,7 +28,7 @@ from vicon_gateway.objects import (
     decode_body,
     decode_object,
 )
-from vicon_gateway.segment_objects import (
+from rcopterx.vicon_gateway.segment_objects import (
     GlobalSegments,
     LabeledRecons,
     LightSegment,
@@ -37,7 +37,7 @@ from vicon_gateway.segment_objects import (
     Segment,
     UnlabeledRecons,
 )
-from vicon_gateway.wire import WireError
+from rcopterx.vicon_gateway.wire import WireError
 
 WORKED_EXAMPLE = {
     name: bytes.fromhex(text)

@@ -14,10 +14,10 @@ import pytest
 from datastream_strategies import float32
 from tracker_bench import DEADLINE_S, PATIENT
 
-from simulator.tracker import TrackerServer
-from simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
-from vicon_gateway.client import DataStreamClient
-from vicon_gateway.frame import CapturedFrame
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
+from rcopterx.vicon_gateway.client import DataStreamClient
+from rcopterx.vicon_gateway.frame import CapturedFrame
 
 NAMES = ("h1", "Heli Zwei ", "Käfer")
 FRAMES = 60

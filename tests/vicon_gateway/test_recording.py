@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tracker_bench import PATIENT, QUICK, Bench
 
-from simulator.faults import Close
-from simulator.tracker import TrackerServer
-from simulator.tracker_frame import TrackerFrame
-from vicon_gateway.client import DataStreamClient
-from vicon_gateway.recording import (
+from rcopterx.simulator.faults import Close
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.tracker_frame import TrackerFrame
+from rcopterx.vicon_gateway.client import DataStreamClient
+from rcopterx.vicon_gateway.recording import (
     FILE_MAGIC,
     RawEvent,
     RawRecord,

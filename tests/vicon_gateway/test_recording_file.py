@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
-from vicon_gateway import recording_file
-from vicon_gateway.recording_file import RecordingFile, RecordingFileError, check_creatable
+from rcopterx.vicon_gateway import recording_file
+from rcopterx.vicon_gateway.recording_file import RecordingFile, RecordingFileError, check_creatable
 
 
 def test_what_was_written_is_in_the_file_without_closing_it(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vicon_gateway.frame import Quaternion
-from vicon_gateway.rotations import (
+from rcopterx.vicon_gateway.frame import Quaternion
+from rcopterx.vicon_gateway.rotations import (
     matrix_from_quaternion,
     quaternion_from_matrix,
     y_up_from_z_up,

@@ -8,14 +8,14 @@ from pathlib import Path
 from support.tracker import running_tracker
 from support.waiting import wait_for
 
-from bus import channels
-from bus.messages import Applied, TrackerStatus
-from bus.session import Session
-from vicon_gateway.client import DataStreamClient
-from vicon_gateway.process import TrackerGateway
-from vicon_gateway.recording import RawEvent, Sink, read_records
-from vicon_gateway.recording_file import RecordingFile
-from vicon_gateway.settings import TrackerSettings
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Applied, TrackerStatus
+from rcopterx.bus.session import Session
+from rcopterx.vicon_gateway.client import DataStreamClient
+from rcopterx.vicon_gateway.process import TrackerGateway
+from rcopterx.vicon_gateway.recording import RawEvent, Sink, read_records
+from rcopterx.vicon_gateway.recording_file import RecordingFile
+from rcopterx.vicon_gateway.settings import TrackerSettings
 
 SUBJECTS = {"heli1": "h1", "heli2": "h2"}
 

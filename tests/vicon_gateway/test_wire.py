@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vicon_gateway.wire import (
+from rcopterx.vicon_gateway.wire import (
     HEADER,
     MAGIC,
     MAX_OBJECTS,

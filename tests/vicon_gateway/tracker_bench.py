@@ -5,10 +5,10 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import BinaryIO, Self
 
-from simulator.tracker import TrackerServer
-from simulator.tracker_frame import TrackedBody, TrackerFrame
-from vicon_gateway.client import ClientLimits, DataStreamClient
-from vicon_gateway.frame import CapturedFrame
+from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
+from rcopterx.vicon_gateway.client import ClientLimits, DataStreamClient
+from rcopterx.vicon_gateway.frame import CapturedFrame
 
 DEADLINE_S = 20.0
 QUICK = ClientLimits(connect_s=5.0, silence_min_s=0.15, retry_min_s=0.01, retry_max_s=0.05)

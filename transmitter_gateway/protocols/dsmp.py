@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from transmitter_gateway.protocols.base import (
+from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
     NO_FLAGS,
     TEN_BIT_RANGE_US,

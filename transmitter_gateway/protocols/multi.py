@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from transmitter_gateway.protocols.base import (
+from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
     NO_FLAGS,
     DecodedFrame,
@@ -21,7 +21,7 @@ from transmitter_gateway.protocols.base import (
     RadioProtocol,
     SerialLine,
 )
-from transmitter_gateway.protocols.multi_answers import AnswerParser, MultiStatus
+from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, MultiStatus
 
 FRAME_LENGTH = 27
 CHANNEL_COUNT = 16

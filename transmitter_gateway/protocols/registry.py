@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from transmitter_gateway.protocols import dsm2_serial, dsmp, multi, ppm
-from transmitter_gateway.protocols.base import ProtocolError, RadioProtocol, SerialLine
+from rcopterx.transmitter_gateway.protocols import dsm2_serial, dsmp, multi, ppm
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol, SerialLine
 
 _KINDS: dict[str, tuple[type[Any], Callable[..., RadioProtocol], SerialLine]] = {
     "multi": (multi.MultiSettings, multi.MultiProtocol, multi.LINE),

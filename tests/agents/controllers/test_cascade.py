@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.controllers.cascade import CascadeController, CascadeSettings
-from agents.controllers.roll_out import predict
-from agents.interfaces import ControlStep, Estimate, LimitScale
-from agents.references.trajectory import Trajectory, hold
-from vehicles.model import Model
-from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.roll_out import predict
+from rcopterx.agents.interfaces import ControlStep, Estimate, LimitScale
+from rcopterx.agents.references.trajectory import Trajectory, hold
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HOVER = COAXIAL_LAG.hover_input

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from agents.controllers.cascade_terms import HeadingCost, riccati_cost
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.chain_qp import ChainQP
-from vehicles.state import Array
+from rcopterx.agents.controllers.cascade_terms import HeadingCost, riccati_cost
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.vehicles.state import Array
 
 osqp = pytest.importorskip("osqp")
 PERIOD_S = 0.02

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.controllers.cascade import CascadeController, CascadeSettings
-from agents.controllers.chain import ChainTarget
-from agents.controllers.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
-from agents.interfaces import Estimate, Obstacle
-from agents.references.trajectory import hold
-from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.chain import ChainTarget
+from rcopterx.agents.controllers.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
+from rcopterx.agents.interfaces import Estimate, Obstacle
+from rcopterx.agents.references.trajectory import hold
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 STAGES = 4
 PERIOD_S = 0.02

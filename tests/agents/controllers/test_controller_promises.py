@@ -6,12 +6,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from agents.controllers.registry import CONTROLLERS
-from agents.interfaces import Controller, ControlStep, Estimate
-from agents.references.trajectory import COLUMNS, Trajectory, hold
-from vehicles.model import Model
-from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG, TYPES
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 PERIOD_S = 0.02
 UNHURRIED = {"paper": {"time_limit_s": 1.0}}

@@ -6,10 +6,10 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from agents.controllers.registry import CONTROLLERS
-from agents.plugins import registry
-from agents.plugins.plain_settings import SettingsError
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.plugins import registry
+from rcopterx.agents.plugins.plain_settings import SettingsError
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -21,7 +21,9 @@ def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.Mon
 
 
 def test_an_installed_package_adds_a_controller(monkeypatch: pytest.MonkeyPatch) -> None:
-    added = EntryPoint("mine", "agents.controllers.paper:PaperController", CONTROLLERS.entry_point_group)
+    added = EntryPoint(
+        "mine", "rcopterx.agents.controllers.paper:PaperController", CONTROLLERS.entry_point_group
+    )
     monkeypatch.setattr(registry, "entry_points", lambda group: [added])
     assert "mine" in CONTROLLERS.available()
     assert CONTROLLERS.build("mine", COAXIAL_LAG, 0.02, {"horizon": 5}).horizon == 5
@@ -41,8 +43,8 @@ def test_an_unknown_controller_is_told_what_is_allowed() -> None:
 
 def test_importing_the_registry_imports_no_controller() -> None:
     code = (
-        "import sys, agents.controllers.registry as r; r.CONTROLLERS.available();"
-        "assert not {'osqp', 'scipy', 'agents.controllers.paper'} & set(sys.modules), sorted(sys.modules)"
+        "import sys, rcopterx.agents.controllers.registry as r; r.CONTROLLERS.available();"
+        "assert not {'osqp', 'scipy', 'rcopterx.agents.controllers.paper'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 

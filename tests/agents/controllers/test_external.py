@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from agents.controllers.external import ExternalController
-from agents.interfaces import FULL_LIMITS, Estimate
-from agents.references.trajectory import hold
-from agents.tuning.configuration import Configuration
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.external import ExternalController
+from rcopterx.agents.interfaces import FULL_LIMITS, Estimate
+from rcopterx.agents.references.trajectory import hold
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HOVER = COAXIAL_LAG.hover_input

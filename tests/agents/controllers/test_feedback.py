@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from agents.controllers.registry import CONTROLLERS
-from agents.interfaces import Controller, Estimate
-from agents.references.trajectory import hold
-from vehicles.model import motion_derivative
-from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.interfaces import Controller, Estimate
+from rcopterx.agents.references.trajectory import hold
+from rcopterx.vehicles.model import motion_derivative
+from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HOVER = COAXIAL_LAG.hover_input

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from agents.controllers.chain import ChainParameters, ChainTarget
-from agents.controllers.lateral_qp import LateralQP
-from agents.flight.lateral import POSITION, VELOCITY, LateralSystem
-from vehicles.state import heading_matrix
-from vehicles.types import COAXIAL
+from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.lateral_qp import LateralQP
+from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
+from rcopterx.vehicles.state import heading_matrix
+from rcopterx.vehicles.types import COAXIAL
 
 osqp = pytest.importorskip("osqp")
 PERIOD_S = 0.02

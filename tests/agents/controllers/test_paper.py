@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from agents.controllers.paper import PaperController, PaperSettings
-from agents.controllers.paper_model import PaperModel, TerminalCost
-from agents.interfaces import Estimate
-from agents.references.trajectory import hold
-from vehicles.model import motion_derivative
-from vehicles.state import YAW, Array, heading_matrix
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.paper import PaperController, PaperSettings
+from rcopterx.agents.controllers.paper_model import PaperModel, TerminalCost
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.references.trajectory import hold
+from rcopterx.vehicles.model import motion_derivative
+from rcopterx.vehicles.state import YAW, Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from support.failing import FAILURES, FailingController
 from support.flight import ExactEstimator, Lab, NotedController, Plant, measured, still
 
-from agents.controllers.base import HOVER as HOVERING
-from agents.controllers.base import SHIFTED_PLAN, SHIFTED_PLAN_LIMIT_S
-from agents.controllers.registry import CONTROLLERS
-from agents.controllers.step_guard import (
+from rcopterx.agents.controllers.base import HOVER as HOVERING
+from rcopterx.agents.controllers.base import SHIFTED_PLAN, SHIFTED_PLAN_LIMIT_S
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.controllers.step_guard import (
     DEFAULT_CONTROLLER,
     LATE,
     PATIENCE_S,
@@ -18,12 +18,12 @@ from agents.controllers.step_guard import (
     UNUSABLE,
     StepGuard,
 )
-from agents.flight.guidance import Guidance
-from agents.interfaces import Controller, ControlStep, Estimate
-from agents.pilot import CONTROLLER_REPLACED, Pilot, StampedMeasurement
-from agents.references.trajectory import Trajectory, hold
-from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
+from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot, StampedMeasurement
+from rcopterx.agents.references.trajectory import Trajectory, hold
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HORIZON = 5
@@ -198,7 +198,7 @@ class LimitOfTests:
 
 
 def test_a_step_that_took_too_long_does_not_count_although_it_came() -> None:
-    from agents.flight.time_limit import NoTimeLimit
+    from rcopterx.agents.flight.time_limit import NoTimeLimit
 
     class Measured(NoTimeLimit):
         def used_s(self) -> float:

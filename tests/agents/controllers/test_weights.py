@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.controllers.weights import DEMAND_FLOOR, default_input_weights, default_state_weights
-from agents.margins.axes import lag_loop, tilt_loop
-from agents.margins.search import bears, shortfalls
-from vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
-from vehicles.tilt import TiltModel
-from vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
+from rcopterx.agents.controllers.weights import DEMAND_FLOOR, default_input_weights, default_state_weights
+from rcopterx.agents.margins.axes import lag_loop, tilt_loop
+from rcopterx.agents.margins.search import bears, shortfalls
+from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
+from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
 
 PERIOD_S = 0.02
 

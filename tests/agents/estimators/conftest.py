@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from agents.estimators.registry import ESTIMATORS
-from agents.interfaces import Measurement
-from simulator.conditions import LABORATORY, Conditions
-from simulator.laboratory import Laboratory
-from simulator.plant import Pose
-from vehicles.model import Model
-from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.simulator.conditions import LABORATORY, Conditions
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from support.failing import BrokenError
 from support.flight import ExactEstimator, still
 
-from agents.estimators.estimator_guard import FIRST_CALLS, LATE, RAISED, UNUSABLE, EstimatorGuard
-from agents.flight.time_limit import NoTimeLimit
-from agents.interfaces import Estimate, Measurement
-from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.estimators.estimator_guard import FIRST_CALLS, LATE, RAISED, UNUSABLE, EstimatorGuard
+from rcopterx.agents.flight.time_limit import NoTimeLimit
+from rcopterx.agents.interfaces import Estimate, Measurement
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PLACE = Measurement(np.array([0.1, 0.2, 1.0]), 0.3)
 HOVER = COAXIAL_LAG.hover_input

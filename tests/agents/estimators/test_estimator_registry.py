@@ -6,10 +6,10 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from agents.estimators.lag_kalman import LagKalmanEstimator
-from agents.estimators.registry import ESTIMATORS
-from agents.plugins import registry
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.estimators.lag_kalman import LagKalmanEstimator
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.plugins import registry
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_built_in_estimators_are_listed_and_the_default_is_among_them() -> None:
@@ -48,7 +48,9 @@ def test_period_out_of_range_is_refused(period_s: float) -> None:
 
 
 def test_installed_package_can_add_an_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
-    added = EntryPoint("mine", "agents.estimators.kalman:KalmanEstimator", ESTIMATORS.entry_point_group)
+    added = EntryPoint(
+        "mine", "rcopterx.agents.estimators.kalman:KalmanEstimator", ESTIMATORS.entry_point_group
+    )
     broken = EntryPoint("broken", "no_such_package:Estimator", ESTIMATORS.entry_point_group)
     monkeypatch.setattr(registry, "entry_points", lambda group: [added, broken])
     assert {"mine", "broken"} <= set(ESTIMATORS.available())
@@ -59,8 +61,8 @@ def test_installed_package_can_add_an_estimator(monkeypatch: pytest.MonkeyPatch)
 
 def test_listing_estimators_imports_none_of_them() -> None:
     code = (
-        "import sys; from agents.estimators.registry import ESTIMATORS; ESTIMATORS.available();"
+        "import sys; from rcopterx.agents.estimators.registry import ESTIMATORS; ESTIMATORS.available();"
         "sys.exit(any(m in sys.modules for m in "
-        "('agents.estimators.kalman', 'agents.estimators.extended_kalman')))"
+        "('rcopterx.agents.estimators.kalman', 'rcopterx.agents.estimators.extended_kalman')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.estimators.registry import ESTIMATORS
-from agents.interfaces import Measurement
-from simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
-from simulator.plant import Pose
-from vehicles.types import COAXIAL_LAG, TYPES
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 NewFlight = Callable[..., Any]
 every_estimator = pytest.mark.parametrize("name", ESTIMATORS.built_in)

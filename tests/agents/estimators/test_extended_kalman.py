@@ -10,14 +10,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from agents.estimators.linearization import SIZE, Linearization
-from agents.flight.prediction import predict
-from agents.interfaces import Estimate
-from simulator.conditions import IDEAL, LABORATORY
-from simulator.plant import Pose
-from vehicles.model import Model
-from vehicles.state import Array
-from vehicles.types import COAXIAL_LAG, TYPES
+from rcopterx.agents.estimators.linearization import SIZE, Linearization
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.simulator.conditions import IDEAL, LABORATORY
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 NewFlight = Callable[..., Any]
 ON_FLOOR = Pose((0.2, -0.3, 0.0), 1.0)

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.estimators.registry import ESTIMATORS
-from agents.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
-from agents.estimators.tilt_kalman import TiltKalmanEstimator
-from agents.flight.lateral import POSITION, LateralSystem, demand_matrix
-from agents.interfaces import Estimate, Measurement
-from vehicles.state import heading_matrix
-from vehicles.types import COAXIAL
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
+from rcopterx.agents.estimators.tilt_kalman import TiltKalmanEstimator
+from rcopterx.agents.flight.lateral import POSITION, LateralSystem, demand_matrix
+from rcopterx.agents.interfaces import Estimate, Measurement
+from rcopterx.vehicles.state import heading_matrix
+from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 

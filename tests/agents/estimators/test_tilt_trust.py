@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.estimators.lag_kalman import ExtendedKalmanSettings
-from agents.estimators.tilt_kalman import DISTRUSTED, TRUSTED_AGAIN, TiltKalmanEstimator
-from agents.estimators.tilt_trust import TiltTrust
-from agents.interfaces import Measurement
-from simulator.conditions import IDEAL
-from simulator.helicopter import Helicopter
-from simulator.helicopter_parameters import HelicopterParameters
-from simulator.plant import Pose
-from vehicles.state import Array
-from vehicles.types import COAXIAL
+from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.agents.estimators.tilt_kalman import DISTRUSTED, TRUSTED_AGAIN, TiltKalmanEstimator
+from rcopterx.agents.estimators.tilt_trust import TiltTrust
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.simulator.conditions import IDEAL
+from rcopterx.simulator.helicopter import Helicopter
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 OFFSET = np.array([0.05, -0.03])

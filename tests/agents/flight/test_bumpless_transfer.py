@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from agents.flight.bumpless_transfer import BumplessTransfer
-from vehicles.types import COAXIAL
+from rcopterx.agents.flight.bumpless_transfer import BumplessTransfer
+from rcopterx.vehicles.types import COAXIAL
 
 LAST = COAXIAL.hover_input + 0.2
 ASKED = np.tile(COAXIAL.hover_input, (5, 1))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.flight.fleet_clock import HISTORY_LENGTH, FleetClock, InputHistory
+from rcopterx.agents.flight.fleet_clock import HISTORY_LENGTH, FleetClock, InputHistory
 
 PERIOD_S = 0.02
 

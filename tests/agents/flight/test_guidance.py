@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.flight import still
 
-from agents.flight.followed import FollowedLeader, LeaderPlan
-from agents.flight.guidance import LANDING_SPEED_M_S, OFFSET_SPEED_M_S, TAKE_OFF_SPEED_M_S, Guidance
-from agents.flight.touchdown import FLOOR_TIME_S
-from agents.formation.law import FormationOffset
-from agents.interfaces import Estimate
-from agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
-from agents.references.set_points import SetPointReference
-from agents.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
+from rcopterx.agents.flight.guidance import LANDING_SPEED_M_S, OFFSET_SPEED_M_S, TAKE_OFF_SPEED_M_S, Guidance
+from rcopterx.agents.flight.touchdown import FLOOR_TIME_S
+from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
+from rcopterx.agents.references.set_points import SetPointReference
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
 
 PERIOD_S = 0.02
 STAGES = 20

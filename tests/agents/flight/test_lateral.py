@@ -5,15 +5,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.flight.lateral import POSITION, VELOCITY, WIND_CORRELATION_S, LateralSystem, demand_matrix
-from agents.flight.prediction import predict
-from agents.interfaces import Estimate, TiltEstimate
-from simulator.conditions import IDEAL
-from simulator.helicopter import Helicopter
-from simulator.helicopter_parameters import HelicopterParameters
-from simulator.plant import Pose
-from vehicles.state import heading_matrix
-from vehicles.types import COAXIAL, COAXIAL_LAG
+from rcopterx.agents.flight.lateral import (
+    POSITION,
+    VELOCITY,
+    WIND_CORRELATION_S,
+    LateralSystem,
+    demand_matrix,
+)
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.interfaces import Estimate, TiltEstimate
+from rcopterx.simulator.conditions import IDEAL
+from rcopterx.simulator.helicopter import Helicopter
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import heading_matrix
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 PERIOD_S = 0.02
 sticks = st.tuples(st.floats(-1, 1), st.floats(-1, 1)).map(np.array)

@@ -3,10 +3,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.flight.lift_off import LARGEST_SHARE, LIFTED_M, PATIENCE_S, LiftOff
-from vehicles.model import Model
-from vehicles.state import U_THRUST
-from vehicles.types import TYPES
+from rcopterx.agents.flight.lift_off import LARGEST_SHARE, LIFTED_M, PATIENCE_S, LiftOff
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_THRUST
+from rcopterx.vehicles.types import TYPES
 
 models = st.sampled_from(list(TYPES.values()))
 times_s = st.floats(0.0, 1e4)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.flight.linear import as_complex, prepared_period, zero_order_hold
+from rcopterx.agents.flight.linear import as_complex, prepared_period, zero_order_hold
 
 A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 2.0], [0.0, 0.0, -5.0]])
 B = np.array([0.0, 0.5, 5.0])

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.flight.oscillation import HALF_WAVES, HALF_WAVES_AWAY, THRESHOLD, OscillationDetector
-from vehicles.state import Array
-from vehicles.types import COAXIAL
+from rcopterx.agents.flight.oscillation import HALF_WAVES, HALF_WAVES_AWAY, THRESHOLD, OscillationDetector
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 AT_REFERENCE = np.zeros(4)

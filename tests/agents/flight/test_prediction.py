@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
-from agents.flight.prediction import predict
-from agents.interfaces import Estimate
-from vehicles.model import Model, input_behind_gyro, motion_derivative
-from vehicles.state import MOTION_SIZE, U_YAW, YAW_RATE, Array
-from vehicles.types import COAXIAL_LAG, TYPES
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
+from rcopterx.vehicles.state import MOTION_SIZE, U_YAW, YAW_RATE, Array
+from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 models = st.sampled_from(list(TYPES.values()))
 periods_s = st.sampled_from([0.005, 0.01, 0.02, 0.04])

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.flight.prediction import predict
-from agents.flight.vehicle_watch import (
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.flight.vehicle_watch import (
     LEARNING_S,
     THRUST_WINDOW_S,
     HoverThrustLimits,
     VehicleFault,
     VehicleWatch,
 )
-from agents.interfaces import Estimate
-from vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
 CALM = np.zeros(4)

@@ -13,11 +13,11 @@ from support.request_handling import (
 )
 from support.statuses import hovering
 
-from agents.following.leader_changes import FIRST_PLAN_LIMIT_S
-from agents.following.regrouping import PREPARED_S
-from agents.phases import Phase
-from bus.messages import LeaderLink, SetPoint
-from bus.requests import (
+from rcopterx.agents.following.leader_changes import FIRST_PLAN_LIMIT_S
+from rcopterx.agents.following.regrouping import PREPARED_S
+from rcopterx.agents.phases import Phase
+from rcopterx.bus.messages import LeaderLink, SetPoint
+from rcopterx.bus.requests import (
     CommitLeaders,
     Land,
     Lead,

@@ -3,8 +3,8 @@
 import pytest
 from support.plans import PlanBus, plan_of
 
-from agents.flight.fleet_clock import FleetClock
-from agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.following.leader_plans import LeaderPlans
 
 
 @pytest.fixture

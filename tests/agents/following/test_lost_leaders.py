@@ -9,22 +9,22 @@ from support.plans import PlanBus, plan_of
 from support.statuses import flying_status
 from support.waiting import FakeClock
 
-from agents.flight.guidance import Guidance
-from agents.following.leader_plans import LeaderPlans
-from agents.following.links import followed_leader
-from agents.following.lost_leaders import LostLeaders
-from agents.following.peers import PeerStatuses
-from agents.formation.succession import FollowingMode
-from agents.interfaces import Measurement
-from agents.phases import Event, Phase
-from agents.pilot import Pilot, StampedMeasurement
-from agents.settings import AgentSettings, Succession
-from bus import channels
-from bus.codec import encode
-from bus.messages import AgentStatus, LeaderLink, SetPoint
-from bus.session import BusAddress
-from bus.subscription import Inbox
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.lost_leaders import LostLeaders
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.formation.succession import FollowingMode
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.phases import Event, Phase
+from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.settings import AgentSettings, Succession
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
+from rcopterx.bus.session import BusAddress
+from rcopterx.bus.subscription import Inbox
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 OWN = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0))

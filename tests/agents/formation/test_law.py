@@ -7,10 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.formation.law import FormationOffset, OffsetTransition, combined_reference, follower_reference
-from agents.references.trajectory import COLUMNS, Trajectory, hold
-from vehicles.state import Array, heading_matrix
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.formation.law import (
+    FormationOffset,
+    OffsetTransition,
+    combined_reference,
+    follower_reference,
+)
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HEADINGS = [0.0, np.pi / 2, np.pi, -1.1]

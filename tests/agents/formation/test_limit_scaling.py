@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.flight import NotedController
 
-from agents.formation.limit_scaling import (
+from rcopterx.agents.formation.limit_scaling import (
     ARM_ACCELERATION_SHARE,
     ARM_SPEED_SHARE,
     LEADER_LIMIT_SCALE,
@@ -13,11 +13,11 @@ from agents.formation.limit_scaling import (
     limit_scale_of,
     turn_limits_of,
 )
-from agents.formation.topology import exchanged, places
-from agents.interfaces import LimitScale
-from bus.messages import LeaderLink
-from vehicles.quadrotor import QUADROTOR
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.formation.topology import exchanged, places
+from rcopterx.agents.interfaces import LimitScale
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.vehicles.quadrotor import QUADROTOR
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 TREE = {
     "h1": (),

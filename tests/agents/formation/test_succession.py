@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.formation.succession import (
+from rcopterx.agents.formation.succession import (
     FOLLOWING_MODES,
     Finding,
     FollowingMode,
@@ -14,8 +14,8 @@ from agents.formation.succession import (
     link_to_successor,
     successor_of,
 )
-from agents.formation.topology import cycle, places
-from bus.messages import LeaderLink
+from rcopterx.agents.formation.topology import cycle, places
+from rcopterx.bus.messages import LeaderLink
 
 NAMES = ("h1", "h2", "h3", "h4", "h5")
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.formation.topology import (
+from rcopterx.agents.formation.topology import (
     TopologyError,
     ancestors,
     cycle,
@@ -16,7 +16,7 @@ from agents.formation.topology import (
     places,
     roots,
 )
-from bus.messages import LeaderLink
+from rcopterx.bus.messages import LeaderLink
 
 NAMES = tuple(f"h{number}" for number in range(1, 8))
 

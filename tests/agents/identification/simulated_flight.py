@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from agents.flight.lateral import POSITION, LateralSystem, demand_matrix
-from agents.flight.prediction import predict
-from agents.identification.excitation import Excitation, excitation_for
-from agents.identification.recording import FlightRecording
-from agents.interfaces import Estimate
-from vehicles.model import Model
-from vehicles.state import heading_matrix
+from rcopterx.agents.flight.lateral import POSITION, LateralSystem, demand_matrix
+from rcopterx.agents.flight.prediction import predict
+from rcopterx.agents.identification.excitation import Excitation, excitation_for
+from rcopterx.agents.identification.recording import FlightRecording
+from rcopterx.agents.interfaces import Estimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import heading_matrix
 
 PERIOD_S = 0.02
 

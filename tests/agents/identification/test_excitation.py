@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.identification.excitation import FADE_S, TONES_HZ, Excitation, excitation_for
-from vehicles.types import COAXIAL, QUADROTOR, TYPES
+from rcopterx.agents.identification.excitation import FADE_S, TONES_HZ, Excitation, excitation_for
+from rcopterx.vehicles.types import COAXIAL, QUADROTOR, TYPES
 
 TIME_S = np.arange(0.0, 60.0, 0.02)
 

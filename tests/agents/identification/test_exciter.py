@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agents.identification.excitation import Excitation
-from agents.identification.exciter import DONE, UNDER_WAY, Exciter
+from rcopterx.agents.identification.excitation import Excitation
+from rcopterx.agents.identification.exciter import DONE, UNDER_WAY, Exciter
 
 PLACE_M = np.array([0.1, 0.2, 1.0])
 EXCITATION = Excitation((0.1, 0.1, 0.02, 0.05), 30.0)

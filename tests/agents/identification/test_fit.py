@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from simulated_flight import simulated_flight, still_flight
 
-from agents.identification.fit import Identification, identify
-from agents.identification.recording import FlightRecording
-from vehicles.model import IDENTIFIED, Model
-from vehicles.tilt import TiltModel
-from vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR
+from rcopterx.agents.identification.fit import Identification, identify
+from rcopterx.agents.identification.recording import FlightRecording
+from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR
 
 
 def other_helicopter() -> Model:

@@ -5,8 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.identification.recording import FlightLog, FlightRecording, RecordingError, load_recording
-from agents.interfaces import Measurement
+from rcopterx.agents.identification.recording import (
+    FlightLog,
+    FlightRecording,
+    RecordingError,
+    load_recording,
+)
+from rcopterx.agents.interfaces import Measurement
 
 
 def recording(rows: int = 50) -> FlightRecording:

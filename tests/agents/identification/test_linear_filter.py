@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.identification.linear_filter import LinearSystem, StationaryPredictor
+from rcopterx.agents.identification.linear_filter import LinearSystem, StationaryPredictor
 
 
 def oscillator(delay_s: float = 0.0) -> StationaryPredictor:

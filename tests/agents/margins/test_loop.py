@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.controllers.cascade import CascadeController, CascadeSettings
-from agents.controllers.cascade_terms import riccati_cost
-from agents.controllers.chain import ChainParameters
-from agents.controllers.lateral_chain import LateralChain
-from agents.estimators.lag_kalman import ExtendedKalmanSettings
-from agents.estimators.tilt_kalman import TiltKalmanEstimator
-from agents.flight.lateral import LateralSystem
-from agents.flight.linear import zero_order_hold
-from agents.interfaces import Measurement
-from agents.margins.axes import lag_loop, tilt_loop
-from agents.margins.loop import FeedbackLoop, Perturbation
-from vehicles.model import Model
-from vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
-from vehicles.types import COAXIAL
+from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.cascade_terms import riccati_cost
+from rcopterx.agents.controllers.chain import ChainParameters
+from rcopterx.agents.controllers.lateral_chain import LateralChain
+from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.agents.estimators.tilt_kalman import TiltKalmanEstimator
+from rcopterx.agents.flight.lateral import LateralSystem
+from rcopterx.agents.flight.linear import zero_order_hold
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.margins.axes import lag_loop, tilt_loop
+from rcopterx.agents.margins.loop import FeedbackLoop, Perturbation
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 EVEN = replace(COAXIAL, input_gain=(2.0, 2.0, 18.0, 111.0))

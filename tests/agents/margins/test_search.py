@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from agents.margins.axes import lag_loop, tilt_loop
-from agents.margins.loop import FeedbackLoop, Perturbation
-from agents.margins.search import DELAY_LIMIT_S, GAIN_LIMIT, bears, margins, shortfalls
-from vehicles.model import IDENTIFIED, UNIDENTIFIED
-from vehicles.types import COAXIAL, COAXIAL_LAG
+from rcopterx.agents.margins.axes import lag_loop, tilt_loop
+from rcopterx.agents.margins.loop import FeedbackLoop, Perturbation
+from rcopterx.agents.margins.search import DELAY_LIMIT_S, GAIN_LIMIT, bears, margins, shortfalls
+from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 PERIOD_S = 0.02
 LOOPS = {

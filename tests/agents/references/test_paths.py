@@ -7,12 +7,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.references.path_shapes import circle, figure_eight, spiral, through
-from agents.references.paths import MAX_KNOTS, FlightPath, PathError, begun_from, path_problem, run_in_time_s
-from agents.references.set_points import PathReference
-from bus.message import FloatArray, InvalidMessageError
-from bus.requests import Fly
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.references.path_shapes import circle, figure_eight, spiral, through
+from rcopterx.agents.references.paths import (
+    MAX_KNOTS,
+    FlightPath,
+    PathError,
+    begun_from,
+    path_problem,
+    run_in_time_s,
+)
+from rcopterx.agents.references.set_points import PathReference
+from rcopterx.bus.message import FloatArray, InvalidMessageError
+from rcopterx.bus.requests import Fly
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 LOW, HIGH = (-1.2, -1.2, 0.0), (1.2, 1.2, 2.0)
 STEP_S = 1e-3

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.references.set_points import SetPointReference, SmoothTurn, TurnLimits
-from agents.references.trajectory import COLUMNS
+from rcopterx.agents.references.set_points import SetPointReference, SmoothTurn, TurnLimits
+from rcopterx.agents.references.trajectory import COLUMNS
 
 PERIOD_S = 0.01
 PLACE = np.array([0.3, -0.2, 1.0])

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.references.trajectory import COLUMNS, Trajectory
-from agents.references.turns import nearest_heading, on_turn_of
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.agents.references.turns import nearest_heading, on_turn_of
 
 headings = st.floats(-100.0, 100.0)
 

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from agents.controllers.registry import CONTROLLERS
-from agents.estimators.registry import ESTIMATORS
-from agents.flight.followed import LeaderPlan
-from agents.flight.guidance import Guidance
-from agents.formation.topology import places
-from agents.interfaces import AvoidsObstacles, Measurement
-from agents.phases import Event
-from agents.pilot import Pilot, StampedMeasurement
-from agents.references.trajectory import COLUMNS, Trajectory, hold
-from agents.separation.avoidance import NEAR, Neighbour, SeparationEllipsoid, near
-from agents.separation.ellipsoid_scales import FORMATION_SCALE, ellipsoid_scale
-from bus.messages import LeaderLink
-from vehicles.types import COAXIAL_LAG
+from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.estimators.registry import ESTIMATORS
+from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.formation.topology import places
+from rcopterx.agents.interfaces import AvoidsObstacles, Measurement
+from rcopterx.agents.phases import Event
+from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.agents.separation.avoidance import NEAR, Neighbour, SeparationEllipsoid, near
+from rcopterx.agents.separation.ellipsoid_scales import FORMATION_SCALE, ellipsoid_scale
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 CLEARANCE = SeparationEllipsoid()
 OWN = np.zeros((30, 3))

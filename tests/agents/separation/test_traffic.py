@@ -7,11 +7,11 @@ import pytest
 from support.plans import PlanBus, plan_of
 from support.statuses import hovering
 
-from agents.flight.fleet_clock import FleetClock
-from agents.separation.avoidance import SeparationEllipsoid
-from agents.separation.traffic import MOST, PATIENCE, TEND_EVERY_TICKS, Traffic, way
-from bus.messages import AgentStatus, LeaderLink, SetPoint
-from vehicles.tuples import Three
+from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.separation.avoidance import SeparationEllipsoid
+from rcopterx.agents.separation.traffic import MOST, PATIENCE, TEND_EVERY_TICKS, Traffic, way
+from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
+from rcopterx.vehicles.tuples import Three
 
 BESIDE = LeaderLink(leader="h1", offset_m=(-0.4, 0.0, 0.0))
 

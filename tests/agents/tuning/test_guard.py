@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
-from agents.identification.excitation import Excitation
-from agents.pilot import ControlOutput
-from agents.tuning.configuration import Configuration
-from agents.tuning.guard import (
+from rcopterx.agents.identification.excitation import Excitation
+from rcopterx.agents.pilot import ControlOutput
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.guard import (
     BANDWIDTH_LOWERED,
     LARGEST,
     OSCILLATION,
@@ -20,7 +20,7 @@ from agents.tuning.guard import (
     effort_factor,
     without_guard,
 )
-from vehicles.state import YAW
+from rcopterx.vehicles.state import YAW
 
 
 class Watched:

@@ -6,11 +6,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from deploy.fleet_check import check_fleet
-from deploy.fleet_file.reading import load_fleet, parse_fleet
-from deploy.fleet_file.schema import FleetError, FleetFile
-from deploy.launcher import check_resources
-from deploy.processes import processes_of
+from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.launcher import check_resources
+from rcopterx.deploy.processes import processes_of
 
 TRIO = (Path(__file__).parents[3] / "deploy" / "fleets" / "trio.toml").read_text()
 

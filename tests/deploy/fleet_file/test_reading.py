@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet_file.reading import load_fleet, merged, parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.roles.simulator import formation_place
+from rcopterx.deploy.fleet_file.reading import load_fleet, merged, parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.roles.simulator import formation_place
 
 ONE = 'name = "lab"\n[vehicles.h1]\nsubject = "a"\ntransmitter = { port = "p" }\n'
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet_file.reading import load_fleet, parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.fleet_file.shipped import shipped_fleets
-from deploy.fleet_file.snapshot import digest_of, read_snapshot, write_snapshot
+from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.fleet_file.shipped import shipped_fleets
+from rcopterx.deploy.fleet_file.snapshot import digest_of, read_snapshot, write_snapshot
 
 CALIBRATED = PAIR.replace("model_match = 1 }", "model_match = 1, calibration = { yaw = { us0 = 1510.0 } } }")
 

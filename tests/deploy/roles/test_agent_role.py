@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from agents.flight.vehicle_watch import HoverThrustLimits
-from agents.formation.limit_scaling import LEADER_LIMIT_SCALE
-from agents.interfaces import FULL_LIMITS
-from agents.separation.avoidance import SeparationEllipsoid
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.roles.agent import agent_settings
+from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
+from rcopterx.agents.formation.limit_scaling import LEADER_LIMIT_SCALE
+from rcopterx.agents.interfaces import FULL_LIMITS
+from rcopterx.agents.separation.avoidance import SeparationEllipsoid
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.roles.agent import agent_settings
 
 
 @pytest.fixture(autouse=True)

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from deploy.fleet_file.reading import parse_fleet
-from deploy.roles.agent import agent_settings
-from deploy.roles.priorities import Priority
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.roles.agent import agent_settings
+from rcopterx.deploy.roles.priorities import Priority
 
 
 @pytest.fixture(autouse=True)

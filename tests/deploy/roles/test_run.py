@@ -9,9 +9,9 @@ import pytest
 from support.bus import free_port
 from support.fleets import PAIR
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.roles.run import EXIT_UNREACHABLE, EXIT_USAGE, run_role
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.roles.run import EXIT_UNREACHABLE, EXIT_USAGE, run_role
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def fleet_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def role(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "deploy.roles", *arguments],
+        [sys.executable, "-m", "rcopterx.deploy.roles", *arguments],
         capture_output=True,
         text=True,
         timeout=60,
@@ -78,10 +78,11 @@ def test_a_recording_that_cannot_be_created_is_a_wrong_field_of_the_file(
 def test_a_router_starts_without_numerical_libraries() -> None:
     code = """
 import sys
-import deploy.roles.__main__
-from deploy.roles.run import runner
+import rcopterx.deploy.roles.__main__
+from rcopterx.deploy.roles.run import runner
 runner("router")
-print(sorted({"numpy", "scipy", "osqp", "agents", "transmitter_gateway", "simulator"} & sys.modules.keys()))
+ours = {f"rcopterx.{package}" for package in ("agents", "transmitter_gateway", "simulator")}
+print(sorted((ours | {"numpy", "scipy", "osqp"}) & sys.modules.keys()))
 """
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
@@ -92,7 +93,7 @@ print(sorted({"numpy", "scipy", "osqp", "agents", "transmitter_gateway", "simula
 def test_wrong_arguments_show_the_usage() -> None:
     done = role("agent")
     assert done.returncode != 0
-    assert "usage: python -m deploy.roles" in done.stderr
+    assert "usage: python -m rcopterx.deploy.roles" in done.stderr
 
 
 def test_a_router_that_cannot_listen_ends_with_a_line(fleet_path: Path) -> None:

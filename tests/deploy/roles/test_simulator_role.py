@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.roles.simulator import conditions_of, simulator_settings
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.roles.simulator import conditions_of, simulator_settings
 
 
 @pytest.fixture(autouse=True)

@@ -3,10 +3,10 @@
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.roles.tracker import brand_of, tracker_address, tracker_settings
-from vicon_gateway.settings import BrandSettings
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.roles.tracker import brand_of, tracker_address, tracker_settings
+from rcopterx.vicon_gateway.settings import BrandSettings
 
 
 @pytest.mark.parametrize(

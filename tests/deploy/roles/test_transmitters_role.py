@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from deploy.fleet_file.reading import parse_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.roles.arbiter_limits import landing_of, limits_of
-from deploy.roles.transmitters import gateway_settings, protocol_of
-from transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
-from vehicles.types import COAXIAL
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.roles.arbiter_limits import landing_of, limits_of
+from rcopterx.deploy.roles.transmitters import gateway_settings, protocol_of
+from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
+from rcopterx.vehicles.types import COAXIAL
 
 
 @pytest.fixture(autouse=True)

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from deploy.fleet_file.reading import parse_fleet
-from deploy.roles.vehicle_models import model_of
-from vehicles.types import COAXIAL, QUADROTOR
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.vehicles.types import COAXIAL, QUADROTOR
 
 
 @pytest.fixture(autouse=True)

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.plans import plan_of
 
-from bus.messages import LeaderLink
-from ground_station.page.geometry import (
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.ground_station.page.geometry import (
     box_edges,
     heading_quaternion,
     link_to,

@@ -11,10 +11,10 @@ from support.bus import free_port
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
-from bus.messages import LeaderLink, SetPoint
-from bus.requests import Follow, GoTo, Tune
-from ground_station.fleet import Fleet
-from ground_station.page.page import FleetPage
+from rcopterx.bus.messages import LeaderLink, SetPoint
+from rcopterx.bus.requests import Follow, GoTo, Tune
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.page.page import FleetPage
 
 Vehicles = dict[str, ScriptedVehicle]
 BY_HAND = SimpleNamespace(client=object())

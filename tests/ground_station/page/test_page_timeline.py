@@ -4,9 +4,9 @@ from dataclasses import replace
 
 from support.statuses import flying_status
 
-from bus.messages import LeaderLink, TransmitterStatus
-from ground_station.page.timeline import KEPT, Timeline, changes
-from ground_station.state import VehicleState
+from rcopterx.bus.messages import LeaderLink, TransmitterStatus
+from rcopterx.ground_station.page.timeline import KEPT, Timeline, changes
+from rcopterx.ground_station.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="ready", ready=True)
 FLYING = VehicleState("h1", flying_status(), ARMED, 0.1, 0.1, 0.01)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from bus.codec import decode, encode
-from bus.messages import Pose
-from flight_log.mcap_reading import FlightLogError
-from ground_station.replay.agent_replay import TOLERANCE, changed
-from ground_station.replay.agent_replay import replay as replayed
-from ground_station.replay.recorded_agent import AgentStep, RecordedAgent, StepInput, recorded_agent
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.messages import Pose
+from rcopterx.flight_log.mcap_reading import FlightLogError
+from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed
+from rcopterx.ground_station.replay.agent_replay import replay as replayed
+from rcopterx.ground_station.replay.recorded_agent import AgentStep, RecordedAgent, StepInput, recorded_agent
 
 FLIGHT = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
 """Two vehicles that take off, move, change an offset, a horizon and a controller."""

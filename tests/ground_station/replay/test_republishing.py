@@ -5,9 +5,9 @@ from pathlib import Path
 
 from support.waiting import FakeClock, wait_for
 
-from bus.session import Heard, Session
-from flight_log.mcap_reading import messages_of
-from ground_station.replay.republishing import fleet_of, republish
+from rcopterx.bus.session import Heard, Session
+from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.ground_station.replay.republishing import fleet_of, republish
 
 Join = Callable[..., Session]
 FLIGHT = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"

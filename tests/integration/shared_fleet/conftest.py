@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from integration_support import NAMES, Flying, Truth, fleets, not_killed, transmitter_state
 
-from ground_station.scenario import inject_faults
-from simulator.faults import Recover
+from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.simulator.faults import Recover
 
 HEIGHT_M = 0.8
 HOME_M = (0.0, 0.0, HEIGHT_M)

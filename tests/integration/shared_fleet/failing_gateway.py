@@ -8,9 +8,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from deploy.fleet_file.reading import load_fleet
-from deploy.roles.run import run_role
-from transmitter_gateway.station import Station
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.roles.run import run_role
+from rcopterx.transmitter_gateway.station import Station
 
 FAULT = "a fault on request"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from integration_support import Flying, Truth, at, fallbacks
 
-from bus import channels
-from ground_station.vehicle import RefusedError
+from rcopterx.bus import channels
+from rcopterx.ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -3,14 +3,14 @@
 import pytest
 from integration_support import NAMES, Flying, Truth, fly_to, land_gently, not_killed, transmitter_state
 
-from bus.messages import Plan
-from deploy.fleet_file.reading import load_fleet
-from deploy.fleet_file.schema import FleetError
-from deploy.launcher import Launcher
-from ground_station.fleet import Fleet
-from ground_station.recorder import Recorder
-from ground_station.report import FlightFigures
-from ground_station.vehicle import RefusedError
+from rcopterx.bus.messages import Plan
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.launcher import Launcher
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.recorder import Recorder
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

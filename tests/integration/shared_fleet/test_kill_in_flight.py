@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from integration_support import NAMES, Flying, all_states, fleet_text, free_port, transmitter_state
 
-from bus import channels
-from bus.messages import Applied
-from bus.subscription import Inbox
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Applied
+from rcopterx.bus.subscription import Inbox
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from integration_support import Flying, Truth, fly_to
 
-from bus import channels
-from bus.message import FloatArray
-from bus.messages import Command
-from bus.session import Session
-from deploy.roles.addresses import bus_address
+from rcopterx.bus import channels
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import Command
+from rcopterx.bus.session import Session
+from rcopterx.deploy.roles.addresses import bus_address
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -8,7 +8,7 @@ import sys
 import pytest
 from integration_support import NAMES, Flying, Truth, at, fallbacks, flown_by, in_formation
 
-from deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.addresses import bus_address
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 
@@ -18,7 +18,7 @@ LATE_SHARE = 0.5
 
 LISTENER = """
 import sys, threading
-from bus.session import BusAddress, Session
+from rcopterx.bus.session import BusAddress, Session
 heard = threading.Semaphore(0)
 with Session(BusAddress(tuple(sys.argv[3:]), sys.argv[1], sys.argv[2]), timeout_s=10) as session:
     session.tap(lambda *_: heard.release())

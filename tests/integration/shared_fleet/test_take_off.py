@@ -5,8 +5,8 @@ import threading
 import pytest
 from integration_support import Flying, Truth, counter
 
-from ground_station.scenario import inject_faults
-from simulator.faults import Silence
+from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.simulator.faults import Silence
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

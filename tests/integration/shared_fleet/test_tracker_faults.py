@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import pytest
 from integration_support import GENTLE_M_S, NAMES, Flying, Truth, counter, transmitter_state
 
-from bus.messages import TrackerStatus
-from ground_station.scenario import inject_faults
-from simulator import faults
-from simulator.faults import Fault, fault_text
+from rcopterx.bus.messages import TrackerStatus
+from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.simulator import faults
+from rcopterx.simulator.faults import Fault, fault_text
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
