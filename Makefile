@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: help demo test campaign lint docs clean
+.PHONY: help demo test campaign lint docs wheel clean
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
@@ -12,6 +12,7 @@ help:
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"
+	@echo "make wheel     source archive and wheel in dist, checked, and flown from empty environments"
 	@echo "make clean     remove the virtual environment and caches"
 
 $(VENV)/.base: pyproject.toml
@@ -60,6 +61,17 @@ $(VENV)/.docs: $(VENV)/.base
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "open build/site/index.html"
+
+$(VENV)/.package: $(VENV)/.test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[package]'
+	@touch $@
+
+wheel: $(VENV)/.package
+	rm -rf build/lib dist
+	$(BIN)/python -m build
+	$(BIN)/twine check --strict dist/*
+	$(BIN)/check-wheel-contents dist/*.whl
+	$(BIN)/python -m pytest tests/packaging
 
 clean:
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info build dist

@@ -1,0 +1,33 @@
+"""Source archive and wheel, built from a copy of the tree."""
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+NOT_PACKAGED = (".*", "build", "dist", "out", "docs", "tests", "*.egg-info", "__pycache__")
+
+
+@dataclass(frozen=True)
+class Built:
+    """What `python -m build` makes: the wheel is built from the source archive, as on any other computer."""
+
+    archive: Path
+    wheel: Path
+
+
+def build_all(directory: Path) -> None:
+    """Build a copy of the tree into a new directory; no file of an earlier build gets into the wheel."""
+    source = directory / "source"
+    shutil.copytree(ROOT, source, symlinks=True, ignore=shutil.ignore_patterns(*NOT_PACKAGED))
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(directory), str(source)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=outside_environment())
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def outside_environment() -> dict[str, str]:
+    """Environment of somebody who knows nothing of this tree."""
+    return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}

@@ -1,0 +1,39 @@
+"""Promises of what people install: one top-level name, everything in it, nothing else."""
+
+import tarfile
+import zipfile
+from pathlib import PurePosixPath
+
+from packaging_support import ROOT, Built
+
+PACKAGE = ROOT / "rcopterx"
+
+
+def files_of_the_package() -> set[str]:
+    """Everything below `rcopterx/`, its links followed."""
+    folders = [PACKAGE, *(entry for entry in PACKAGE.iterdir() if entry.is_symlink())]
+    found = {path for folder in folders for path in folder.rglob("*") if path.is_file()}
+    return {str(path.relative_to(ROOT)) for path in found if "__pycache__" not in path.parts}
+
+
+def test_the_wheel_installs_one_name_only(built: Built) -> None:
+    with zipfile.ZipFile(built.wheel) as wheel:
+        top = {PurePosixPath(name).parts[0] for name in wheel.namelist()}
+    assert {name for name in top if not name.endswith(".dist-info")} == {"rcopterx"}
+
+
+def test_the_wheel_holds_every_file_of_the_package(built: Built) -> None:
+    with zipfile.ZipFile(built.wheel) as wheel:
+        packed = {name for name in wheel.namelist() if name.startswith("rcopterx/")}
+    assert packed == files_of_the_package()
+    assert {"rcopterx/agents/pilot.py", "rcopterx/deploy/fleets/trio.toml", "rcopterx/py.typed"} <= packed
+
+
+def test_the_source_archive_holds_files_instead_of_links(built: Built) -> None:
+    with tarfile.open(built.archive) as archive:
+        members = archive.getmembers()
+    assert not [member.name for member in members if member.issym() or member.islnk()]
+    inside = {PurePosixPath(*PurePosixPath(member.name).parts[1:]).as_posix() for member in members}
+    assert files_of_the_package() <= inside
+    assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md"} <= inside
+    assert not [name for name in inside if name.startswith("tests/")]
