@@ -1,0 +1,128 @@
+"""The first fleet file of a laboratory: from a few answers to commented TOML."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.run_directory import run_directory
+
+FOLLOWER_OFFSETS_M = ((-0.5, 0.5, 0.0), (-0.5, -0.5, 0.0))
+"""Of the second and the third vehicle; further ones fly another row behind."""
+
+
+class NewVehicle(NamedTuple):
+    """A vehicle as the laboratory knows it: its name here, its name in the Tracker, its serial device."""
+
+    name: str
+    subject: str
+    port: str
+
+
+class NewLaboratory(NamedTuple):
+    """What has to be known before the first flight.
+
+    Attributes
+    ----------
+    name : str
+        Of the fleet.
+    tracker : str
+        HOST:PORT of the Tracker's data stream.
+    volume_min_m, volume_max_m : (3,)
+        Corners of the flight volume in the Tracker's world.
+    protocol : str
+        What all radio modules speak.
+    vehicles : sequence of NewVehicle
+        The first one leads.
+    """
+
+    name: str
+    tracker: str
+    volume_min_m: tuple[float, float, float]
+    volume_max_m: tuple[float, float, float]
+    protocol: str
+    vehicles: Sequence[NewVehicle]
+
+
+def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
+    """Write a fleet file that has passed every check which needs no hardware; never overwrite one.
+
+    Raises
+    ------
+    FleetError
+        An answer cannot be used, or there is such a file already.
+    """
+    text = fleet_file_text(laboratory)
+    fleet = parse_fleet(text)
+    check_fleet(fleet, run_directory(fleet.name, None))
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise FleetError(f"{path}: exists already and is not overwritten") from None
+
+
+def fleet_file_text(laboratory: NewLaboratory) -> str:
+    """The file, with comments that say what to do next."""
+    parts = [
+        f"""\
+# Fleet of our laboratory. Every key, its unit, its default and its limits: docs/fleet_file.md
+# Next steps, in this order, with the fleet down:
+#     rcopterx bind {laboratory.vehicles[0].name} -f THIS_FILE
+#     rcopterx range-check {laboratory.vehicles[0].name} -f THIS_FILE
+#     rcopterx calibrate {laboratory.vehicles[0].name} -f THIS_FILE
+#     rcopterx up THIS_FILE
+
+name = {quoted(laboratory.name)}
+
+# Vehicles that leave this box are landed. Metres, in the Tracker's world, z up; the floor is at z = 0.
+# Keep a margin to walls and people: nets, not the software, stop a helicopter without a radio.
+[volume]
+min_m = {list(laboratory.volume_min_m)}
+max_m = {list(laboratory.volume_max_m)}
+
+[tracker]
+address = {quoted(laboratory.tracker)}
+"""
+    ]
+    parts += [
+        _vehicle_text(vehicle, number, laboratory) for number, vehicle in enumerate(laboratory.vehicles)
+    ]
+    return "\n".join(parts)
+
+
+def quoted(text: str) -> str:
+    """A TOML basic string."""
+    escaped = "".join(
+        f"\\{sign}" if sign in '"\\' else f"\\u{ord(sign):04x}" if ord(sign) < 32 or sign == "\x7f" else sign
+        for sign in text
+    )
+    return f'"{escaped}"'
+
+
+def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -> str:
+    key = vehicle.name if vehicle.name.isidentifier() and vehicle.name.isascii() else quoted(vehicle.name)
+    lines = [
+        f"[vehicles.{key}]",
+        f"subject = {quoted(vehicle.subject)}    # its name in the Tracker",
+    ]
+    if number > 0:
+        row, side = divmod(number - 1, len(FOLLOWER_OFFSETS_M))
+        offset_m = [value * (row + 1) for value in FOLLOWER_OFFSETS_M[side]]
+        leader = laboratory.vehicles[0].name
+        lines += [
+            "# In formation, once it has hovered alone; metres along the axes of the Tracker.",
+            f"# follow = [{{ leader = {quoted(leader)}, offset_m = {offset_m} }}]",
+        ]
+    lines += [
+        "",
+        f"[vehicles.{key}.transmitter]",
+        f"port = {quoted(vehicle.port)}",
+        f"protocol = {quoted(laboratory.protocol)}",
+        f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
+        "# low_power = true    # worth trying indoors",
+        "",
+    ]
+    return "\n".join(lines)

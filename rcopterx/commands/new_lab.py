@@ -1,0 +1,125 @@
+"""The first fleet file of a laboratory: looks at what is plugged in and seen, asks the rest, writes it."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rcopterx.commands.steer import three
+from rcopterx.fleet_option import user_errors
+
+if TYPE_CHECKING:
+    from rcopterx.deploy.new_laboratory import NewVehicle
+    from rcopterx.transmitter_gateway.adapters import Adapter
+
+LOOK_S = 3.0
+
+
+def new_lab(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")],
+    tracker: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="The Tracker's data stream; its port is 801.")
+    ] = None,
+    vehicle: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=SUBJECT=PORT", help="A vehicle; repeat it for more. Else asked."),
+    ] = None,
+    low: Annotated[
+        str | None, typer.Option("--min", metavar="X,Y,Z", help="Lower corner of the volume in metres.")
+    ] = None,
+    high: Annotated[
+        str | None, typer.Option("--max", metavar="X,Y,Z", help="Upper corner of the volume in metres.")
+    ] = None,
+    protocol: Annotated[
+        str, typer.Option(metavar="multi|dsm2_serial|dsmp|ppm", help="What the radio modules speak.")
+    ] = "multi",
+) -> None:
+    """Write the fleet file of a laboratory with hardware; ask for what no option tells."""
+    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.deploy.new_laboratory import NewLaboratory, write_fleet_file
+
+    with user_errors():
+        if file.exists():
+            raise FleetError(f"{file}: exists already and is not overwritten")
+        address = tracker or _asked("Tracker, HOST:PORT", "127.0.0.1:801")
+        vehicles = [_described(text) for text in vehicle or ()] or _asked_vehicles(address)
+        corners = (
+            three(low or _asked("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0")),
+            three(high or _asked("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2")),
+        )
+        name = re.sub(r"[^a-z0-9_]", "_", file.stem.lower())
+        write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicles))
+    typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines say what to do next")
+
+
+def _described(text: str) -> "NewVehicle":
+    from rcopterx.deploy.new_laboratory import NewVehicle
+
+    name, *rest = text.split("=")
+    if len(rest) != 2 or not all((name, *rest)):
+        raise typer.BadParameter(f"{text!r} is not NAME=SUBJECT=PORT", param_hint="--vehicle")
+    return NewVehicle(name, *rest)
+
+
+def _asked_vehicles(address: str) -> "list[NewVehicle]":
+    """Ask which subjects fly, and which radio each has."""
+    from rcopterx.deploy.new_laboratory import NewVehicle
+    from rcopterx.transmitter_gateway.adapters import plugged_in
+
+    seen = _subjects_of(address)
+    adapters = plugged_in()
+    _tell("serial adapters", [f"{one.port}  ({one.device}, {one.description})" for one in adapters])
+    wanted = _asked("Subjects that fly, separated by commas", ",".join(seen) or None)
+    subjects = [text.strip() for text in wanted.split(",") if text.strip()]
+    return [
+        NewVehicle(f"h{number}", subject, _asked_port(subject, adapters, number))
+        for number, subject in enumerate(subjects, start=1)
+    ]
+
+
+def _subjects_of(address: str) -> list[str]:
+    """What the Tracker lists now; nothing, and why, if it cannot be asked."""
+    from rcopterx.vicon_gateway.client import DataStreamClient
+
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal():
+        raise typer.BadParameter(f"{address!r} is not HOST:PORT", param_hint="--tracker")
+    with DataStreamClient(host, int(port)) as client:
+        frame = client.next_frame(LOOK_S)
+        if frame is None:
+            why = client.state.last_error or client.state.doing
+            typer.echo(f"{address}: {why}; type the names of the subjects", err=True)
+            return []
+    _tell(
+        "subjects of the Tracker",
+        [f"{one.name}{'  (not seen now)' if one.occluded else ''}" for one in frame.subjects],
+    )
+    return [one.name for one in frame.subjects]
+
+
+def _asked_port(subject: str, adapters: "list[Adapter]", number: int) -> str:
+    default = adapters[number - 1].port if number <= len(adapters) else None
+    return _asked(f"Serial device of {subject}", default)
+
+
+def _tell(what: str, found: list[str]) -> None:
+    typer.echo(f"{what}:" if found else f"{what}: none", err=True)
+    for line in found:
+        typer.echo(f"    {line}", err=True)
+
+
+def _asked(question: str, default: str | None) -> str:
+    """An answer from the terminal or from a pipe.
+
+    Raises
+    ------
+    FleetError
+        Nobody answers.
+    """
+    from rcopterx.deploy.fleet_file.schema import FleetError
+
+    try:
+        return str(typer.prompt(question, default=default, err=True))
+    except typer.Abort:
+        raise FleetError(f"no answer to {question!r}; give it as an option, see --help") from None

@@ -1,0 +1,140 @@
+"""Promises of `rcopterx new-lab`: it offers what it finds, writes what can fly, and overwrites nothing."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from click.testing import Result
+from hypothesis import given
+from hypothesis import strategies as st
+from support.tracker import running_tracker
+from typer.testing import CliRunner
+
+from rcopterx.command_line import app
+from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
+from rcopterx.deploy.new_laboratory import NewLaboratory, NewVehicle, fleet_file_text
+from rcopterx.transmitter_gateway import adapters
+from rcopterx.transmitter_gateway.adapters import Adapter, plugged_in
+
+TWO = ("--vehicle", "h1=heli1=/dev/ttyUSB0", "--vehicle", "h2=heli2=/dev/ttyUSB1")
+VOLUME = ("--min", "-1,-1,0", "--max", "1,1,2")
+
+
+def new_lab(*arguments: str | Path, answers: str = "") -> Result:
+    words = ["new-lab", *map(str, arguments)]
+    result = CliRunner().invoke(app, words, input=answers, env={"COLUMNS": "300", "TERM": "dumb"})
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+def serial_port(device: str, vid: int | None = 0x0403) -> SimpleNamespace:
+    return SimpleNamespace(device=device, vid=vid, description="FT232R USB UART")
+
+
+@pytest.fixture
+def ports(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Let these serial ports be there."""
+
+    def there(*entries: SimpleNamespace) -> None:
+        monkeypatch.setattr(adapters.list_ports, "comports", lambda: list(entries))
+
+    return there
+
+
+def test_subjects_and_adapters_are_offered_and_return_takes_them(
+    tmp_path: Path, ports: Callable[..., None]
+) -> None:
+    ports(serial_port("/dev/ttyUSB1"), serial_port("/dev/ttyUSB0"), serial_port("/dev/ttyS0", vid=None))
+    with running_tracker("heli1", "heli2") as server:
+        address = f"{server.address[0]}:{server.address[1]}"
+        result = new_lab(tmp_path / "lab.toml", "--tracker", address, answers="\n" * 5)
+    assert result.exit_code == 0, result.output
+    for found in ("heli1", "heli2", "/dev/ttyUSB0", "/dev/ttyUSB1", "FT232R"):
+        assert found in result.stderr
+    assert "ttyS0" not in result.stderr
+    fleet = load_fleet(tmp_path / "lab.toml")
+    assert fleet.simulator is None
+    assert fleet.tracker.address == address
+    assert [one.subject for one in fleet.vehicles.values()] == ["heli1", "heli2"]
+    assert [one.transmitter.port for one in fleet.vehicles.values()] == ["/dev/ttyUSB0", "/dev/ttyUSB1"]
+    assert [one.transmitter.model_match for one in fleet.vehicles.values()] == [1, 2]
+
+
+def test_a_tracker_that_does_not_answer_is_told_and_names_can_be_typed(
+    tmp_path: Path, ports: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ports()
+    monkeypatch.setattr("rcopterx.commands.new_lab.LOOK_S", 0.3)
+    answers = "heli7\n/dev/ttyACM0\n\n\n"
+    result = new_lab(tmp_path / "lab.toml", "--tracker", "127.0.0.1:1", answers=answers)
+    assert result.exit_code == 0, result.output
+    assert "Connection refused; type the names" in result.stderr
+    assert "serial adapters: none" in result.stderr
+    fleet = load_fleet(tmp_path / "lab.toml")
+    assert (fleet.vehicles["h1"].subject, fleet.vehicles["h1"].transmitter.port) == ("heli7", "/dev/ttyACM0")
+
+
+def test_options_answer_everything(tmp_path: Path) -> None:
+    result = new_lab(tmp_path / "lab.toml", "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+    assert result.exit_code == 0, result.output
+    fleet = load_fleet(tmp_path / "lab.toml")
+    assert fleet.name == "lab"
+    assert (fleet.volume.min_m, fleet.volume.max_m) == ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
+
+
+def test_what_is_commented_out_makes_a_formation(tmp_path: Path) -> None:
+    new_lab(tmp_path / "lab.toml", "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+    text = (tmp_path / "lab.toml").read_text(encoding="utf-8")
+    fleet = parse_fleet(re.sub(r"^# (follow|low_power)", r"\1", text, flags=re.MULTILINE))
+    assert [link.leader for link in fleet.vehicles["h2"].follow] == ["h1"]
+
+
+def test_a_file_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text("mine")
+    result = new_lab(path, "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+    assert result.exit_code == 2
+    assert "is not overwritten" in result.stderr
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("--tracker", "10.0.0.1", *TWO, *VOLUME), "must be HOST:PORT"),
+        (("--tracker", "10.0.0.1:801", "--vehicle", "h1=heli1", *VOLUME), "is not NAME=SUBJECT=PORT"),
+        (("--tracker", "10.0.0.1:801", *TWO, "--min", "1,1,1", "--max", "0,0,0"), "volume"),
+        (("--tracker", "10.0.0.1:801", *TWO, *VOLUME, "--protocol", "pigeon"), "protocol"),
+        (("--tracker", "10.0.0.1:801", "--vehicle", "H 1=heli1=/dev/ttyUSB0", *VOLUME), "H 1"),
+        (("--tracker", "10.0.0.1:801", *TWO), "no answer to 'Lower corner"),
+    ],
+)
+def test_answers_that_cannot_be_used_are_told_and_nothing_is_written(
+    arguments: tuple[str, ...], reason: str, tmp_path: Path
+) -> None:
+    result = new_lab(tmp_path / "lab.toml", *arguments)
+    assert result.exit_code == 2, result.output
+    assert reason in result.stderr
+    assert not (tmp_path / "lab.toml").exists()
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"]), min_size=1))
+def test_any_name_of_a_subject_survives_the_file(subject: str) -> None:
+    corners = ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
+    vehicles = [NewVehicle("h1", subject, "/dev/ttyUSB0")]
+    text = fleet_file_text(NewLaboratory("lab", "10.0.0.1:801", *corners, "multi", vehicles))
+    assert parse_fleet(text).vehicles["h1"].subject == subject
+
+
+def test_an_adapter_is_named_by_its_serial_number_where_there_is_a_link(
+    tmp_path: Path, ports: Callable[..., None]
+) -> None:
+    device, link = tmp_path / "ttyUSB0", tmp_path / "names" / "A1B2"
+    device.touch()
+    link.parent.mkdir()
+    link.symlink_to(device)
+    ports(serial_port(str(device)))
+    assert plugged_in((link.parent,)) == [Adapter(str(link), str(device), "FT232R USB UART")]
+    assert plugged_in(()) == [Adapter(str(device), str(device), "FT232R USB UART")]
