@@ -10,7 +10,7 @@ from rcopterx.agents.pacing import Pacing
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.telemetry import prefixed
 from rcopterx.bus.messages import Applied, Pose
-from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.subscription import Inbox, Received
 
 
 class Observation:
@@ -41,6 +41,8 @@ class Observation:
         self._poses = poses
         self._applied = applied
         self._clock = clock
+        self.seen: Received[Pose] | None = None
+        """Newest pose that the pilot took in."""
 
     @property
     def rejected(self) -> Mapping[str, int]:
@@ -69,6 +71,7 @@ class Observation:
         """Tell the pilot each new frame, and one that is overdue; yields when it began [monotonic s]."""
         for received in self._poses.drain():
             if self._pilot.observe(_stamped(received.message)):
+                self.seen = received
                 self._pacing.on_pose(received.arrived_s)
                 if self._pilot.ready:
                     yield received.arrived_s

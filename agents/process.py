@@ -13,12 +13,13 @@ from rcopterx.agents.assembly import TUNED, assemble
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.agents.telemetry import command_message, plan_message
+from rcopterx.agents.telemetry import command_message, plan_message, timing_of
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.realtime import request_realtime, settle
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
+from rcopterx.bus.timing import CommandTiming
 
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
@@ -55,6 +56,7 @@ class Agent:
         self._first_sequence = bus.life
         self._control_by_s: float | None = None
         self._estimate: list[float] | None = None
+        self._timing: CommandTiming | None = None
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
         self._answer_from_s = self._clock() + ORIENTATION_S
         bus.serve(settings.vehicle, self._parts.requests.verbs)
@@ -120,7 +122,9 @@ class Agent:
         self._estimate = np.concatenate((known.motion, known.actuator, known.disturbance)).tolist()
         started_s = self._stopwatch()
         output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans))
-        parts.solve.add(self._stopwatch() - started_s)
+        ready_s = self._stopwatch()
+        parts.solve.add(ready_s - started_s)
+        self._timing = timing_of(self._settings, pilot, parts.observation.seen, started_s, ready_s)
         return output
 
     def _publish(self, output: ControlOutput) -> None:
@@ -139,7 +143,7 @@ class Agent:
 
     def _publish_command(self, output: ControlOutput) -> None:
         sequence = self._first_sequence + self._pilot.sequence
-        command = command_message(self._settings, self._pilot, output, sequence)
+        command = command_message(self._settings, self._pilot, output, sequence, self._timing)
         self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
 
     def _publish_plan(self, output: ControlOutput) -> None:

@@ -15,7 +15,9 @@ from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import effort_factor
 from rcopterx.bus.message import FloatArray, Setting
-from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, SetPoint
+from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
+from rcopterx.bus.subscription import Received
+from rcopterx.bus.timing import CommandTiming
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 from rcopterx.vehicles.tuples import three
 
@@ -34,7 +36,13 @@ class Source(Protocol):
         ...
 
 
-def command_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, sequence: int) -> Command:
+def command_message(
+    settings: AgentSettings,
+    pilot: Pilot,
+    flight: ControlOutput,
+    sequence: int,
+    timing: CommandTiming | None,
+) -> Command:
     """Stick command of a control period."""
     pitch, roll, thrust, yaw = flight.input.tolist()
     return Command(
@@ -45,6 +53,43 @@ def command_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput
         input=(pitch, roll, thrust, yaw),
         next_inputs=FloatArray.of(flight.next_inputs),
         period_s=settings.period_s,
+        timing=timing,
+    )
+
+
+def timing_of(
+    settings: AgentSettings, pilot: Pilot, seen: Received[Pose] | None, began_s: float, ready_s: float
+) -> CommandTiming | None:
+    """Stages that a command has passed so far.
+
+    Parameters
+    ----------
+    settings, pilot
+        The vehicle's.
+    seen
+        Newest pose.
+    began_s, ready_s
+        When the controller began and had finished [monotonic s].
+
+    Returns
+    -------
+    CommandTiming or None
+        None where the frame was predicted, or where hosts have no names.
+    """
+    if seen is None:
+        return None
+    pose, clock = seen.message, pilot.clock
+    predicted = (pose.epoch, pose.frame) != (clock.epoch, clock.current_frame)
+    if predicted or pose.host is None or not settings.bus.host:
+        return None
+    return CommandTiming(
+        latency_s=pose.latency_s,
+        gateway_host=pose.host,
+        received_s=pose.received_s,
+        agent_host=settings.bus.host,
+        arrived_s=seen.arrived_s,
+        began_s=began_s,
+        ready_s=ready_s,
     )
 
 

@@ -27,7 +27,7 @@ from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.launched import launched
 from rcopterx.ground_station.recorder import Recorder, Recording
-from rcopterx.ground_station.report import percentiles
+from rcopterx.ground_station.statistics import percentiles
 from rcopterx.ground_station.waiting import NotReachedError
 
 SETTLE_S = 3.0

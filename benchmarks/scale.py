@@ -17,7 +17,8 @@ from rcopterx.bus import channels
 from rcopterx.deploy.launcher import Launcher
 from rcopterx.ground_station.launched import launched
 from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures, percentiles
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.statistics import percentiles
 from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.waiting import NotReachedError
 

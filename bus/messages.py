@@ -27,6 +27,7 @@ from rcopterx.bus.message import (
     Text,
     Three,
 )
+from rcopterx.bus.timing import CommandTiming
 
 MAX_STAGES = 200
 PLAN_COLUMNS = 12
@@ -60,6 +61,8 @@ class Pose(Message, frozen=True, kw_only=True):
     quaternion_xyzw: Four | None = None
     quality: Annotated[float, Meta(ge=0, le=1)] | None = None
     """0 (bad) to 1 (good); absent where the Tracker does not tell."""
+    host: Name | None = None
+    """Of the gateway: whose monotonic clock `received_s` is."""
 
     def check(self) -> None:
         """See `Message.check`."""
@@ -142,6 +145,8 @@ class Command(Message, frozen=True, kw_only=True):
     next_inputs: FloatArray
     """The following planned inputs, `period_s` apart, shape (k, 4)."""
     period_s: Annotated[float, Meta(gt=0, le=1)]
+    timing: CommandTiming | None = None
+    """Absent where the frame was predicted, not seen."""
 
     def check(self) -> None:
         """See `Message.check`."""
@@ -297,6 +302,10 @@ class Applied(Message, frozen=True, kw_only=True):
     command_arrived_s: float | None = None
     written_s: float = 0.0
     """Monotonic clocks of the gateway's host."""
+    host: Name | None = None
+    """Of the gateway."""
+    timing: CommandTiming | None = None
+    """Of the command, where it is fresh."""
 
 
 class SubjectState(Struct, frozen=True, kw_only=True):

@@ -56,11 +56,15 @@ class NobodyServesError(RequestFailedError):
 
 @dataclass(frozen=True)
 class BusAddress:
-    """Where the bus is: router endpoints, namespace (tests only) and the fleet's name in the keys."""
+    """Where the bus is: router endpoints, namespace (tests only) and the fleet's name in the keys.
+
+    `host` is the name of this computer in the fleet file, empty where there is no fleet file.
+    """
 
     endpoints: tuple[str, ...]
     fleet: str
     namespace: str | None = None
+    host: str = ""
 
 
 @dataclass(frozen=True)

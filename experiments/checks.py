@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from rcopterx.ground_station.report import FlightFigures, percentiles
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.statistics import percentiles
 
 Tables = dict[str, dict[str, Any]]
 Result = tuple[bool, Any]

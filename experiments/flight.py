@@ -14,7 +14,8 @@ from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.steps import Say, Wait
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.recorder import Recorder, Recording
-from rcopterx.ground_station.report import FlightFigures, percentiles
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.statistics import percentiles
 from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.waiting import StoppedError, stopped_by
 

@@ -181,6 +181,10 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         """Remarks that do not block take-off: subjects, recordings, hosts, what failed in flight."""
         return self._wrapped.notes()
 
+    def watch_latency(self) -> None:
+        """From now on states tell latencies by stage; every command that is written is heard for that."""
+        self._wrapped.watch_latency()
+
     arm = awaited(Fleet.arm)
     take_off = awaited(Fleet.take_off)
     land = awaited(Fleet.land)

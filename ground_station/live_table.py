@@ -9,12 +9,16 @@ from rich.table import Table
 from rich.text import Text
 
 from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.latency import STAGES, TOTAL
 from rcopterx.ground_station.state import VehicleState
 
 STALE_S = 0.5
 GAP = 2
 """Blanks between two columns."""
 UNKNOWN = "-"
+FIGURES = ("p50", "p99", "max")
+LATENCY = "latency"
+"""All stages of the latency, as they are typed after `--columns`."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ class Column:
 
 
 def columns_named(names: Sequence[str]) -> tuple[Column, ...]:
-    """Columns by name, the vehicle first.
+    """Columns by name, the vehicle first; `latency` stands for those of all stages.
 
     Raises
     ------
@@ -62,6 +66,11 @@ def columns_named(names: Sequence[str]) -> tuple[Column, ...]:
         There is no such column; names all that there are.
     """
     known = {column.name: column for column in COLUMNS}
+    names = [
+        one
+        for name in names
+        for one in ([f"{stage}-ms" for stage in (TOTAL, *STAGES)] if name == LATENCY else [name])
+    ]
     for name in names:
         if name not in known:
             raise ValueError(f"no column {name!r}, known are {', '.join(known)}")
@@ -206,6 +215,20 @@ def _solve(state: VehicleState) -> str:
     return f"{state.agent.diagnostics.solve_ms_p50:.2f} / {state.agent.diagnostics.solve_ms_p99:.2f}"
 
 
+def _stage(stage: str) -> Callable[[VehicleState], str]:
+    """Cell of a latency column."""
+
+    def cell(state: VehicleState) -> str:
+        figures = state.latency_ms.get(stage)
+        return UNKNOWN if figures is None else " ".join(f"{figures[name]:.1f}" for name in FIGURES)
+
+    return cell
+
+
+def _stage_column(stage: str, rank: int) -> Column:
+    return Column(f"{stage}-ms", f"{stage} [ms]\np50 p99 max", _stage(stage), rank, 14, right=True)
+
+
 def _events(state: VehicleState) -> Text:
     """Fallbacks, and messages that were refused, by kind."""
     counts: Counter[str] = Counter()
@@ -254,5 +277,6 @@ COLUMNS = (
         4,
     ),
     Column("events", "fallbacks,\nrejections", _events, 8, 18, wraps=True),
+    *(_stage_column(stage, 13 + number) for number, stage in enumerate((TOTAL, *STAGES))),
 )
 """In the order in which they are shown."""

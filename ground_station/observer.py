@@ -9,6 +9,7 @@ import numpy as np
 from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.phases import Phase
 from rcopterx.bus import channels
+from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, LauncherStatus, Plan
 from rcopterx.bus.session import Session
@@ -17,6 +18,7 @@ from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.ground_station.hosts import host_notes
 from rcopterx.ground_station.joining import WrongFleetError, check_identity
+from rcopterx.ground_station.latency import LatencyWatch, clock_offset
 from rcopterx.ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
 from rcopterx.ground_station.waiting import Notifier, NotReachedError
 
@@ -69,6 +71,7 @@ class Observer:
         self._routers = self.session.subscribe_all(channels.ROUTER_STATUS, waking=False)
         self._recorders = self.session.subscribe_all(channels.RECORDER, waking=False)
         self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
+        self._latency: LatencyWatch | None = None
 
     def __str__(self) -> str:
         """The fleet, and a line about each of its vehicles."""
@@ -95,7 +98,17 @@ class Observer:
         return VehicleState(
             name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan,
             None if pose is None else pose.position_m, None if pose is None else pose.quaternion_xyzw,
+            {} if self._latency is None else self._latency.figures(name),
         )  # fmt: skip
+
+    def watch_latency(self) -> None:
+        """From now on states tell latencies by stage; every command that is written is heard for that."""
+        if self._latency is None:
+
+            def offset(first: str, second: str) -> float | None:
+                return clock_offset(self._routers_heard(), first, second)
+
+            self._latency = LatencyWatch(self.session, offset)
 
     def present(self) -> list[str]:
         """Vehicles of the fleet file that take part: all but those that a launcher says are absent."""
@@ -146,12 +159,16 @@ class Observer:
 
     def _host_notes(self) -> list[str]:
         """Links and clocks of hosts."""
-        now_s, heard = self.session.clock(), {}
-        for host, inbox in tuple(self._routers.inboxes.items()):
-            status, _ = _newest(inbox, now_s)
-            if status is not None and inbox.alive(now_s):
-                heard[host] = status
-        return host_notes(heard, self._host)
+        return host_notes(self._routers_heard(), self._host)
+
+    def _routers_heard(self) -> dict[str, RouterStatus]:
+        """What routers say of their links, by host; silent ones are left out."""
+        now_s = self.session.clock()
+        return {
+            host: received.message
+            for host, inbox in tuple(self._routers.inboxes.items())
+            if inbox.alive(now_s) and (received := inbox.latest()) is not None
+        }
 
     def _log_notes(self) -> list[str]:
         """What is wrong with the flight log."""

@@ -1,8 +1,8 @@
 """What is known of a vehicle and of the motion capture at one moment, and what blocks take-off."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -16,6 +16,7 @@ from rcopterx.bus.messages import (
     TrackerStatus,
     TransmitterStatus,
 )
+from rcopterx.ground_station.latency import Percentiles
 
 STALE_S = 1.0
 """Age from which a status counts as silence; it comes five times a second."""
@@ -45,6 +46,9 @@ class VehicleState:
         Where the motion capture sees the vehicle; None if it does not.
     quaternion_xyzw
         Attitude that the motion capture sees; None if it does not.
+    latency_ms
+        Percentiles of the time that the newest commands spent in each stage on their way, see
+        `rcopterx.ground_station.latency`; empty unless they are watched.
     """
 
     name: str
@@ -57,6 +61,7 @@ class VehicleState:
     plan: Plan | None = None
     seen_at_m: tuple[float, float, float] | None = None
     quaternion_xyzw: tuple[float, float, float, float] | None = None
+    latency_ms: Mapping[str, Percentiles] = field(default_factory=dict)
 
     @property
     def phase(self) -> str:

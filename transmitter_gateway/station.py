@@ -13,6 +13,7 @@ from rcopterx.bus.requests import (
 )
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
+from rcopterx.bus.timing import CommandTiming
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, CommandInput, State
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
@@ -58,6 +59,7 @@ class Station:
         self._unpublished: list[Applied] = []
         self._written_command: tuple[int, int] | None = None
         self._accepted_s: float | None = None
+        self._timing: CommandTiming | None = None
         self._last_sequence = 0
         self._reported_state = State.DISARMED
         session.serve(self.vehicle, VERBS)
@@ -78,7 +80,7 @@ class Station:
             )
             now_s = clock()
             if self.transmitter.on_command(command, now_s).accepted:
-                self._accepted_s = received.arrived_s
+                self._accepted_s, self._timing = received.arrived_s, message.timing
                 self._last_sequence = message.sequence
                 self.tick(now_s)
 
@@ -141,6 +143,8 @@ class Station:
             fresh=fresh,
             command_arrived_s=self._accepted_s if fresh else None,
             written_s=write.time_s,
+            host=self._session.address.host or None,
+            timing=self._timing if fresh else None,
         )
 
     def report(self, now_s: float) -> None:

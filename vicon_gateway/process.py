@@ -80,7 +80,8 @@ class TrackerGateway:
         if stamp is not None:
             self._frame, self._stamp = frame, stamp
             for vehicle, subject in self._subjects.update(frame):
-                self._session.publish(channels.POSE, vehicle, pose_message(frame, stamp, subject))
+                pose = pose_message(frame, stamp, subject, self._settings.bus.host)
+                self._session.publish(channels.POSE, vehicle, pose)
 
     def _notice_earlier_gateway(self, now_s: float) -> None:
         """Begin a newer epoch than the one by which vehicles fly, though the wall clock was set back."""
@@ -155,8 +156,8 @@ class TrackerGateway:
         return state.recording_error or f"{state.recorded_bytes} bytes in {self._recording}"
 
 
-def pose_message(frame: CapturedFrame, stamp: Stamp, subject: SubjectPose) -> Pose:
-    """Bus message of one subject in one frame."""
+def pose_message(frame: CapturedFrame, stamp: Stamp, subject: SubjectPose, host: str) -> Pose:
+    """Bus message of one subject in one frame; the host is that of the gateway."""
     return Pose(
         epoch=stamp.epoch,
         frame=stamp.frame,
@@ -167,6 +168,7 @@ def pose_message(frame: CapturedFrame, stamp: Stamp, subject: SubjectPose) -> Po
         position_m=subject.position_m,
         quaternion_xyzw=subject.quaternion_xyzw,
         quality=subject.quality,
+        host=host or None,
     )
 
 

@@ -7,7 +7,7 @@ from rcopterx.deploy.run_directory import router_socket, run_directory
 
 def bus_address(fleet: FleetFile, host: str) -> BusAddress:
     """Where processes of a host find their router: its socket, or its address if that is not there."""
-    return BusAddress(tuple(router_endpoints(fleet, host)), fleet.name, fleet.bus.namespace)
+    return BusAddress(tuple(router_endpoints(fleet, host)), fleet.name, fleet.bus.namespace, host)
 
 
 def router_endpoints(fleet: FleetFile, host: str) -> list[str]:

@@ -43,6 +43,7 @@ class FleetPage:
         self._fleet = fleet
         self._server = server
         self._applied = fleet.session.subscribe_all(channels.APPLIED)
+        fleet.watch_latency()
         self.histories = {name: History() for name in fleet.file.vehicles}
         self.timeline = Timeline()
         self.steering = Steering(fleet, self.notify) if steers else None

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Final
 
+from rcopterx.ground_station.latency import STAGES, TOTAL
 from rcopterx.ground_station.page.timeline import Event
 from rcopterx.ground_station.state import VehicleState
 
@@ -87,11 +88,18 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     yield "horizon", f"{values.horizon} stages", False
     yield "solver p50 / p99", f"{values.solve_ms_p50:.2f} / {values.solve_ms_p99:.2f} ms", False
     yield "missed periods", f"{values.missed_ticks} of {values.ticks}", False
+    yield from _latency_rows(state)
     if agent.path_left_s > 0.0:
         yield "trajectory", f"{agent.path_left_s:.0f} s left", False
     counts = Counter(values.fallbacks) + Counter(values.rejected)
     counts += Counter({} if transmitter is None else transmitter.rejected)
     yield "fallbacks, rejections", _counted(counts), False
+
+
+def _latency_rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
+    for stage, figures in state.latency_ms.items():
+        name = "latency, capture to serial port" if stage == TOTAL else f"· {STAGES[stage]}"
+        yield name, f"{figures['p50']:.1f} / {figures['p99']:.1f} / {figures['max']:.1f} ms", False
 
 
 def _lowered(effort_factor: float) -> str:

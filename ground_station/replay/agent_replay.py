@@ -209,11 +209,14 @@ class _LifeComparison:
             result.unmatched += 1
             return
         result.periods += 1
+        command_then = decode(then, Command)
+        # How long something took is not repeated, only what was done.
+        command = msgspec.structs.replace(command, timing=command_then.timing)
         if encode(command) == then and encode(plan) == plan_then:
             result.identical += 1
             self._errors.append(np.zeros(4))
             return
-        error = np.subtract(command.input, decode(then, Command).input)
+        error = np.subtract(command.input, command_then.input)
         old = decode(plan_then, Plan)
         self._errors.append(error)
         gap = _gap(plan.trajectory.to_numpy(), old.trajectory.to_numpy())

@@ -25,7 +25,8 @@ QUIT_KEYS = b"qQ" + HUNG_UP
 NEXT_KEY = b"\t"
 COLUMN_NAMES = (
     "vehicle", "phase", "arbiter", "flown-by", "follows", "position", "error", "pose", "command", "missed",
-    "solve", "link", "events",
+    "solve", "link", "events", "latency", "total-ms", "tracker-ms", "gateway-ms", "agent-ms", "solver-ms",
+    "command-ms", "radio-ms",
 )  # fmt: skip
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
@@ -92,6 +93,7 @@ def top(
     console = Console()
     with running_fleet(fleet) as running:
         running.wait_for_status()
+        running.watch_latency()
         if not console.is_terminal:
             width = table_width(running, chosen) if chosen else console.width
             Console(width=width).print(fleet_view(running, width, columns=chosen or None))

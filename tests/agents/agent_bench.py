@@ -1,6 +1,7 @@
 """An agent on a bus of its own, with the gateways played by the test."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from support.flight import ExactEstimator, NotedController
 from support.waiting import FakeClock, wait_for
@@ -23,7 +24,7 @@ Join = Callable[..., Session]
 
 def settings_of(address: BusAddress, following: tuple[LeaderLink, ...] = ()) -> AgentSettings:
     return AgentSettings(
-        bus=address,
+        bus=replace(address, host="main"),
         vehicle="h9",
         vehicles=("h1", "h9"),
         model=COAXIAL_LAG,
@@ -67,6 +68,7 @@ class Bench:
             latency_s=0.0,
             received_s=0.0,
             occluded=occluded,
+            host="main",
             **place,
         )
         if publish:

@@ -73,6 +73,18 @@ def test_in_the_air_command_and_plan_carry_the_frame_they_answer(bench: Bench) -
     assert (plan.source, plan.airborne, plan.ancestors, plan.start_s) == ("h9", True, (), COAXIAL_LAG.delay_s)
 
 
+def test_a_command_tells_when_it_passed_each_stage_unless_its_frame_was_predicted(bench: Bench) -> None:
+    bench.start()
+    bench.see()
+    timing = bench.command_of(bench.frame).timing
+    assert timing is not None
+    assert (timing.gateway_host, timing.agent_host, timing.received_s) == ("main", "main", 0.0)
+    assert timing.arrived_s == pytest.approx(bench.clock(), abs=0.02)
+    assert timing.ready_s >= timing.began_s
+    bench.clock.advance(0.0301)
+    assert bench.command_of(bench.frame + 1).timing is None
+
+
 def test_a_silent_tracker_is_bridged_by_prediction_up_to_a_limit(bench: Bench) -> None:
     bench.start()
     last = bench.frame

@@ -283,7 +283,7 @@ def test_a_kill_is_repeated_until_the_arbiters_confirm_it(fleet: Fleet, vehicles
 
 
 def rendered(fleet: Fleet) -> str:
-    console = Console(width=250, record=True, file=io.StringIO())
+    console = Console(width=350, record=True, file=io.StringIO())
     console.print(fleet_table(fleet, console.width))
     return console.export_text()
 

@@ -22,7 +22,8 @@ from rcopterx.bus.messages import (
     TransmitterStatus,
 )
 from rcopterx.ground_station.recorder import Record, Recording
-from rcopterx.ground_station.report import FlightFigures, percentiles, rms_and_max
+from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.statistics import percentiles, rms_and_max
 from rcopterx.vehicles.tuples import Four, Three
 
 

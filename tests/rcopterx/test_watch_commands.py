@@ -101,11 +101,11 @@ def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -
         stdin=inside, stdout=inside, stderr=inside, env=os.environ | {"COLUMNS": "80", "TERM": "xterm"},
     )  # fmt: skip
     try:
-        wait_for_picture(outside, b"columns 1 of 2")
+        wait_for_picture(outside, b"columns 1 of 4")
         os.write(outside, b"\t")
-        wait_for_picture(outside, b"columns 2 of 2")
+        wait_for_picture(outside, b"columns 2 of 4")
         os.write(outside, b"x\t")
-        wait_for_picture(outside, b"columns 1 of 2")
+        wait_for_picture(outside, b"columns 3 of 4")
         if way == "q":
             os.write(outside, b"q")
         else:

@@ -13,9 +13,10 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT
 from rcopterx.bus.message import FloatArray, Message
-from rcopterx.bus.messages import Command, Kill, Pose, TransmitterStatus
+from rcopterx.bus.messages import Applied, Command, Kill, Pose, TransmitterStatus
 from rcopterx.bus.session import BusAddress, Incoming, NobodyServesError
 from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.timing import CommandTiming
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
@@ -42,7 +43,7 @@ class OwnBus:
 
     def __init__(self) -> None:
         self.now_s = 0.0
-        self.address = BusAddress((), "lab")
+        self.address = BusAddress((), "lab", host="radio")
         self.inboxes: dict[tuple[str, str, str], tuple[Inbox[Any], Callable[[], None]]] = {}
         self.published: list[tuple[str, Message]] = []
 
@@ -180,7 +181,13 @@ class Laboratory(Wakeup):
     def command(self, source: str, thrust: float) -> Command:
         return Command(
             epoch=1, frame=self._frame, source=source, sequence=self._frame, input=(0.0, 0.0, thrust, 0.0),
-            next_inputs=NO_PLAN, period_s=PERIOD_S,
+            next_inputs=NO_PLAN, period_s=PERIOD_S, timing=self.timing(),
+        )  # fmt: skip
+
+    def timing(self) -> CommandTiming:
+        return CommandTiming(
+            latency_s=0.001, gateway_host="main", received_s=self._frame, agent_host="other",
+            arrived_s=1.0, began_s=2.0, ready_s=3.0,
         )  # fmt: skip
 
     def turn(self) -> None:
@@ -276,6 +283,20 @@ def test_shut_down_lands_everybody_and_closes_the_ports(laboratory: Laboratory) 
     for name in NAMES:
         assert laboratory.throttle_us[name][-25:] == [1100] * 25
         assert not laboratory.transmitter(name).port.is_open
+
+
+def test_what_is_written_for_a_command_tells_the_stages_it_has_passed(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    written = [message for _, message in laboratory.bus.published if isinstance(message, Applied)]
+    fresh = [applied for applied in written if applied.fresh]
+    assert fresh
+    for applied in fresh:
+        assert applied.host == "radio"
+        assert applied.timing is not None
+        assert applied.timing.received_s == applied.frame
+        assert applied.command_arrived_s is not None
+        assert applied.command_arrived_s <= applied.written_s
+    assert all(applied.timing is None for applied in written if not applied.fresh)
 
 
 def test_poses_wait_a_moment_and_commands_do_not(laboratory: Laboratory) -> None:

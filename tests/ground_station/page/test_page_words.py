@@ -35,3 +35,11 @@ def test_events_are_listed_newest_first() -> None:
     assert shown.index("second") < shown.index("first")
     assert "5 min" in shown
     assert "nothing has happened yet" in event_list([], 0.0)
+
+
+def test_a_table_tells_where_commands_spend_their_time() -> None:
+    figures = {"p50": 1.24, "p99": 2.5, "max": 3.0}
+    table = vehicle_table(replace(STATE, latency_ms={"solver": figures, "total": figures}))
+    assert "1.2 / 2.5 / 3.0 ms" in table
+    assert "controller" in table
+    assert "capture to serial port" in table
