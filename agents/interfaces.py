@@ -144,8 +144,12 @@ class ControlStep:
     iterations: int
 
 
+class NoSolutionError(Exception):
+    """A controller's solver offers nothing better than the previous plan, which is then flown on."""
+
+
 class Controller(Protocol):
-    """Computes inputs and a plan. Never raises in `step`, never returns a command outside the limits."""
+    """Computes inputs and a plan, finite and within the limits; whoever asks it checks that."""
 
     @property
     def horizon(self) -> int:
@@ -177,6 +181,11 @@ class Controller(Protocol):
         -------
         ControlStep
             Inputs and plan.
+
+        Raises
+        ------
+        NoSolutionError
+            The previous plan is better than all that was found; any other exception is a failure.
         """
         ...
 

@@ -157,12 +157,12 @@ class Pilot:
     def remarks(self) -> tuple[str, ...]:
         """What people should know: what failed last, and what has taken its place for good."""
         found = [self.self_check.remark] if self.self_check.remark else []
-        if self.step_guard.failure:
+        if self.step_guard.calls.failure:
             stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
-            found.append(self.step_guard.failure + stays)
-        if self.estimator.failure:
+            found.append(self.step_guard.calls.failure + stays)
+        if self.estimator.calls.failure:
             stays = "; the default estimator is used until one is chosen" if self.estimator.replaced else ""
-            found.append(self.estimator.failure + stays)
+            found.append(self.estimator.calls.failure + stays)
         return tuple(found)
 
     @property
@@ -256,13 +256,13 @@ class Pilot:
 
     def limit_time(self, limit: TimeLimit) -> None:
         """Give up steps of controllers and calls of estimators that take too long."""
-        self.step_guard.limit = self.estimator.limit = limit
+        self.step_guard.calls.limit = self.estimator.calls.limit = limit
 
     def use_controller(self, controller: Controller) -> None:
         """Fly with another controller from the next period on; it starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
         self.avoidance.use(controller)
-        self.step_guard.failure = ""
+        self.step_guard.calls.failure = ""
         self._begin_transfer()
         self._flown_by_controller = False
 
@@ -275,9 +275,9 @@ class Pilot:
         default = self.step_guard.default
         if default is None or default is self.controller:
             return
-        failure = self.step_guard.failure
+        failure = self.step_guard.calls.failure
         self.use_controller(default)
-        self.controller_replaced, self.step_guard.failure = True, failure
+        self.controller_replaced, self.step_guard.calls.failure = True, failure
         self.fallbacks[CONTROLLER_REPLACED] += 1
 
     def use_estimator(self, estimator: Estimator) -> None:

@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Final
 import msgspec
 import numpy as np
 
-from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.base import BaseController, Solution
 from rcopterx.agents.controllers.cascade_lag import LagProblem
 from rcopterx.agents.controllers.cascade_terms import (
     Bounds,
@@ -76,7 +76,7 @@ class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
     """Interior-point steps in each problem before its best point is taken."""
 
 
-class CascadeController(GuardedController):
+class CascadeController(BaseController):
     """Trajectory MPC, yaw first.
 
     Parameters

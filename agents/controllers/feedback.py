@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.base import BaseController, Solution
 from rcopterx.agents.controllers.roll_out import lag_poles, predict
 from rcopterx.agents.controllers.settings import Limits
 from rcopterx.agents.interfaces import Estimate
@@ -21,7 +21,7 @@ TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
 """An input further than this from hovering is a manoeuvre and not a trim."""
 
 
-class FeedbackController(GuardedController):
+class FeedbackController(BaseController):
     """Control law u = u_hover + trim - feedback(error).
 
     Parameters

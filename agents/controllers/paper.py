@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Literal
 import msgspec
 import numpy as np
 
-from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.base import BaseController, Solution
 from rcopterx.agents.controllers.paper_model import (
     BOUNDED_STATES,
     INPUT_WEIGHTS,
@@ -51,7 +51,7 @@ class PaperSettings(ControllerSettings, frozen=True, kw_only=True):
     """Time budget of the solver in one step."""
 
 
-class PaperController(GuardedController):
+class PaperController(BaseController):
     """Set-point MPC of the paper.
 
     Parameters
@@ -171,7 +171,7 @@ class PaperController(GuardedController):
 
     def _guess(self) -> Array:
         """Previous inputs shifted by one stage: a feasible point of the widened problem."""
-        inputs = self._shifted_inputs()
+        inputs = self._planned_inputs()
         if inputs is None:
             return np.tile(self._model.hover_input, (self._horizon - 1, 1))
         return np.clip(inputs, self._limits.input_min, self._limits.input_max)

@@ -41,6 +41,11 @@ def first_order(pole: float, start: float, driven: Array) -> Array:
     return response
 
 
+def one_stage_on(inputs: Array) -> Array:
+    """Planned inputs after one control period, shape (N - 1, 4): the last one lasts."""
+    return np.vstack((inputs[1:], inputs[-1:]))
+
+
 def predict(model: Model, estimate: Estimate, inputs: Array, period_s: float) -> Trajectory:
     """Roll the nonlinear discrete model out from an estimate.
 

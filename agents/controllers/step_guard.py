@@ -2,8 +2,10 @@
 
 A controller may be somebody else's. It may raise, return something that is no command, or not return in time.
 Such a step is a failure. It is flown by the inputs of the last good step, one stage on, while these are young
-enough, else by the default controller, else by a plain feedback law. Failures that follow each other
-for `PATIENCE_S` mean that the controller is of no use; whoever steps it then takes the default controller.
+enough, else by the default controller, else by a plain feedback law (the ladder of control.md section 8).
+Failures that follow each other for `PATIENCE_S` mean that the controller is of no use; whoever steps it then
+takes the default controller. A solver that finds nothing better than the previous plan has not failed, but
+its step is flown in the same way.
 """
 
 from collections import Counter
@@ -12,17 +14,23 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.base import HOVER, SHIFTED_PLAN, SHIFTED_PLAN_LIMIT_S
 from rcopterx.agents.controllers.hovering import hovering_input
-from rcopterx.agents.controllers.roll_out import predict
-from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, NoTimeLimit, OutOfTimeError, TimeLimit
-from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, StopsEarly
-from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.agents.controllers.roll_out import one_stage_on, predict
+from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
+from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
+from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
+from rcopterx.agents.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
+SHIFTED_PLAN: Final = "shifted_plan"
+"""Counted for every step that the previous plan flew."""
+SHIFTED_PLAN_LIMIT_S: Final = 0.3
+"""A plan older than this says nothing about a vehicle that nobody has steered since."""
 DEFAULT_CONTROLLER: Final = "default_controller"
 """Counted for every step that the default controller flew for one that failed."""
+HOVER: Final = "hover"
+"""Counted for every step that the feedback law flew, or that had no reference to fly."""
 RAISED: Final = "controller_raised"
 UNUSABLE: Final = "controller_unusable"
 """Counted for every result that was no command: wrong shape, not finite, outside the limits."""
@@ -33,10 +41,11 @@ PATIENCE_S: Final = 0.1
 FIRST_STEPS: Final = 5
 FIRST_STEPS_FACTOR: Final = 4.0
 """The first steps load code and fill caches; they may take so many times as long."""
-LONGEST_TEXT: Final = 300
 
 _TOLERANCE: Final = 1e-6
 _LARGEST: Final = 1e6
+_ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
+"""Motion, actuators, disturbance: numbers beyond these are no vehicle; cut, they keep arithmetic finite."""
 
 
 class StepGuard:
@@ -53,27 +62,33 @@ class StepGuard:
 
     Attributes
     ----------
-    events
-        Failures by kind.
-    failure
-        What the last failure was; empty before the first one.
+    calls
+        Counts and tells failures.
     """
 
     def __init__(
         self, model: Model, default: Controller | None = None, limit: TimeLimit | None = None
     ) -> None:
         self.default = default
-        self.events: Counter[str] = Counter()
-        self.failure = ""
+        kinds = FailureKinds(RAISED, UNUSABLE, LATE)
+        self.calls = GuardedCall(kinds, FIRST_STEPS, FIRST_STEPS_FACTOR, limit)
         self._model = model
-        self.limit = NoTimeLimit() if limit is None else limit
+        self._without_s = 0.0
+        """Time since the last usable step."""
         self._failed_for_s = 0.0
-        self._steps = 0
-        self._interrupted = False
+        self._to_start = False
+        """Whether the controller has to start anew before its next step."""
         self._default_flies = False
         self._inputs: Array | None = None
+        self._plan: Trajectory | None = None
+        self._set_point: Array | None = None
         self._known: Controller | None = None
         self._early: StopsEarly | None = None
+
+    @property
+    def events(self) -> Counter[str]:
+        """Failures by kind."""
+        return self.calls.failures
 
     @property
     def given_up(self) -> bool:
@@ -82,9 +97,13 @@ class StepGuard:
 
     def reset(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
         """Let a controller start from a flying vehicle."""
-        self._failed_for_s, self._steps = 0.0, 0
-        self._inputs, self._default_flies = None, False
-        self._start(controller, estimate, last_input)
+        self._failed_for_s = self._without_s = 0.0
+        self.calls.begin()
+        self._inputs = self._plan = self._set_point = None
+        self._default_flies = False
+        self._to_start = not estimate.is_finite
+        if not self._to_start:
+            self._start(controller, _capped(estimate), last_input)
 
     def step(
         self, controller: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
@@ -97,70 +116,86 @@ class StepGuard:
             Finite and within the vehicle's limits; its `fallback` names what was flown in the place of a
             result that could not be used.
         """
-        if self._interrupted:
-            self._start(controller, estimate, last_input)
-        step = self._attempt(controller, estimate, reference, last_input)
+        estimate = _capped(estimate)
+        aim = self._finite(reference, estimate, controller)
+        step = self._asked(controller, estimate, aim, last_input) if estimate.is_finite else None
         if step is not None:
-            self._failed_for_s, self._default_flies = 0.0, False
-            self._inputs = step.inputs
-            return step
-        young = self._failed_for_s < SHIFTED_PLAN_LIMIT_S
-        self._failed_for_s += controller.period_s
+            self._failed_for_s = self._without_s = 0.0
+            self._default_flies = False
+            self._inputs, self._plan = step.inputs, step.plan
+            return step if aim is reference else ControlStep(step.inputs, step.plan, HOVER, step.iterations)
+        young = self._without_s < SHIFTED_PLAN_LIMIT_S - _TOLERANCE
+        self._without_s += controller.period_s
         if self._inputs is not None and young:
-            self._inputs = np.vstack((self._inputs[1:], self._inputs[-1:]))
-            return self._flown_by(self._inputs, SHIFTED_PLAN, estimate, controller.period_s)
-        return self._step_by_default(controller, estimate, reference, last_input)
+            self._inputs = one_stage_on(self._inputs)
+            return self._flown_by(self._inputs, SHIFTED_PLAN, estimate, aim)
+        return self._step_by_default(controller, estimate, aim, last_input)
 
     def tell(self, controller: Controller, message: Callable[[], None]) -> None:
         """Tell a controller something besides its steps; what it raises is a failure like any other."""
-        try:
-            message()
-        except Exception as error:  # noqa: BLE001 - it may be somebody else's and raise anything
-            self._note(RAISED, f"{_name(controller)}: {type(error).__name__}: {error}")
+        self.calls.tell(_name(controller), message)
 
     def _start(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
-        self._interrupted = False
         self.tell(controller, lambda: controller.reset(estimate, last_input))
+
+    def _finite(self, reference: Trajectory, estimate: Estimate, controller: Controller) -> Trajectory:
+        """The reference, or where it is not finite the last set point, else the place of the vehicle."""
+        if len(reference.samples) and np.isfinite(reference.samples).all():
+            self._set_point = reference.samples[-1, :4]
+            return reference
+        place = np.nan_to_num(estimate.motion[:4]) if self._set_point is None else self._set_point
+        return hold(place[POSITION], float(place[YAW]), controller.period_s, controller.horizon)
+
+    def _asked(
+        self, controller: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
+    ) -> ControlStep | None:
+        """A step of the controller; None after a failure, or if its solver offers nothing."""
+        if self._to_start:
+            self._start(controller, estimate, last_input)
+            self._to_start = False
+        answer = self._attempt(controller, estimate, reference, last_input)
+        if isinstance(answer, NoSolutionError):
+            self._failed_for_s = 0.0
+            return None
+        if answer is None:
+            # Nobody knows what it was in the middle of.
+            self._to_start = True
+            self._failed_for_s += controller.period_s
+        return answer
 
     def _attempt(
         self, controller: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
-    ) -> ControlStep | None:
-        """A usable step, or None after a failure, which is counted."""
-        name, limit_s = _name(controller), STEP_SHARE * controller.period_s
+    ) -> ControlStep | NoSolutionError | None:
+        """A usable step, what the solver says if it offers none, or None after a failure."""
         if controller is not self._known:
             # Asking for a protocol takes longer than most of what is done here, so it is done once.
             self._known = controller
             self._early = controller if isinstance(controller, StopsEarly) else None
-        self._steps += 1
-        if self._steps <= FIRST_STEPS:
-            limit_s *= FIRST_STEPS_FACTOR
-        try:
-            if self._early is not None:
-                # It keeps the time by itself, and its best iterate is worth more than no step.
-                solver_s = SOLVER_SHARE / STEP_SHARE * limit_s
-                self._early.set_deadline(lambda: self.limit.used_s() > solver_s)
-                with self.limit.within(np.inf):
-                    step = controller.step(estimate, reference, last_input)
-            else:
-                with self.limit.within(limit_s):
-                    step = controller.step(estimate, reference, last_input)
-                if self.limit.used_s() > limit_s:
-                    raise OutOfTimeError
-            problem = self._problem(step, controller)
-            if problem is None:
-                inputs = np.minimum(np.maximum(step.inputs, self._model.u_min), self._model.u_max)
-                return ControlStep(inputs, step.plan, step.fallback, step.iterations)
-            self._note(UNUSABLE, f"{name}: {problem}")
-        except OutOfTimeError:
-            self._interrupted = True
-            self._note(LATE, f"{name}: a step took longer than {1e3 * limit_s:.0f} ms")
-        except Exception as error:  # noqa: BLE001 - it may be somebody else's and raise anything
-            self._interrupted = True
-            self._note(RAISED, f"{name}: {type(error).__name__}: {error}")
-        return None
+        if self._early is not None:
+            limit, solver_s = self.calls.limit, self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
+            self._early.set_deadline(lambda: limit.used_s() > solver_s)
+
+        def question() -> ControlStep | NoSolutionError:
+            try:
+                return controller.step(estimate, reference, last_input)
+            except NoSolutionError as nothing:
+                return nothing
+
+        answer = self.calls.attempt(
+            _name(controller),
+            STEP_SHARE * controller.period_s,
+            question,
+            lambda answer: self._problem(answer, controller),
+        )
+        if answer is None or isinstance(answer, NoSolutionError):
+            return answer
+        inputs = np.minimum(np.maximum(answer.inputs, self._model.u_min), self._model.u_max)
+        return ControlStep(inputs, answer.plan, answer.fallback, answer.iterations)
 
     def _problem(self, step: object, controller: Controller) -> str | None:
         """What makes a result unusable; None if it can be flown."""
+        if isinstance(step, NoSolutionError):
+            return None
         if not (isinstance(step, ControlStep) and isinstance(step.plan, Trajectory)):
             return f"a step is {type(step).__name__} and no ControlStep with a Trajectory for its plan"
         inputs, samples = np.asarray(step.inputs), np.asarray(step.plan.samples)
@@ -186,31 +221,43 @@ class StepGuard:
         self, failed: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
     ) -> ControlStep:
         default = self.default
-        if default is not None and default is not failed:
+        if default is not None and default is not failed and estimate.is_finite:
             if not self._default_flies:
-                self._default_flies = True
                 self._start(default, estimate, last_input)
             step = self._attempt(default, estimate, reference, last_input)
-            if step is not None:
+            self._default_flies = step is not None
+            if isinstance(step, ControlStep):
+                self._plan = step.plan
                 return ControlStep(step.inputs, step.plan, DEFAULT_CONTROLLER, step.iterations)
         inputs = np.tile(self._model.hover_input, (failed.horizon - 1, 1))
         if estimate.is_finite:
-            place = reference.samples[0, :4] if np.isfinite(reference.samples[0]).all() else None
-            motion = estimate.motion
-            inputs[0] = hovering_input(self._model, motion, motion[:4] if place is None else place)
+            inputs[0] = hovering_input(self._model, estimate.motion, reference.samples[0, :4])
+        else:
+            inputs[:, U_THRUST] = self._model.hover_thrust
         inputs = np.clip(inputs, self._model.u_min, self._model.u_max)
-        return self._flown_by(inputs, HOVER, estimate, failed.period_s)
+        return self._flown_by(inputs, HOVER, estimate, reference)
 
-    def _flown_by(self, inputs: Array, fallback: str, estimate: Estimate, period_s: float) -> ControlStep:
-        plan = predict(self._model, estimate, inputs, period_s)
-        if not np.isfinite(plan.samples).all():
-            plan = Trajectory(np.zeros((len(inputs) + 1, COLUMNS)), period_s)
+    def _flown_by(
+        self, inputs: Array, fallback: str, estimate: Estimate, reference: Trajectory
+    ) -> ControlStep:
+        """Inputs and where they lead; where the vehicle is not known, the previous plan goes on."""
+        period_s, stages = reference.period_s, len(inputs) + 1
+        plan = predict(self._model, estimate, inputs, period_s) if estimate.is_finite else None
+        if plan is None or not np.isfinite(plan.samples).all():
+            known = reference if self._plan is None else self._plan
+            plan = known.resampled(0.0 if self._plan is None else period_s, period_s, stages)
+        self._plan = plan
         return ControlStep(inputs, plan, fallback, 0)
-
-    def _note(self, kind: str, text: str) -> None:
-        self.events[kind] += 1
-        self.failure = text[:LONGEST_TEXT]
 
 
 def _name(controller: Controller) -> str:
     return type(controller).__name__
+
+
+def _capped(estimate: Estimate) -> Estimate:
+    """Estimate within what arithmetic can bear; the same object in every real flight."""
+    values = np.concatenate((estimate.motion, estimate.actuator, estimate.disturbance))
+    if (np.abs(values) <= _ESTIMATE_CAP).all():
+        return estimate
+    motion, actuator, disturbance = np.split(np.clip(values, -_ESTIMATE_CAP, _ESTIMATE_CAP), (8, 12))
+    return Estimate(motion, actuator, disturbance, estimate.tilt)

@@ -10,7 +10,8 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from rcopterx.agents.flight.time_limit import NoTimeLimit, OutOfTimeError, TimeLimit
+from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
+from rcopterx.agents.flight.time_limit import TimeLimit
 from rcopterx.agents.interfaces import Estimate, Estimator, Measurement
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
@@ -22,7 +23,6 @@ STEP_LIMIT_S: Final = 0.006
 FIRST_CALLS: Final = 10
 FIRST_CALLS_FACTOR: Final = 8.0
 """The first calls load code and fill caches; they may take so many times as long."""
-LONGEST_TEXT: Final = 300
 
 T = TypeVar("T")
 
@@ -41,23 +41,19 @@ class EstimatorGuard:
 
     Attributes
     ----------
-    failures
-        How often which kind of failure happened.
-    failure
-        What the last failure was; empty before the first one.
+    calls
+        Counts and tells failures.
     """
 
     def __init__(
         self, estimator: Estimator, default: Estimator | None = None, limit: TimeLimit | None = None
     ) -> None:
-        self.limit = NoTimeLimit() if limit is None else limit
-        self.failures: Counter[str] = Counter()
-        self.failure = ""
+        kinds = FailureKinds(RAISED, UNUSABLE, LATE)
+        self.calls = GuardedCall(kinds, FIRST_CALLS, FIRST_CALLS_FACTOR, limit)
         self.replaced = False
         """Whether the default estimator has taken the place of the one that was chosen."""
         self._asked = estimator
         self._default = default
-        self._calls = 0
         self._begun = False
         nowhere = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._estimate = nowhere
@@ -71,11 +67,12 @@ class EstimatorGuard:
     @property
     def events(self) -> Mapping[str, int]:
         """Failures by kind, and what the estimator counts."""
-        return self.failures + Counter(getattr(self._asked, "events", {}))
+        return self.calls.failures + Counter(getattr(self._asked, "events", {}))
 
     def use(self, estimator: Estimator, started: bool) -> None:
         """Ask another estimator from now on; it goes on from the present estimate once that has started."""
-        self._asked, self._calls, self.replaced, self.failure = estimator, 0, False, ""
+        self._asked, self.replaced, self.calls.failure = estimator, False, ""
+        self.calls.begin()
         if started:
             self.take_over(self._estimate)
         else:
@@ -85,7 +82,8 @@ class EstimatorGuard:
         """Ask the default estimator from now on; False if it is asked already, or there is none."""
         if self._default is None or self._asked is self._default:
             return False
-        self._asked, self._calls, self.replaced = self._default, 0, True
+        self._asked, self.replaced = self._default, True
+        self.calls.begin()
         self._go_on()
         return True
 
@@ -124,35 +122,25 @@ class EstimatorGuard:
         good = self._estimate
         self._attempt(lambda asked: asked.take_over(good))
 
-    def _attempt(self, question: Callable[[Estimator], T]) -> tuple[T] | None:
-        """Answer of an estimator whose estimate is good after it; None after a failure, which is counted."""
-        self._calls += 1
-        limit_s = STEP_LIMIT_S * (FIRST_CALLS_FACTOR if self._calls <= FIRST_CALLS else 1.0)
-        name = type(self._asked).__name__
-        try:
-            with self.limit.within(limit_s):
-                answer, estimate = question(self._asked), self._asked.estimate
-            if self.limit.used_s() > limit_s:
-                raise OutOfTimeError
-            if _is_good(estimate):
-                self._estimate = estimate
-                return (answer,)
-            self._note(UNUSABLE, f"{name}: the estimate is not finite or has another shape than a vehicle's")
-        except OutOfTimeError:
-            self._note(LATE, f"{name}: a call took longer than {1e3 * limit_s:.0f} ms")
-        except Exception as error:  # noqa: BLE001 - it may be somebody else's and raise anything
-            self._note(RAISED, f"{name}: {type(error).__name__}: {error}")
-        return None
-
-    def _note(self, kind: str, text: str) -> None:
-        self.failures[kind] += 1
-        self.failure = text[:LONGEST_TEXT]
+    def _attempt(self, question: Callable[[Estimator], T]) -> tuple[T, Estimate] | None:
+        """Answer of an estimator and its estimate after it; None after a failure, which is counted."""
+        asked = self._asked
+        told = self.calls.attempt(
+            type(asked).__name__, STEP_LIMIT_S, lambda: (question(asked), asked.estimate), _problem
+        )
+        if told is not None:
+            self._estimate = told[1]
+        return told
 
 
 def _nothing(_: Estimator) -> None:
     """Ask for the estimate only."""
 
 
-def _is_good(estimate: Estimate) -> bool:
+def _problem(told: tuple[T, Estimate]) -> str | None:
+    """What makes an estimate unusable; None if it can be used."""
+    estimate = told[1]
     shapes = estimate.motion.shape, estimate.actuator.shape, estimate.disturbance.shape
-    return shapes == ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) and estimate.is_finite
+    if shapes == ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) and estimate.is_finite:
+        return None
+    return "the estimate is not finite or has another shape than a vehicle's"

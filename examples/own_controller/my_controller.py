@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rcopterx.agents.controllers.base import GuardedController, Solution
+from rcopterx.agents.controllers.base import BaseController, Solution
 from rcopterx.agents.controllers.roll_out import predict
 from rcopterx.agents.controllers.settings import ControllerSettings, PositiveFloat
 from rcopterx.vehicles.state import U_THRUST, heading_matrix
@@ -15,7 +15,7 @@ class Settings(ControllerSettings, frozen=True, kw_only=True):
     damping: PositiveFloat = 4.0
 
 
-class Backstepping(GuardedController):
+class Backstepping(BaseController):
     """Desired acceleration from position and velocity errors, turned into inputs by the model."""
 
     Settings = Settings

@@ -1,4 +1,4 @@
-"""What every controller promises, whatever it is given."""
+"""What every controller promises, whatever it is given; the step guard is part of it, as in every flight."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from rcopterx.agents.controllers.registry import CONTROLLERS
+from rcopterx.agents.controllers.step_guard import StepGuard
 from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.model import Model
@@ -21,24 +22,42 @@ NAMES = ("cascade", "lqr", "paper", "pid")
 HOVER = COAXIAL_LAG.hover_input
 FALLBACKS = {None, "early_stop", "shifted_plan", "hover"}
 
-BUILT: dict[tuple[str, str], Controller] = {}
+
+class Guarded:
+    """A controller with its step guard."""
+
+    def __init__(self, controller: Controller, model: Model) -> None:
+        self._controller = controller
+        self.guard = StepGuard(model)
+
+    def reset(self, estimate: Estimate, last_input: Array) -> None:
+        self.guard.reset(self._controller, estimate, last_input)
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        return self.guard.step(self._controller, estimate, reference, last_input)
+
+
+BUILT: dict[tuple[str, str], Guarded] = {}
 
 every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 
 
-def controller(name: str, model: Model = COAXIAL_LAG) -> Controller:
+def build(name: str, model: Model = COAXIAL_LAG, **settings: float) -> Guarded:
+    return Guarded(CONTROLLERS.build(name, model, PERIOD_S, {"horizon": HORIZON} | settings), model)
+
+
+def controller(name: str, model: Model = COAXIAL_LAG) -> Guarded:
     """One controller per name and type for all examples: what came before must not matter either."""
     key = (name, model.kind)
     if key not in BUILT:
-        BUILT[key] = CONTROLLERS.build(name, model, PERIOD_S, {"horizon": HORIZON})
+        BUILT[key] = build(name, model)
         BUILT[key].reset(at(np.array([0, 0, 1.0, 0, 0, 0, 0, 0])), HOVER)
     return BUILT[key]
 
 
-def unhurried(name: str, model: Model = COAXIAL_LAG) -> Controller:
+def unhurried(name: str, model: Model = COAXIAL_LAG) -> Guarded:
     """A controller that a busy machine does not make stop early."""
-    patience = {"time_limit_s": 1.0} if name == "paper" else {}
-    return CONTROLLERS.build(name, model, PERIOD_S, {"horizon": HORIZON} | patience)
+    return build(name, model, **UNHURRIED.get(name, {}))
 
 
 def box(model: Model) -> tuple[Array, Array]:
@@ -108,6 +127,7 @@ def test_command_is_finite_and_within_limits_whatever_state_and_reference(
         flown.reset(estimate, model.hover_input)
     step = flown.step(estimate, reference, model.hover_input)
     check(step, model)
+    assert not flown.guard.events, flown.guard.calls.failure
     assert step.plan.samples[0, :4] == pytest.approx(estimate.motion[:4], abs=1e-9)
 
 
@@ -149,7 +169,7 @@ def test_a_state_far_outside_the_box_is_no_reason_to_give_up(
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_reference_that_is_not_finite_means_hovering_at_the_last_set_point(name: str) -> None:
-    flown = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": HORIZON})
+    flown = build(name)
     here = at(np.array([0.2, 0.1, 1.0, 0.3, 0, 0, 0, 0]))
     flown.reset(here, HOVER)
     good = hold(np.array([0.2, 0.1, 1.0]), 0.3, PERIOD_S, HORIZON)
@@ -179,7 +199,7 @@ def test_without_a_state_the_previous_plan_is_flown_for_a_while_and_then_hover_t
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_estimate_without_plan_hovers(name: str) -> None:
-    flown = CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": HORIZON})
+    flown = build(name)
     lost = at(np.full(8, np.nan))
     flown.reset(lost, HOVER)
     step = flown.step(lost, hold(np.array([0.3, 0.1, 1.1]), 0.3, PERIOD_S, HORIZON), HOVER)
@@ -192,10 +212,7 @@ def test_an_estimate_without_plan_hovers(name: str) -> None:
 def test_switching_in_flight_is_bumpless(before: str, after: str) -> None:
     """In hover with a trim that the old controller has found, the new one's first step is a small one."""
     trim = np.array([0.03, -0.02, 0.01, 0.0])
-    old, new = (
-        CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": HORIZON} | UNHURRIED.get(name, {}))
-        for name in (before, after)
-    )
+    old, new = unhurried(before), unhurried(after)
     motion = np.array([0.1, -0.1, 1.0, 0.5, 0, 0, 0, 0])
     here = Estimate(motion, HOVER + trim, np.zeros(4))
     reference = hold(motion[:3], 0.5, PERIOD_S, HORIZON)

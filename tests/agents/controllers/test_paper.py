@@ -6,6 +6,7 @@ from scipy.linalg import solve_discrete_are
 
 from rcopterx.agents.controllers.paper import PaperController, PaperSettings
 from rcopterx.agents.controllers.paper_model import PaperModel, TerminalCost
+from rcopterx.agents.controllers.step_guard import StepGuard
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import hold
 from rcopterx.vehicles.model import motion_derivative
@@ -167,17 +168,19 @@ def test_first_step_after_a_switch_takes_over_the_trim() -> None:
 
 def test_an_exhausted_time_limit_is_reported_and_still_gives_a_command() -> None:
     controller = make(horizon=110, time_limit_s=1e-5)
-    controller.reset(at_rest(), COAXIAL_LAG.hover_input)
+    guard = StepGuard(COAXIAL_LAG)
+    guard.reset(controller, at_rest(), COAXIAL_LAG.hover_input)
     seen = set()
     for yaw in np.linspace(0, 3, 20):
         state = at_rest(yaw=float(yaw)).motion
         state[YAW + 1 :] = 0.5
         estimate = Estimate(state, COAXIAL_LAG.hover_input, np.zeros(4))
-        result = controller.step(
-            estimate, hold(np.array([1, 1, 1.8]), 3.0, PERIOD_S, 110), COAXIAL_LAG.hover_input
-        )
+        far = hold(np.array([1, 1, 1.8]), 3.0, PERIOD_S, 110)
+        result = guard.step(controller, estimate, far, COAXIAL_LAG.hover_input)
         seen.add(result.fallback)
         assert (result.inputs >= COAXIAL_LAG.u_min).all()
         assert (result.inputs <= COAXIAL_LAG.u_max).all()
     assert seen & {"early_stop", "shifted_plan", "hover"}
     assert None not in seen
+    assert not guard.events
+    assert not guard.given_up

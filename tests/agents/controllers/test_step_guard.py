@@ -7,17 +7,18 @@ from hypothesis import strategies as st
 from support.failing import FAILURES, FailingController
 from support.flight import ExactEstimator, Lab, NotedController, Plant, measured, still
 
-from rcopterx.agents.controllers.base import HOVER as HOVERING
-from rcopterx.agents.controllers.base import SHIFTED_PLAN, SHIFTED_PLAN_LIMIT_S
 from rcopterx.agents.controllers.registry import CONTROLLERS
 from rcopterx.agents.controllers.step_guard import (
     DEFAULT_CONTROLLER,
     LATE,
     PATIENCE_S,
     RAISED,
+    SHIFTED_PLAN,
+    SHIFTED_PLAN_LIMIT_S,
     UNUSABLE,
     StepGuard,
 )
+from rcopterx.agents.controllers.step_guard import HOVER as HOVERING
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
 from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot, StampedMeasurement
@@ -181,7 +182,7 @@ def test_what_is_raised_in_a_reset_is_a_failure_like_any_other() -> None:
     guard, deaf = StepGuard(COAXIAL_LAG), Deaf(HOVER[None, :])
     guard.reset(deaf, still(), HOVER)
     assert guard.events[RAISED] == 1
-    assert guard.failure == "Deaf: ValueError: not now"
+    assert guard.calls.failure == "Deaf: ValueError: not now"
 
 
 class Slow(NotedController):

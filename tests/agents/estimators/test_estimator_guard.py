@@ -82,10 +82,10 @@ def test_the_default_estimator_goes_on_from_the_last_good_estimate(method: str, 
     fly(guard)
     assert np.allclose(guard.estimate.motion, sound.estimate.motion)
     assert np.allclose(guard.estimate.actuator, sound.estimate.actuator)
-    assert guard.replaced == (guard.failures[RAISED] > 0)
-    assert guard.failures[RAISED] <= 1
+    assert guard.replaced == (guard.calls.failures[RAISED] > 0)
+    assert guard.calls.failures[RAISED] <= 1
     if guard.replaced:
-        assert guard.failure == "FailingEstimator: BrokenError: no covariance"
+        assert guard.calls.failure == "FailingEstimator: BrokenError: no covariance"
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -93,7 +93,7 @@ def test_without_another_estimator_the_last_good_estimate_stays(method: str) -> 
     guard = EstimatorGuard(FailingEstimator(method))
     fly(guard)
     assert guard.estimate.is_finite
-    assert guard.failures[RAISED] > 0
+    assert guard.calls.failures[RAISED] > 0
 
 
 class Diverging(ExactEstimator):
@@ -116,7 +116,7 @@ def test_what_is_no_estimate_is_not_used(change: dict[str, Array]) -> None:
     guard = EstimatorGuard(Diverging(change), ExactEstimator())
     fly(guard)
     assert guard.replaced
-    assert guard.failures[UNUSABLE] == 1
+    assert guard.calls.failures[UNUSABLE] == 1
     assert guard.estimate.motion[:2] == pytest.approx(PLACE.position_m[:2], abs=1e-2)
 
 
@@ -127,7 +127,7 @@ def test_the_default_estimator_stays_until_somebody_chooses_again() -> None:
     guard.use(ExactEstimator(), started=True)
     fly(guard)
     assert not guard.replaced
-    assert not guard.failure
+    assert not guard.calls.failure
     assert guard.events == {RAISED: 1}
 
 
@@ -143,7 +143,7 @@ def test_a_call_that_takes_too_long_is_a_failure_but_for_the_first_ones() -> Non
     assert not guard.replaced
     guard.predict(HOVER, 0.02)
     assert guard.replaced
-    assert guard.failures[LATE] == 1
+    assert guard.calls.failures[LATE] == 1
 
 
 def test_what_an_estimator_counts_is_told() -> None:
