@@ -4,7 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.active_set import UNLIMITED, Budget, ChainSolution
 from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chain_qp import ChainQP
 from rcopterx.agents.controllers.stage_qp import StageQP, StageSolution
@@ -63,8 +63,10 @@ def judged_chain(base: type[ChainQP], errors: list[float], model: Model) -> type
             super().set_matrices(turn, transition, terminal_cost)
             self._judge.set_matrices(turn, transition, terminal_cost)
 
-        def solve(self, first_state: Array, disturbance: Array, target: ChainTarget) -> ChainSolution:
-            found: ChainSolution = super().solve(first_state, disturbance, target)
+        def solve(
+            self, first_state: Array, disturbance: Array, target: ChainTarget, budget: Budget = UNLIMITED
+        ) -> ChainSolution:
+            found: ChainSolution = super().solve(first_state, disturbance, target, budget)
             self._count += 1
             if self._count % EVERY == 1:
                 exact = self._judge.solve(first_state, disturbance, target)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
-from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.active_set import UNLIMITED, Budget, ChainSolution
 from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chain_qp import ChainQP
 from rcopterx.agents.controllers.stage_qp import Indices, Outcome, StageQP, sparse_with_places
@@ -131,7 +131,13 @@ class PiqpChainQP(ChainQP):
         if self._started:
             self._peer.update(P=self._hessian, A=self._equality)
 
-    def solve(self, first_state: Array, disturbance: Array, target: ChainTarget) -> ChainSolution:
+    def solve(
+        self,
+        first_state: Array,
+        disturbance: Array,
+        target: ChainTarget,
+        budget: Budget = UNLIMITED,  # noqa: ARG002 - it cannot be stopped
+    ) -> ChainSolution:
         """Solve in the inputs with the disturbance's balance added, in which there is no disturbance."""
         piqp: Any = import_module("piqp")
 

@@ -5,7 +5,8 @@ With bounds active, the first guess is that those of the previous solution are a
 because time has passed, or at the same stages, because a vehicle that cruises along a bound sees the same
 problem at every step. Semismooth Newton steps on the augmented Lagrangian settle from one of the two guesses
 in one to four factorisations. When they do not (a set point was moved), a primal-dual interior-point method
-solves from scratch.
+solves from scratch. When the time is over, the best of what is known is returned: the present iterate, or the
+inputs of the previous plan.
 """
 
 from collections.abc import Callable
@@ -27,6 +28,29 @@ SECOND_GUESS_STEPS: Final = 3
 MULTIPLIER_STEPS: Final = 12
 READABLE_GAPS: Final = (1e-2, 1e-4, 1e-6)
 """Mean complementarities at which the active bounds are read off an interior point; the last one is exact."""
+
+
+def _never() -> bool:
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What a solve may take, and what it has to beat where that does not suffice.
+
+    Attributes
+    ----------
+    expired
+        Whether to stop; asked before every factorisation.
+    planned
+        Inputs of the previous plan one stage on, shape (N - 1, m); None if there is none.
+    """
+
+    expired: Callable[[], bool] = _never
+    planned: Array | None = None
+
+
+UNLIMITED: Final = Budget()
 
 
 @dataclass(slots=True)
@@ -70,7 +94,7 @@ class ChainSolution:
     inputs
         Shape (N - 1, m), within their bounds to `INPUT_TOLERANCE` if solved.
     solved
-        False if the iterations ran out.
+        False if the iterations or the time ran out.
     iterations
         Newton steps.
     """
@@ -103,6 +127,7 @@ class ActiveSetQP:
         self._factor: Array | None = None
         self._factor_side: Array | None = None
         self._warm = False
+        self._expired: Callable[[], bool] = _never
         self._values: Array = chain.values()
         """Rows at the point that solves the problem."""
 
@@ -113,10 +138,13 @@ class ActiveSetQP:
         self._can_press = chain.bounded > 0.0
 
     def forget(self) -> None:
-        """Start the next solve from nothing."""
-        self._warm = False
+        """Start the next solve from nothing, also after one that was interrupted anywhere."""
+        self._warm = self._cruising = False
+        self._factor = self._factor_side = None
 
-    def _solve(self, start: Callable[[], None], balance: Array, target: ChainTarget) -> ChainSolution:
+    def _solve(
+        self, start: Callable[[], None], balance: Array, target: ChainTarget, budget: Budget
+    ) -> ChainSolution:
         """Solve with new numbers, starting from the last solution shifted by one stage.
 
         Parameters
@@ -127,13 +155,16 @@ class ActiveSetQP:
             What the rows of the inputs have added to them, shape (m,).
         target
             Reference and bounds.
+        budget
+            What it may take.
 
         Returns
         -------
         ChainSolution
-            The minimiser, or the best point found.
+            The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
         chain = self._chain
+        self._expired = budget.expired
         if self._warm:
             chain.shift()
         start()
@@ -147,10 +178,33 @@ class ActiveSetQP:
         if solved:
             inputs = self._values[:-1, chain.inputs]
         else:
-            inputs = chain.values()[:-1, chain.inputs]
-            inputs = np.clip(inputs, *self._input_bounds(target))
-            chain.roll_out(inputs)
+            known = [chain.values()[:-1, chain.inputs]]
+            if budget.planned is not None:
+                known.append(budget.planned + balance)
+            inputs = self._best(known, target)
         return ChainSolution(chain.positions(), inputs - balance, solved, iterations)
+
+    def _best(self, known: list[Array], target: ChainTarget) -> Array:
+        """Go to the least costly of these inputs, cut to their bounds."""
+        chain = self._chain
+        within = [np.clip(inputs, *self._input_bounds(target)) for inputs in known]
+        costs = []
+        for inputs in within:
+            chain.roll_out(inputs)
+            costs.append(self._cost_of(target))
+        best = within[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
+        if best is not within[-1]:
+            chain.roll_out(best)
+        return best
+
+    def _cost_of(self, target: ChainTarget) -> float:
+        """Cost of the present point, excesses over bounds included."""
+        chain = self._chain
+        values = chain.values()
+        error = values - target.rows
+        excess = np.maximum(values - target.upper, 0.0) + np.maximum(target.lower - values, 0.0)
+        running = np.vdot(chain.weights * error, error) + np.vdot(self._penalty * excess, excess)
+        return 0.5 * float(running) + chain.terminal_cost_of(target)
 
     def _warm_start(self, target: ChainTarget) -> tuple[bool, int]:
         """Active-set steps from either guess, the one that was right last time first."""
@@ -180,6 +234,8 @@ class ActiveSetQP:
         values = chain.values()
         changes = 0
         for iteration in range(1, MULTIPLIER_STEPS + most + 1):
+            if self._expired():
+                return False, iteration
             step = self._newton_step(values, target)
             if step is None:
                 return False, iteration
@@ -254,7 +310,7 @@ class ActiveSetQP:
         """Interior-point steps until the active bounds can be read off and give the exact solution."""
         method = InteriorPoint(self._chain, target)
         for gap in READABLE_GAPS:
-            closed = method.run(gap, self._max_iterations)
+            closed = method.run(gap, self._max_iterations, self._expired)
             inside = self._chain.point()
             self._take_over(method)
             solved, _ = self._active_set(target, ACTIVE_SET_STEPS)

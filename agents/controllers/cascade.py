@@ -8,12 +8,13 @@ the reference as input reference.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, ClassVar, Final
 
 import msgspec
 import numpy as np
 
+from rcopterx.agents.controllers.active_set import UNLIMITED, Budget
 from rcopterx.agents.controllers.base import BaseController, Solution
 from rcopterx.agents.controllers.cascade_lag import LagProblem
 from rcopterx.agents.controllers.cascade_terms import (
@@ -109,6 +110,7 @@ class CascadeController(BaseController):
         self._steady = self.workspace(steady, settings.max_iterations)
         self._horizontal = self._horizontal_problem()
         self._obstacles: tuple[Obstacle, ...] = ()
+        self._expired = UNLIMITED.expired
         # What was estimated while it oscillated is worth nothing, so this begins with none.
         self._taken_in: Array = np.zeros(INPUT_SIZE)
         decay = self._decay[_STEADY]
@@ -140,6 +142,10 @@ class CascadeController(BaseController):
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
         """Keep clear of these in the next step (`rcopterx.agents.interfaces.AvoidsObstacles`)."""
         self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
+
+    def set_deadline(self, expired: Callable[[], bool]) -> None:
+        """Stop the solvers of the next step in time (`rcopterx.agents.interfaces.StopsEarly`)."""
+        self._expired = expired
 
     def set_limit_scale(self, limit_scale: LimitScale) -> None:
         """Plan within a fraction of the vehicle's limits, from the next step on.
@@ -192,6 +198,8 @@ class CascadeController(BaseController):
         reference: Trajectory,
         last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
     ) -> Solution:
+        expired, self._expired = self._expired, UNLIMITED.expired
+        planned = self._planned_inputs()
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
         clear = self._clearances(estimate, reference)
@@ -203,11 +211,13 @@ class CascadeController(BaseController):
             self._steady_reference(reference),
             self._steady_bounds,
             self._share_of(_STEADY),
+            Budget(expired, self._planned_steady(planned, estimate)),
             None if clear is None else clear.bound_heights,
         )
         heading, height_m = steady.flat[:, 1], steady.flat[: self._horizon, 0]
+        budget = Budget(expired, None if planned is None else planned[:, _HORIZONTAL])
         horizontal = self._horizontal.solve(
-            HorizontalTask(estimate, push[_HORIZONTAL], heading, reference, clear, height_m),
+            HorizontalTask(estimate, push[_HORIZONTAL], heading, reference, clear, height_m, budget),
             self._horizontal_bounds,
             self._share_of(_HORIZONTAL),
         )
@@ -221,6 +231,14 @@ class CascadeController(BaseController):
             horizontal.iterations + steady.iterations,
             early=not (horizontal.solved and steady.solved),
         )
+
+    def _planned_steady(self, planned: Array | None, estimate: Estimate) -> Array | None:
+        """Thrust and yaw of the previous plan as inputs of their problem, in which thrust does not turn."""
+        if planned is None:
+            return None
+        steady = planned[:, _STEADY].copy()
+        steady[:, 1] += self._thrust_turns(float(estimate.actuator[U_THRUST]), steady[:, 0])
+        return steady
 
     def _thrust_turns(self, actuator: float, thrust: Array) -> Array:
         """What a plan of thrust sticks turns the vehicle by, as yaw sticks."""

@@ -71,6 +71,7 @@ class LagProblem:
         """Start the next solve from nothing."""
         self._free.forget()
         self._crowded.forget()
+        self._heading_plan = None
 
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
         """Solve for the sticks of the horizon (`HorizontalProblem` in `cascade_terms`)."""
@@ -80,12 +81,12 @@ class LagProblem:
         push = task.push
         if task.clear is None:
             self._crowded.forget()
-            return solve_chain(self._free, first, push, (rows, terminal), bounds, share)
+            return solve_chain(self._free, first, push, (rows, terminal), bounds, share, task.budget)
         self._free.forget()
         self._crowded.set_matrices(*self._matrices)
         self._crowded.set_clearances(task.clear.directions)
         add = partial(task.clear.add_rows, task.height_m)
-        return solve_chain(self._crowded, first, push, (rows, terminal), bounds, share, add)
+        return solve_chain(self._crowded, first, push, (rows, terminal), bounds, share, task.budget, add)
 
     def _reference(self, heading: Array, reference: Trajectory) -> tuple[Array, Array]:
         """Velocities and accelerations in the body frame of the planned heading."""
@@ -113,7 +114,6 @@ class LagProblem:
             turned = moved[1:] - moved[:-1]
             if np.abs(moved).max() < HEADING_TOLERANCE_RAD and np.abs(turned).max() < TURN_TOLERANCE_RAD:
                 return
-        self._heading_plan = heading
         middle = 0.5 * (heading[1:] + heading[:-1])
         transition = np.empty((len(middle) - 1, 2, 2))
         transition[:, 0, 0], transition[:, 1, 1] = self._decay
@@ -122,6 +122,7 @@ class LagProblem:
         last = float(middle[self._parameters.stages - 1])
         self._matrices = heading_matrices(middle), transition, self._heading_cost.at(last)
         self._free.set_matrices(*self._matrices)
+        self._heading_plan = heading
 
 
 def _first_state(estimate: Estimate) -> Array:

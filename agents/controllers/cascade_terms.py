@@ -11,7 +11,7 @@ from typing import Final, Protocol
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from rcopterx.agents.controllers.active_set import ChainSolution
+from rcopterx.agents.controllers.active_set import Budget, ChainSolution
 from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chain_qp import ChainQP
 from rcopterx.agents.controllers.clearance import Clearances
@@ -44,6 +44,8 @@ class HorizontalTask:
         Separation constraints; None while nobody is near.
     height_m
         Planned heights of the stages, shape (N,).
+    budget
+        What the solve may take, its planned inputs those of pitch and roll.
     """
 
     estimate: Estimate
@@ -52,6 +54,7 @@ class HorizontalTask:
     reference: Trajectory
     clear: Clearances | None
     height_m: Array
+    budget: Budget
 
 
 class HorizontalProblem(Protocol):
@@ -76,7 +79,7 @@ class HorizontalProblem(Protocol):
         Returns
         -------
         ChainSolution
-            The minimiser, or the best point found.
+            The minimiser, or the best point known.
         """
         ...
 
@@ -88,6 +91,7 @@ def solve_chain(
     reference: tuple[Array, Array],
     bounds: Bounds,
     share: Bounds,
+    budget: Budget,
     clear: Callable[[ChainTarget], ChainTarget] | None = None,
 ) -> ChainSolution:
     """Solve one chain.
@@ -104,11 +108,13 @@ def solve_chain(
         Rows and terminal state of `chain_reference`; commands are cut to their bounds in place.
     bounds, share
         As in `HorizontalProblem.solve`.
+    budget
+        What the solve may take.
     clear
         Adds separation constraints to the target.
     """
     target = target_within(*reference, bounds, qp.balance(push), share)
-    return qp.solve(first[: qp.levels], push, target if clear is None else clear(target))
+    return qp.solve(first[: qp.levels], push, target if clear is None else clear(target), budget)
 
 
 def target_within(rows: Array, terminal: Array, bounds: Bounds, balance: Array, share: Bounds) -> ChainTarget:

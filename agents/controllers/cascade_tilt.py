@@ -93,7 +93,7 @@ class TiltProblem:
             qp.set_clearances(task.clear.directions)
             target = task.clear.add_rows(task.height_m, target)
         qp.set_headings(turn, demand_turn)
-        return qp.solve(self._first_state(task.estimate, tilt), tilt.trim, target)
+        return qp.solve(self._first_state(task.estimate, tilt), tilt.trim, target, task.budget)
 
     def _tilt(self, task: HorizontalTask) -> TiltEstimate:
         """Tilt of the estimate; from actuator and push where the estimator does not tell it."""

@@ -266,10 +266,16 @@ class Chain:
         """Set the free positions to what inputs, balance added, lead to; shape (N - 1, m)."""
         m, first = self.parameters.axes, self.parameters.levels
         windows = self._rows[:-1, self.inputs]
-        for stage, wanted in enumerate(inputs):
-            window = self.flat[stage : stage + first].reshape(-1)
-            known = windows[stage, :, :-m] @ window
-            self.flat[stage + first] = np.linalg.solve(windows[stage, :, -m:], wanted - known)
+        # In one go for all stages, because what is rolled out is what is left of a control period.
+        by_input = np.linalg.inv(windows[:, :, -m:])
+        forced = np.einsum("sab,sb->sa", by_input, inputs)
+        free = by_input @ windows[:, :, :-m]
+        flat = self.flat.reshape(-1)
+        for stage in range(len(inputs)):
+            at = stage * m
+            flat[at + first * m : at + (first + 1) * m] = (
+                forced[stage] - free[stage] @ flat[at : at + first * m]
+            )
 
     def gradient(self, pull: Array) -> Array:
         """Derivative with respect to the free positions of sum(pull * rows), both of the same shape."""
@@ -279,10 +285,19 @@ class Chain:
         """As `gradient`, with the terminal cost's part."""
         last = self.parameters.stages - 1
         gradient = self._overlapped(pull)
-        error = self._terminal_map @ self.flat[last:-1].reshape(-1) - target.terminal
+        error = self._terminal_error(target)
         end = self._terminal_map.T @ (self._terminal_cost @ error)
         gradient[last:-1] += end.reshape(-1, self.parameters.axes)
         return np.asarray(gradient.reshape(-1)[self._free])
+
+    def terminal_cost_of(self, target: ChainTarget) -> float:
+        """Terminal cost of the present positions."""
+        error = self._terminal_error(target)
+        return 0.5 * float(error @ self._terminal_cost @ error)
+
+    def _terminal_error(self, target: ChainTarget) -> Array:
+        last = self.parameters.stages - 1
+        return np.asarray(self._terminal_map @ self.flat[last:-1].reshape(-1) - target.terminal)
 
     def factorize(self, weights: Array) -> Array | None:
         """Banded Cholesky factor of the Hessian with these row weights; None if it is not definite."""

@@ -5,6 +5,7 @@ multiplier z both positive; 1/w is zero for a hard bound, and the inverse penalt
 excess z/w is thereby eliminated. Each step costs one banded factorisation and two solves.
 """
 
+from collections.abc import Callable
 from typing import Final, Protocol
 
 import numpy as np
@@ -71,6 +72,10 @@ class StageProblem(Protocol):
         """As `gradient`, with the terminal cost's part."""
         ...
 
+    def terminal_cost_of(self, target: ChainTarget) -> float:
+        """Terminal cost of the present point."""
+        ...
+
     def factorize(self, weights: Array) -> Array | None:
         """Factor of the Hessian with row weights; None if it is not definite."""
         ...
@@ -114,7 +119,7 @@ class InteriorPoint:
         self.multipliers: Array = self._mask * START_MULTIPLIER * span / self.slacks
         self.iterations = 0
 
-    def run(self, gap: float, max_iterations: int) -> bool:
+    def run(self, gap: float, max_iterations: int, expired: Callable[[], bool]) -> bool:
         """Iterate until the mean complementarity is below a gap.
 
         Parameters
@@ -123,6 +128,8 @@ class InteriorPoint:
             Complementarity to reach; costs are of the order of one.
         max_iterations
             Largest number of iterations, those of earlier runs included.
+        expired
+            Whether to stop, asked before every iteration.
 
         Returns
         -------
@@ -134,7 +141,7 @@ class InteriorPoint:
             present = float(np.vdot(self.slacks, self.multipliers)) / self._count
             if present < gap and np.abs(residual).max() < RESIDUAL:
                 return True
-            if self.iterations >= max_iterations or not self._step(residual, present):
+            if self.iterations >= max_iterations or expired() or not self._step(residual, present):
                 return False
             self.iterations += 1
 

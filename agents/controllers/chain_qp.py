@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from rcopterx.agents.controllers.active_set import ActiveSetQP, ChainSolution
+from rcopterx.agents.controllers.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
 from rcopterx.agents.controllers.chain import Chain, ChainParameters, ChainTarget
 from rcopterx.vehicles.state import Array
 
@@ -42,7 +42,9 @@ class ChainQP(ActiveSetQP):
         """What a disturbance adds to the inputs (`Chain.balance`)."""
         return self._flat_chain.balance(disturbance)
 
-    def solve(self, first_state: Array, disturbance: Array, target: ChainTarget) -> ChainSolution:
+    def solve(
+        self, first_state: Array, disturbance: Array, target: ChainTarget, budget: Budget = UNLIMITED
+    ) -> ChainSolution:
         """Solve with new numbers, starting from the last solution shifted by one stage.
 
         Parameters
@@ -53,11 +55,13 @@ class ChainQP(ActiveSetQP):
             Acceleration that acts at every stage, shape (m,).
         target
             Reference and bounds.
+        budget
+            What it may take.
 
         Returns
         -------
         ChainSolution
-            The minimiser, or the best point found.
+            The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
         start = partial(self._flat_chain.set_start, first_state, disturbance)
-        return self._solve(start, self.balance(disturbance), target)
+        return self._solve(start, self.balance(disturbance), target, budget)

@@ -209,8 +209,16 @@ class LateralChain:
 
     def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
         """As `gradient`, with the terminal cost's part."""
-        error = self._last_base + self._last_map @ self._demands - target.terminal
+        error = self._terminal_error(target)
         return np.asarray(self.gradient(pull) + (self.terminal_cost @ error) @ self._last_map)
+
+    def terminal_cost_of(self, target: ChainTarget) -> float:
+        """Terminal cost of the present demands."""
+        error = self._terminal_error(target)
+        return 0.5 * float(error @ self.terminal_cost @ error)
+
+    def _terminal_error(self, target: ChainTarget) -> Array:
+        return np.asarray(self._last_base + self._last_map @ self._demands - target.terminal)
 
     def factorize(self, weights: Array) -> Array | None:
         """Cholesky factor of the Hessian with these row weights; None if it is not definite."""

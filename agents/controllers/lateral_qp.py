@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from rcopterx.agents.controllers.active_set import ActiveSetQP, ChainSolution
+from rcopterx.agents.controllers.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
 from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.lateral_chain import LateralChain
 from rcopterx.agents.flight.lateral import LateralSystem
@@ -38,7 +38,9 @@ class LateralQP(ActiveSetQP):
         self._weigh_bounds()
         self._factor = None
 
-    def solve(self, first_state: Array, trim: Array, target: ChainTarget) -> ChainSolution:
+    def solve(
+        self, first_state: Array, trim: Array, target: ChainTarget, budget: Budget = UNLIMITED
+    ) -> ChainSolution:
         """Solve with new numbers, starting from the last solution shifted by one stage.
 
         Parameters
@@ -49,10 +51,12 @@ class LateralQP(ActiveSetQP):
             Offsets of the sticks, shape (2,).
         target
             Reference and bounds; inputs with the trim added.
+        budget
+            What it may take.
 
         Returns
         -------
         ChainSolution
-            The minimiser, or the best point found.
+            The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
-        return self._solve(partial(self.chain.set_start, first_state), trim, target)
+        return self._solve(partial(self.chain.set_start, first_state), trim, target, budget)

@@ -1,11 +1,15 @@
 """The chain's solver against an independent one, and its dynamics."""
 
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import sparse
 
+from rcopterx.agents.controllers.active_set import Budget
 from rcopterx.agents.controllers.cascade_terms import HeadingCost, riccati_cost
 from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chain_qp import ChainQP
@@ -271,3 +275,50 @@ def test_turned_terminal_cost_solves_the_riccati_equation_of_the_heading(yaw: fl
     decay = np.array([0.99, 0.992])
     direct = riccati_cost(problem.parameters, decay, yaw)
     assert HeadingCost(problem.parameters, decay).at(yaw) == pytest.approx(direct, rel=1e-6, abs=1e-6)
+
+
+def cost_of(problem: Case, first: Array, inputs: Array, aim: ChainTarget) -> float:
+    """Cost of inputs by simulation: tracking, effort, excess over the bounds, terminal cost."""
+    p, state, total = problem.parameters, first.ravel(), 0.0
+    for stage in range(p.stages):
+        there = state[:4]
+        if 0 < stage < p.stages - 1:
+            weights = np.concatenate((p.position_weights, p.velocity_weights))
+            total += float(weights @ (there - aim.rows[stage, :4]) ** 2)
+        if stage:
+            beyond = np.maximum(there - aim.upper[:4], 0.0) + np.maximum(aim.lower[:4] - there, 0.0)
+            total += p.soft_weight * float(beyond @ beyond)
+        if stage < p.stages - 1:
+            total += float(p.input_weights @ (inputs[stage] - aim.rows[stage, 4:]) ** 2)
+            a, b = problem.matrices(stage)
+            state = a @ state + b @ inputs[stage]
+    error = state - aim.terminal
+    return 0.5 * (total + float(error @ problem.terminal_cost @ error))
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    st.booleans(),
+    st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)),
+    st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)),
+    st.integers(0, 40),
+    st.booleans(),
+)
+def test_a_solve_that_is_stopped_at_any_moment_is_no_worse_than_the_previous_plan(
+    lag: bool, before: tuple[float, float], after: tuple[float, float], stop: int, warm: bool
+) -> None:
+    problem = case(16, lag)
+    first = np.array([[0.4, -0.6], [0.3, -0.4], [0.2, 0.1]])[: problem.levels]
+    aim = problem.target(np.zeros(2))
+    aim.rows[:, :2] = aim.terminal[:2] = before
+    qp = problem.workspace()
+    planned = qp.solve(first, np.zeros(2), aim).inputs
+    if not warm:
+        qp.forget()
+    aim.rows[:, :2] = aim.terminal[:2] = after
+    asked = count()
+    found = qp.solve(first, np.zeros(2), aim, Budget(lambda: next(asked) >= stop, planned))
+    assert (np.abs(found.inputs) <= 1.0 + 1e-5).all()
+    best, known = (cost_of(problem, first, u, aim) for u in (found.inputs, np.clip(planned, -1.0, 1.0)))
+    assert best <= known * (1.0 + 1e-6) + 1e-9
+    assert found.solved or next(asked) > stop

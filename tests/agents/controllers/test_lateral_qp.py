@@ -1,11 +1,15 @@
 """The condensed horizontal problem against an independent solver, and its promises."""
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import sparse
 
+from rcopterx.agents.controllers.active_set import Budget
 from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.lateral_qp import LateralQP
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
@@ -171,3 +175,47 @@ def test_rows_that_keep_clear_push_the_positions_away() -> None:
     )
     found = qp.solve(start((0.25, 0.0), (0.0, 0.0)), np.zeros(2), target)
     assert found.flat[1:STAGES, 0].min() > 0.19
+
+
+def cost_of(qp: LateralQP, first: np.ndarray, sticks: np.ndarray, aim: ChainTarget) -> float:
+    """Cost of sticks by simulation, level headings: tracking, effort, excess, terminal cost."""
+    gain, state, total = COAXIAL.b[:2], first, 0.0
+    effort = float((PARAMETERS.input_weights / gain**2).mean()) * gain**2
+    for stage in range(STAGES):
+        there = np.concatenate((state[POSITION], state[VELOCITY]))
+        if 0 < stage < STAGES - 1:
+            total += float(np.repeat((100.0, 1.0), 2) @ (there - aim.rows[stage, :4]) ** 2)
+        if stage:
+            beyond = np.maximum(there - aim.upper[:4], 0.0) + np.maximum(aim.lower[:4] - there, 0.0)
+            total += PARAMETERS.soft_weight * float(beyond @ beyond)
+        if stage < STAGES - 1:
+            total += float(effort @ sticks[stage] ** 2)
+            state = SYSTEM.transition @ state + SYSTEM.demand @ (gain * sticks[stage])
+    error = state - aim.terminal
+    return 0.5 * (total + float(error @ qp.chain.terminal_cost @ error))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)),
+    st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)),
+    st.integers(0, 40),
+    st.booleans(),
+)
+def test_a_solve_that_is_stopped_at_any_moment_is_no_worse_than_the_previous_plan(
+    before: tuple[float, float], after: tuple[float, float], stop: int, warm: bool
+) -> None:
+    first = start((0.4, -0.6), (0.8, -0.9))
+    qp = workspace(*headings(0.0, 0.0))
+    aim = resting()
+    aim.rows[:, :2] = aim.terminal[POSITION] = before
+    planned = qp.solve(first, np.zeros(2), aim).inputs
+    if not warm:
+        qp.forget()
+    aim.rows[:, :2] = aim.terminal[POSITION] = after
+    asked = count()
+    found = qp.solve(first, np.zeros(2), aim, Budget(lambda: next(asked) >= stop, planned))
+    assert (np.abs(found.inputs) <= 1.0 + 1e-5).all()
+    best, known = (cost_of(qp, first, u, aim) for u in (found.inputs, np.clip(planned, -1.0, 1.0)))
+    assert best <= known * (1.0 + 1e-6) + 1e-9
+    assert found.solved or next(asked) > stop
