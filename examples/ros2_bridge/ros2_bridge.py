@@ -1,0 +1,195 @@
+"""Show a fleet to ROS 2: poses, plans and commands as standard messages, without ROS on this computer.
+
+    python ros2_bridge.py --fleet trio --rcopterx tcp/127.0.0.1:7447 --ros tcp/192.168.1.20:7447
+
+needs eclipse-zenoh, msgpack and pycdr2. Reads the fleet's bus and writes to the Zenoh router of ROS 2: that
+of `rmw_zenoh` (default), or `zenoh-bridge-ros2dds` with `--keys ros2dds`. Nothing goes from ROS 2 to the
+fleet.
+"""
+
+import argparse
+import json
+import math
+import struct
+import threading
+import time
+import uuid
+
+import msgpack
+import zenoh
+from ros_messages import Header, Joy, Path, Point, Pose, PoseStamped, Quaternion, Time
+from zenoh.ext import z_serialize
+
+FRAME_ID = "world"
+TOPICS = {"pose": PoseStamped, "plan": Path, "command": Joy}
+"""Topic of the fleet's bus and message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
+NODE = "rcopterx"
+BEST_EFFORT_KEEP_LAST_1 = "2::,1:,:,:,,"
+
+
+def ros_pose(message, now_s):
+    """`geometry_msgs/PoseStamped` of a pose, stamped with the time of capture; None while it is occluded."""
+    if message["occluded"]:
+        return None
+    header = Header(Time.at(now_s - message["latency_s"]), FRAME_ID)
+    return PoseStamped(header, Pose(Point(*message["position_m"]), Quaternion(*message["quaternion_xyzw"])))
+
+
+def ros_plan(message, now_s):
+    """`nav_msgs/Path` of a plan: one stamped pose per stage.
+
+    Times count from the arrival of the plan, which is some milliseconds after the capture that it means.
+    """
+    rows, columns = message["trajectory"]["shape"]
+    values = struct.unpack(f"<{rows * columns}d", message["trajectory"]["data"])
+    stages = [values[row * columns : row * columns + 4] for row in range(rows)]
+    poses = []
+    for number, (x, y, z, yaw_rad) in enumerate(stages):
+        header = Header(Time.at(now_s + message["start_s"] + number * message["period_s"]), FRAME_ID)
+        orientation = Quaternion(0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
+        poses.append(PoseStamped(header, Pose(Point(x, y, z), orientation)))
+    return Path(Header(Time.at(now_s), FRAME_ID), poses)
+
+
+def ros_command(message, now_s):
+    """`sensor_msgs/Joy` of a command: axes are pitch, roll, thrust, yaw."""
+    return Joy(Header(Time.at(now_s), FRAME_ID), list(message["input"]), [])
+
+
+CONVERTED = {"pose": ros_pose, "plan": ros_plan, "command": ros_command}
+
+
+def rmw_zenoh_key(topic, kind, domain):
+    """Key that `rmw_zenoh` subscribes to: domain, topic, type as DDS spells it, hash of the type."""
+    return f"{domain}/{topic}/{dds_name(kind)}/{kind.ROS_HASH}"
+
+
+def ros2dds_key(topic, _kind, _domain):
+    """Key of `zenoh-bridge-ros2dds`: the topic without its leading slash."""
+    return topic
+
+
+def dds_name(kind):
+    """`geometry_msgs::msg::dds_::PoseStamped_` of `geometry_msgs/msg/PoseStamped`."""
+    package, folder, name = kind.ROS_NAME.split("/")
+    return f"{package}::{folder}::dds_::{name}_"
+
+
+def attachment(number, now_s, publisher_id):
+    """What `rmw_zenoh` attaches to every message: count, time [ns], 16 bytes that name the publisher."""
+    fields = (
+        ("sequence_number", zenoh.ext.Int64(number)),
+        ("source_timestamp", zenoh.ext.Int64(round(now_s * 1e9))),
+        ("source_gid", publisher_id),
+    )
+    return b"".join(z_serialize(name).to_bytes() + z_serialize(value).to_bytes() for name, value in fields)
+
+
+def node_token(domain, session_id):
+    """Token by which `ros2 node list` finds the bridge."""
+    return f"@ros2_lv/{domain}/{session_id}/0/0/NN/%/%/{NODE}"
+
+
+def publisher_token(domain, session_id, number, topic, kind):
+    """Token by which `ros2 topic list` finds a topic."""
+    entity = f"@ros2_lv/{domain}/{session_id}/0/{number}/MP/%/%/{NODE}"
+    return f"{entity}/%{topic.replace('/', '%')}/{dds_name(kind)}/{kind.ROS_HASH}/{BEST_EFFORT_KEEP_LAST_1}"
+
+
+class Topic:
+    """One topic in ROS 2: its publisher, its token, its count of messages."""
+
+    def __init__(self, session, key, token):
+        self._publisher = session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
+        self._token = session.liveliness().declare_token(token)
+        self._id = uuid.uuid4().bytes
+        self._number = 0
+
+    def put(self, message, now_s):
+        """Publish a message of ROS 2."""
+        self._number += 1
+        self._publisher.put(message.serialize(), attachment=attachment(self._number, now_s, self._id))
+
+
+class Bridge:
+    """Republishes what the fleet says for as long as it is open.
+
+    Parameters
+    ----------
+    fleet
+        Name in the fleet file.
+    rcopterx, ros
+        Endpoints of the two routers.
+    keys
+        `rmw_zenoh` or `ros2dds`.
+    domain
+        ROS_DOMAIN_ID; `ros2dds` does not use it.
+    namespace, ros_namespace
+        Zenoh namespaces of the fleet's bus and of ROS 2, if these have one.
+    """
+
+    def __init__(self, fleet, rcopterx, ros, keys="rmw_zenoh", domain=0, namespace=None, ros_namespace=None):
+        self._key = {"rmw_zenoh": rmw_zenoh_key, "ros2dds": ros2dds_key}[keys]
+        self._fleet, self._domain = fleet, domain
+        self._topics = {}
+        self._one_at_a_time = threading.Lock()  # pycdr2 writes every message of a type into the same buffer
+        self._ros = session_to(ros, ros_namespace)
+        self._id = str(self._ros.zid())
+        self._node = self._ros.liveliness().declare_token(node_token(domain, self._id))
+        self._bus = session_to(rcopterx, namespace)
+        self._subscribers = [
+            self._bus.declare_subscriber(f"rcopterx/{fleet}/*/{name}", self._on_sample) for name in TOPICS
+        ]
+
+    def close(self):
+        """Leave both sides."""
+        self._bus.close()
+        self._ros.close()
+
+    def _on_sample(self, sample):
+        now_s = time.time()
+        vehicle, name = str(sample.key_expr).split("/")[-2:]
+        message = CONVERTED[name](msgpack.unpackb(sample.payload.to_bytes()), now_s)
+        if message is None:
+            return
+        with self._one_at_a_time:
+            self._topic(f"{self._fleet}/{vehicle}/{name}", TOPICS[name]).put(message, now_s)
+
+    def _topic(self, topic, kind):
+        if topic not in self._topics:
+            token = publisher_token(self._domain, self._id, len(self._topics) + 1, topic, kind)
+            self._topics[topic] = Topic(self._ros, self._key(topic, kind, self._domain), token)
+        return self._topics[topic]
+
+
+def session_to(endpoint, namespace=None):
+    """A client of one router."""
+    settings = {
+        "mode": "client",
+        "connect": {"endpoints": [endpoint]},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+    }
+    if namespace:
+        settings["namespace"] = namespace
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
+
+
+def main():
+    """Bridge until Ctrl-C."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    options.add_argument("--fleet", default="trio")
+    options.add_argument("--rcopterx", default="tcp/127.0.0.1:7447", help="router of the fleet")
+    options.add_argument("--ros", required=True, help="router of ROS 2")
+    options.add_argument("--keys", choices=("rmw_zenoh", "ros2dds"), default="rmw_zenoh")
+    options.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID")
+    chosen = options.parse_args()
+    bridge = Bridge(chosen.fleet, chosen.rcopterx, chosen.ros, chosen.keys, chosen.domain)
+    try:
+        while True:
+            time.sleep(1.0)
+    except KeyboardInterrupt:
+        bridge.close()
+
+
+if __name__ == "__main__":
+    main()
