@@ -1,0 +1,157 @@
+"""Promises of the import of drone shows: what the file says is what is flown, and bad files are told."""
+
+import json
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "light_show"
+sys.path.insert(0, str(EXAMPLE))
+import light_show  # noqa: E402
+import skybrush  # noqa: E402
+
+sys.path.remove(str(EXAMPLE))
+
+LINE = [[0, [0, 0, 0], []], [4, [0, 0, 10], []], [8, [10, 0, 10], []]]
+CURVE = [[0, [0, 5, 0], []], [8, [10, 5, 10], [[0, 5, 10], [10, 5, 0]]]]
+
+
+def trajectory(points: list[Any], **more: Any) -> dict[str, Any]:
+    return {"version": 1, "points": points, **more}
+
+
+def show(place: dict[str, Any]) -> dict[str, Any]:
+    return {"swarm": {"drones": [{"settings": {"trajectory": place}}]}}
+
+
+def archive(path: Path, files: dict[str, Any]) -> Path:
+    with zipfile.ZipFile(path, "w") as target:
+        for name, content in files.items():
+            target.writestr(name, content if isinstance(content, str) else json.dumps(content))
+    return path
+
+
+def skyc(path: Path, *trajectories: dict[str, Any], by_reference: bool = True) -> Path:
+    files: dict[str, Any] = {}
+    drones = []
+    for number, content in enumerate(trajectories, 1):
+        place: dict[str, Any] = content
+        if by_reference:
+            files[f"drones/Drone {number}/trajectory.json"] = content
+            place = {"$ref": f"./drones/Drone {number}/trajectory.json#"}
+        drones.append({"type": "generic", "settings": {"name": f"Drone {number}", "trajectory": place}})
+    return archive(path, {"show.json": {"version": 1, "swarm": {"drones": drones}}, **files})
+
+
+@pytest.mark.parametrize("by_reference", [True, False])
+def test_a_skyc_file_is_read_with_its_curves_and_its_time_of_take_off(
+    by_reference: bool, tmp_path: Path
+) -> None:
+    curve = trajectory(CURVE, takeoffTime=2.0)
+    path = skyc(tmp_path / "a.skyc", trajectory(LINE), curve, by_reference=by_reference)
+    line, curved = skybrush.read_show(path)
+    assert (line.name, curved.name) == ("Drone 1", "Drone 2")
+    assert (line.times_s[0], line.times_s[-1]) == (0.0, 8.0)
+    assert (curved.times_s[0], curved.times_s[-1]) == (2.0, 10.0)
+    at_6_s = [np.interp(6.0, drone.times_s, drone.positions_m[:, 0]) for drone in (line, curved)]
+    assert at_6_s == pytest.approx([5.0, 5.0])
+    half = np.argmin(np.abs(curved.times_s - 4.0))
+    share = 0.25
+    assert curved.positions_m[half] == pytest.approx([10 * (3 * share**2 * (1 - share) + share**3), 5,
+        10 * (3 * share * (1 - share) ** 2 + share**3)])  # fmt: skip
+
+
+def test_a_zip_of_csv_files_is_read(tmp_path: Path) -> None:
+    header = "Time [msec],x [m],y [m],z [m],Red,Green,Blue\n"
+    files = {
+        f"{name}.csv": f"{header}0,{x},0,1,255,0,0\n2000,{x},1,1,0,0,0\n" for name, x in (("b", 1), ("a", 0))
+    }
+    first, second = skybrush.read_show(archive(tmp_path / "show.zip", files))
+    assert (first.name, second.name) == ("a.csv", "b.csv")
+    assert second.times_s.tolist() == [0.0, 2.0]
+    assert second.positions_m.tolist() == [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("files", "reason"),
+    [
+        ({}, "neither show.json nor CSV"),
+        ({"show.json": "{"}, "show.json: no JSON"),
+        ({"show.json": {"swarm": {}}}, "'drones'"),
+        ({"show.json": show({"$ref": "./x#"})}, "x is missing"),
+        ({"show.json": show({"version": 2})}, "version 2"),
+        ({"a.csv": "t,x,y,z\n0,1,two,3\n"}, "a.csv: could not convert"),
+        ({"a.csv": "t,x,y\n0,1,2\n"}, "a.csv: needs the columns"),
+        ({"a.csv": "t,x,y,z\n5,0,0,0\n5,1,1,1\n"}, "a.csv: times must increase"),
+    ],
+)
+def test_what_is_no_show_is_told(files: dict[str, Any], reason: str, tmp_path: Path) -> None:
+    with pytest.raises(skybrush.ShowError, match=reason):
+        skybrush.read_show(archive(tmp_path / "bad.skyc", files))
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        ([], "not enough values"),
+        ([[0, [0, 0, 0], []]], "at least two positions"),
+        ([[0, [0, 0, 0], []], [0, [1, 1, 1], []]], "does not come after"),
+        ([[0, [0, 0, 0], []], [1, [1, 1], []]], "Drone 1"),
+        ([[0, [0, 0, 0], []], [1e9, [1, 1, 1], []]], "does not come after"),
+    ],
+)
+def test_a_trajectory_that_cannot_be_flown_is_told(points: list[Any], reason: str, tmp_path: Path) -> None:
+    with pytest.raises(skybrush.ShowError, match=reason):
+        skybrush.read_show(skyc(tmp_path / "bad.skyc", trajectory(points)))
+
+
+def test_a_file_that_is_no_archive_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.skyc").write_text("no zip")
+    with pytest.raises(skybrush.ShowError, match="not a zip file"):
+        skybrush.read_show(tmp_path / "a.skyc")
+
+
+@given(st.floats(0.5, 100.0), st.floats(-50.0, 50.0))
+def test_a_show_of_any_size_fits_into_the_volume_and_keeps_its_shape_from_above(
+    size: float, place: float
+) -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
+    drones = [
+        skybrush.Drone(
+            str(number), np.array([0.0, 5.0]), place + size * (corners + np.array([0.0, number, 0.0]))
+        )
+        for number in range(2)
+    ]
+    low_m, high_m = (-1.0, -1.0, 0.5), (1.0, 1.0, 1.7)
+    if size < 0.5 * 1.001:
+        return
+    shrunk = light_show.fitted(drones, low_m, high_m)
+    for drone in shrunk:
+        assert (drone.positions_m >= np.array(low_m) - 1e-9).all()
+        assert (drone.positions_m <= np.array(high_m) + 1e-9).all()
+    gaps = [np.linalg.norm(found[0].positions_m[0] - found[1].positions_m[0]) for found in (drones, shrunk)]
+    ways = [np.ptp(found[0].positions_m[:, 0]) for found in (drones, shrunk)]
+    assert gaps[1] / gaps[0] == pytest.approx(ways[1] / ways[0])
+
+
+def test_a_show_that_is_too_tight_for_the_volume_is_refused() -> None:
+    line = np.array([[0.0, 0.0, 1.0], [40.0, 0.0, 1.0]])
+    drones = [
+        skybrush.Drone(str(y), np.array([0.0, 9.0]), line + np.array([0.0, y, 0.0])) for y in (0.0, 2.0)
+    ]
+    with pytest.raises(skybrush.ShowError, match=r"0.0 and 2.0 are 0.10 m from each other"):
+        light_show.fitted(drones, (-1.0, -1.0, 0.5), (1.0, 1.0, 1.7))
+
+
+def test_everybody_stays_where_he_is_before_and_after_his_own_part() -> None:
+    drone = skybrush.Drone("late", np.array([2.0, 4.0]), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]))
+    path = light_show.path_of(drone, 0.0, 10.0, slower=2.0)
+    assert path.duration_s == pytest.approx(20.0)
+    ends = path.sample(np.array([0.0, 20.0]))
+    assert ends[:, 0] == pytest.approx([0.0, 1.0])
