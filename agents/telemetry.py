@@ -14,7 +14,7 @@ from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import effort_factor
-from rcopterx.bus.message import FloatArray, Setting
+from rcopterx.bus.message import FloatArray, Setting, TrajectoryArray
 from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
 from rcopterx.bus.subscription import Received
 from rcopterx.bus.timing import CommandTiming
@@ -107,7 +107,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
         period_s=flight.plan.period_s,
         start_s=flight.start_s,
         airborne=pilot.guidance.rotor_on,
-        trajectory=FloatArray.of(flight.plan.samples),
+        trajectory=TrajectoryArray.of(flight.plan.samples),
         reference=reference,
         following=_following(pilot) if pilot.guidance.follows else (),
         followable=pilot.guidance.followable,

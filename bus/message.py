@@ -82,6 +82,74 @@ class FloatArray(Struct, frozen=True):
             raise InvalidMessageError(f"{field}: not all values are finite and at most {MAX_MAGNITUDE:g}")
 
 
+class TrajectoryArray(Struct, frozen=True):
+    """A trajectory as it travels: its shape, and rounded values as differences from stage to stage.
+
+    Smooth motions have small differences, so that flight logs hold a plan in a tenth of its bytes. Rounding
+    is finer than what is measured: 0.1 mm and mrad, 1 mm/s, 1 cm/s^2. numpy is imported on first use.
+
+    Attributes
+    ----------
+    shape
+        Stages and columns; the columns are position and heading, their rates and their accelerations.
+    data
+        32-bit little-endian integers, column by column: the first value of a column, then each difference to
+        the stage before, in units of `RESOLUTIONS`.
+    """
+
+    shape: tuple[int, int]
+    data: bytes
+
+    RESOLUTIONS: ClassVar[tuple[float, float, float]] = (1e-4, 1e-3, 1e-2)
+    """Units of positions [m] and headings [rad], of their rates and of their accelerations."""
+    COLUMNS: ClassVar[int] = 12
+    LARGEST: ClassVar[float] = 1e5
+    """Of any value; more is cut off when a trajectory is packed, and refused when one is received."""
+
+    @classmethod
+    def of(cls, values: "NDArray[np.float64]") -> "TrajectoryArray":
+        """Round and pack finite values of shape (stages, 12)."""
+        import numpy as np
+
+        stages = len(values)
+        within = np.clip(values.T, -cls.LARGEST, cls.LARGEST).reshape(3, 4, stages)
+        counts = np.rint(within / np.reshape(cls.RESOLUTIONS, (3, 1, 1))).astype("<i4")
+        counts[:, :, 1:] -= counts[:, :, :-1].copy()
+        return cls((stages, cls.COLUMNS), counts.tobytes())
+
+    def to_numpy(self) -> "NDArray[np.float64]":
+        """Unpack into an array of `shape`."""
+        import numpy as np
+
+        stages, _ = self.shape
+        counts = np.frombuffer(self.data, dtype="<i4").reshape(3, 4, stages).cumsum(axis=2, dtype=np.int64)
+        values: NDArray[np.float64] = counts * np.reshape(self.RESOLUTIONS, (3, 1, 1))
+        return values.reshape(self.COLUMNS, stages).T
+
+    def check(self, field: str, max_stages: int, min_stages: int) -> None:
+        """Refuse wrong shapes before any array is built, then absurd values.
+
+        Raises
+        ------
+        InvalidMessageError
+            Names `field` and what is allowed.
+        """
+        import numpy as np
+
+        stages, columns = self.shape
+        if columns != self.COLUMNS or not min_stages <= stages <= max_stages:
+            raise InvalidMessageError(
+                f"{field}: shape {self.shape}, allowed is ({min_stages}..{max_stages}, {self.COLUMNS})"
+            )
+        if len(self.data) != 4 * stages * columns:
+            raise InvalidMessageError(
+                f"{field}: {len(self.data)} bytes for shape {self.shape}, needs {4 * stages * columns}"
+            )
+        # Whole units times their size are not exact.
+        if np.abs(self.to_numpy()).max() > self.LARGEST * (1 + 1e-9):
+            raise InvalidMessageError(f"{field}: not all values are at most {self.LARGEST:g}")
+
+
 class Message(Struct, frozen=True, kw_only=True):
     """What all messages share."""
 

@@ -26,6 +26,7 @@ from rcopterx.bus.message import (
     Stick,
     Text,
     Three,
+    TrajectoryArray,
 )
 from rcopterx.bus.timing import CommandTiming
 
@@ -113,7 +114,7 @@ class Plan(Message, frozen=True, kw_only=True):
     """Time of the first stage after the capture of `frame`: the delay the source compensated."""
     airborne: bool = True
     """False while the source stands on the floor: followers then keep their own place."""
-    trajectory: FloatArray
+    trajectory: TrajectoryArray
     """Stages times (x y z [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration [m/s^2], yaw
     acceleration [rad/s^2]), inertial frame."""
     reference: Four | None = None
@@ -125,7 +126,7 @@ class Plan(Message, frozen=True, kw_only=True):
 
     def check(self) -> None:
         """See `Message.check`."""
-        self.trajectory.check("trajectory", PLAN_COLUMNS, MAX_STAGES, min_rows=2)
+        self.trajectory.check("trajectory", MAX_STAGES, min_stages=2)
         if abs(self.start_s) > 1:
             raise InvalidMessageError(f"start_s: {self.start_s}, allowed is -1 to 1")
 

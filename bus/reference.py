@@ -17,7 +17,7 @@ from msgspec import inspect as types
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
-from rcopterx.bus.message import SCHEMA_VERSION, FloatArray, Message
+from rcopterx.bus.message import SCHEMA_VERSION, FloatArray, Message, TrajectoryArray
 from rcopterx.bus.requests import VERBS, Reply, Request
 
 UNITS: Final = {
@@ -64,6 +64,9 @@ Zenoh *client* to the router of its host, put and subscribe to the keys below.
 - A name is `{name}`; every number is finite. A message is at most {size} bytes.
   Whatever breaks a rule is refused, counted, and shown in the status of the receiver.
 - A matrix is a map of `shape` (rows, columns) and `data`: 64-bit little-endian floats, row by row.
+- A trajectory is a map of `shape` (stages, 12) and `data`: 32-bit little-endian integers, column by column:
+  the first value of a column, then each difference to the stage before. Sum them up and multiply by the unit
+  of the column: 1e-4 of positions and headings, 1e-3 of their rates, 1e-2 of their accelerations (m, rad, s).
 - `epoch` and `frame` come from the newest pose: the Tracker's frame number is the fleet's clock. No clocks of
   two hosts are ever compared.
 - Put with congestion control *drop*, not express, priority as in the table.
@@ -230,6 +233,8 @@ def _type(kind: Any, structures: dict[str, type]) -> str:
             return f"map of {_type(kind.key_type, structures)} to {_type(kind.value_type, structures)}"
         case types.StructType() if kind.cls is FloatArray:
             return "matrix"
+        case types.StructType() if kind.cls is TrajectoryArray:
+            return "trajectory"
         case types.StructType():
             if not issubclass(kind.cls, Message):
                 structures[kind.cls.__name__] = kind.cls

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 from support.messages import MESSAGE_TYPES, valid_messages, wire_maps
 
 from rcopterx.bus.codec import MAX_DEPTH, RejectedError, decode, encode
-from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.message import FloatArray, Message, TrajectoryArray
 from rcopterx.bus.messages import (
     MAX_NEXT_INPUTS,
     MAX_STAGES,
@@ -57,7 +59,7 @@ PLAN: dict[str, Any] = {
     "ancestors": [],
     "period_s": 0.02,
     "start_s": 0.02,
-    "trajectory": {"shape": [2, PLAN_COLUMNS], "data": bytes(8 * 2 * PLAN_COLUMNS)},
+    "trajectory": {"shape": [2, PLAN_COLUMNS], "data": bytes(4 * 2 * PLAN_COLUMNS)},
 }
 APPLIED: dict[str, Any] = {
     "state": "armed",
@@ -165,7 +167,7 @@ def test_oversize_messages_are_refused_before_they_are_unpacked(message_type: ty
 
 
 def test_the_longest_allowed_plan_fits_into_a_message() -> None:
-    trajectory = FloatArray.of(np.zeros((MAX_STAGES, PLAN_COLUMNS)))
+    trajectory = TrajectoryArray.of(np.zeros((MAX_STAGES, PLAN_COLUMNS)))
     plain = PLAN | {"trajectory": {"shape": list(trajectory.shape), "data": trajectory.data}}
     assert decode(msgpack.packb(plain), Plan).trajectory.shape == (MAX_STAGES, PLAN_COLUMNS)
 
@@ -257,8 +259,34 @@ def test_arrays_with_numbers_no_controller_can_use_are_refused(number: float) ->
 
 
 def test_a_plan_needs_two_stages() -> None:
-    plain = PLAN | {"trajectory": {"shape": [1, PLAN_COLUMNS], "data": bytes(8 * PLAN_COLUMNS)}}
+    plain = PLAN | {"trajectory": {"shape": [1, PLAN_COLUMNS], "data": bytes(4 * PLAN_COLUMNS)}}
     assert refusal(plain, Plan).kind == "value"
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"),
+    [
+        ([2, 12], 95),
+        ([2, 12], 97),
+        ([2, 12], 192),
+        ([3, 12], 96),
+        ([12, 2], 96),
+        ([-2, -12], 96),
+        ([MAX_STAGES + 1, 12], 48 * (MAX_STAGES + 1)),
+        ([2**62, 12], 0),
+    ],
+)
+def test_plans_that_lie_about_their_shape_are_refused(shape: list[int], size: int) -> None:
+    error = refusal(PLAN | {"trajectory": {"shape": shape, "data": bytes(size)}}, Plan)
+    assert error.kind == "value"
+    assert "trajectory" in str(error)
+
+
+def test_a_plan_whose_differences_add_up_to_more_than_allowed_is_refused() -> None:
+    data = np.full((PLAN_COLUMNS, 3), 2**31 - 1, dtype="<i4").tobytes()
+    error = refusal(PLAN | {"trajectory": {"shape": [3, PLAN_COLUMNS], "data": data}}, Plan)
+    assert error.kind == "value"
+    assert "trajectory" in str(error)
 
 
 @pytest.mark.parametrize(
@@ -295,6 +323,48 @@ def test_matrices_survive_the_bus(rows: int, columns: int, random: Any) -> None:
     packed.check("x", columns, max_rows=20)
     assert np.array_equal(packed.to_numpy(), values)
     assert not packed.to_numpy().flags.writeable
+
+
+plan_values = st.integers(2, 30).flatmap(
+    lambda stages: arrays(np.float64, (stages, PLAN_COLUMNS), elements=st.floats(-1e5, 1e5))
+)
+
+
+@settings(deadline=None)
+@given(plan_values)
+def test_trajectories_arrive_within_half_a_unit_of_their_columns(values: NDArray[np.float64]) -> None:
+    packed = TrajectoryArray.of(values)
+    packed.check("x", max_stages=30, min_stages=2)
+    units = np.repeat(TrajectoryArray.RESOLUTIONS, 4)
+    assert np.all(np.abs(packed.to_numpy() - values) <= 0.5 * units + 1e-9)
+
+
+@settings(deadline=None)
+@given(plan_values)
+def test_a_trajectory_that_was_rounded_once_travels_unchanged(values: NDArray[np.float64]) -> None:
+    once = TrajectoryArray.of(values)
+    assert TrajectoryArray.of(once.to_numpy()) == once
+
+
+@settings(deadline=None)
+@given(st.floats(1e5, 1e300), st.integers(0, PLAN_COLUMNS - 1))
+def test_values_beyond_the_largest_are_cut_off_when_a_trajectory_is_packed(value: float, column: int) -> None:
+    values = np.zeros((2, PLAN_COLUMNS))
+    values[:, column] = -value, value
+    packed = TrajectoryArray.of(values)
+    packed.check("x", max_stages=2, min_stages=2)
+    assert packed.to_numpy()[:, column] == pytest.approx([-1e5, 1e5])
+
+
+def test_trajectories_travel_as_little_endian_differences_by_columns() -> None:
+    values = np.zeros((3, PLAN_COLUMNS))
+    values[:, 0] = 1.0, 1.0002, 0.9
+    values[:, 4] = 0.5, 0.25, 0.0
+    values[:, 11] = -2.0, -2.0, 3.0
+    columns = {0: (10_000, 2, -1002), 4: (500, -250, -250), 11: (-200, 0, 500)}
+    expected = b"".join(struct.pack("<3i", *columns.get(column, (0, 0, 0))) for column in range(PLAN_COLUMNS))
+    assert TrajectoryArray.of(values).data == expected
+    assert TrajectoryArray.of(np.asfortranarray(values)).data == expected
 
 
 def test_matrices_travel_in_little_endian_rows_whatever_the_memory_layout() -> None:

@@ -11,7 +11,7 @@ from support.statuses import flying_status
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
-from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.message import Message, TrajectoryArray
 from rcopterx.bus.messages import (
     Applied,
     LaboratoryState,
@@ -56,7 +56,7 @@ class Flight:
     def plan(
         self, unit: str, frame: int, reference: Four | None, *following: LeaderLink, start_s: float = 0.02
     ) -> None:
-        trajectory = FloatArray.of(np.zeros((2, 12)))
+        trajectory = TrajectoryArray.of(np.zeros((2, 12)))
         self.add(
             channels.PLAN,
             unit,

@@ -10,7 +10,8 @@ from hypothesis.extra.numpy import arrays
 from msgspec import inspect
 
 from rcopterx.bus import channels, requests
-from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.log_messages import AgentSteps
+from rcopterx.bus.message import FloatArray, Message, TrajectoryArray
 from rcopterx.bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, Pose
 
 MESSAGE_TYPES: tuple[type[Message], ...] = (
@@ -22,7 +23,6 @@ MESSAGE_TYPES: tuple[type[Message], ...] = (
 """Everything that travels."""
 
 COLUMNS = {
-    "trajectory": (2, 6, PLAN_COLUMNS),
     "next_inputs": (0, MAX_NEXT_INPUTS, 4),
     "reference": (1, 6, PLAN_COLUMNS),
     "inputs": (1, 6, 4),
@@ -39,6 +39,8 @@ def wire_maps(message_type: type[Message]) -> st.SearchStrategy[dict[str, Any]]:
         return maps.map(_as_pose)
     if message_type is requests.Fly:
         return maps.map(_as_fly)
+    if message_type is AgentSteps:
+        return maps.map(_as_steps)
     return maps
 
 
@@ -67,6 +69,15 @@ def _as_fly(plain: dict[str, Any]) -> dict[str, Any]:
     return plain | {"knots": {"shape": [rows, columns], "data": knots.tobytes()}}
 
 
+def _as_steps(plain: dict[str, Any]) -> dict[str, Any]:
+    """As many inputs as there are in every column, all taken in by the last step."""
+    columns = "keys", "subscriptions", "checksums", "arrivals_s"
+    inputs = min(len(plain[column]) for column in columns) if plain["times_s"] else 0
+    counts = [0] * len(plain["times_s"])
+    counts[-1:] = [inputs] * len(counts[-1:])
+    return plain | {column: plain[column][:inputs] for column in columns} | {"counts": counts}
+
+
 def _struct(kind: Any) -> st.SearchStrategy[dict[str, Any]]:
     tag = {} if kind.tag_field is None else {kind.tag_field: st.just(kind.tag)}
     return st.fixed_dictionaries(
@@ -79,6 +90,8 @@ def _matrix_or_value(name: str, kind: Any) -> st.SearchStrategy[Any]:
     if any(isinstance(member, inspect.StructType) and member.cls is FloatArray for member in members):
         low, high, columns = COLUMNS[name]
         return _optional(kind, _matrices(low, high, columns))
+    if isinstance(kind, inspect.StructType) and kind.cls is TrajectoryArray:
+        return st.integers(2, 6).flatmap(_trajectory)
     if name == "start_s":
         return st.floats(-1, 1)
     if name in ("position_m", "quaternion_xyzw"):
@@ -98,6 +111,13 @@ def _matrix(rows: int, columns: int) -> st.SearchStrategy[dict[str, Any]]:
 
     return arrays(np.dtype("<f8"), (rows, columns), elements=st.floats(-1e6, 1e6)).map(
         lambda values: {"shape": [rows, columns], "data": values.tobytes()}
+    )
+
+
+def _trajectory(stages: int) -> st.SearchStrategy[dict[str, Any]]:
+    shape = (stages, TrajectoryArray.COLUMNS)
+    return arrays(np.float64, shape, elements=st.floats(-1e6, 1e6)).map(
+        lambda values: {"shape": list(shape), "data": TrajectoryArray.of(values).data}
     )
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from rcopterx.agents.references.trajectory import COLUMNS
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.message import FloatArray
+from rcopterx.bus.message import TrajectoryArray
 from rcopterx.bus.messages import LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
 
@@ -71,7 +71,7 @@ def plan_of(
         start_s=start_s,
         airborne=airborne,
         followable=followable,
-        trajectory=FloatArray.of(samples),
+        trajectory=TrajectoryArray.of(samples),
         reference=None if reference_m is None else (*reference_m, yaw_rad),
         following=following,
     )
