@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from rich.table import Table
 from rich.text import Text
@@ -13,7 +13,8 @@ from rcopterx.experiments.manoeuvres import fly_paper_sequence
 from rcopterx.experiments.steps import leader_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.report import SETTLED_S, FlightFigures
+from rcopterx.ground_station.statistics import rms_and_max
 from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
 
 TURNS_PER_SEQUENCE = 3 * math.pi
@@ -21,6 +22,13 @@ RECORDS_KEPT = 40_000
 KNOWN_S = 1.0
 """Until a set point is in the leader's status, which comes five times a second."""
 LOOK_S = 0.2
+HEADINGS = (
+    "vehicle", "task", "error [mm]\nrms / max", "missed\nperiods", "solver [ms]\np50 / p99", "fallbacks",
+)  # fmt: skip
+CAPTION = (
+    f"Error: of followers from their place in the formation; of leaders from their\n"
+    f"set point, once it has not moved for {SETTLED_S:.0f} s."
+)
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error, the way out of a sequence
@@ -117,27 +125,40 @@ class Demonstration:
     def summary(self) -> Table:
         """Figures of the flight, or of its last minute or so."""
         names = list(self._fleet.file.vehicles)
-        figures = FlightFigures(self._recorder.stop(), names)
-        table = Table(title=f"flown for {self._flown_s:.0f} s", title_justify="left")
-        for heading in (
-            "vehicle", "formation error rms / max [mm]", "tracking error rms / max [mm]", "control periods",
-            "missed", "solve p50 / p99 [ms]", "fallbacks",
-        ):  # fmt: skip
-            table.add_column(Text(heading))
-        for name in names:
-            row = figures.vehicle(name)
-            solve = row["solve_ms"] or {"p50": 0.0, "p99": 0.0}
-            table.add_row(
-                name,
-                _pair(row["formation_error_mm"], "rms", "max"),
-                _pair(row["tracking_error_mm"], "rms", "max"),
-                str(row["ticks"]),
-                str(row["missed_ticks"]),
-                _pair(solve, "p50", "p99"),
-                ", ".join(f"{kind} {count}" for kind, count in row["fallbacks"].items()) or "none",
-            )
-        return table
+        return summary_table(FlightFigures(self._recorder.stop(), names), names, self._flown_s)
 
 
-def _pair(figures: dict[str, float] | None, first: str, second: str) -> str:
-    return "-" if figures is None else f"{figures[first]:.2f} / {figures[second]:.2f}"
+def summary_table(figures: FlightFigures, names: Sequence[str], flown_s: float) -> Table:
+    """How well vehicles flew, in 80 columns.
+
+    Parameters
+    ----------
+    figures, names
+        Of the flight, and of its vehicles.
+    flown_s
+        How long it lasted.
+    """
+    table = Table(
+        title=Text(f"flown for {flown_s:.0f} s"),
+        title_justify="left",
+        caption=Text(CAPTION),
+        caption_justify="left",
+        box=None,
+        padding=(0, 2, 0, 0),
+        pad_edge=False,
+    )
+    for heading in HEADINGS:
+        table.add_column(Text(heading))
+    for name in names:
+        row, leaders = figures.vehicle(name), figures.followed(name)
+        errors_mm = row["formation_error_mm"] or rms_and_max(figures.settled_error_m(name))
+        solve = row["solve_ms"]
+        table.add_row(
+            name,
+            f"follows {', '.join(leaders)}" if leaders else "leads",
+            "-" if errors_mm is None else f"{errors_mm['rms']:.0f} / {errors_mm['max']:.0f}",
+            f"{row['missed_ticks']} of {row['ticks']}",
+            "-" if solve is None else f"{solve['p50']:.1f} / {solve['p99']:.1f}",
+            ", ".join(f"{kind} {count}" for kind, count in row["fallbacks"].items()) or "none",
+        )
+    return table

@@ -1,16 +1,30 @@
 """Margins of the vehicles of a fleet: as its file configures them, or as they fly."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
-from rcopterx.agents.margins.search import margins, shortfalls
+from rcopterx.agents.margins.search import (
+    DELAY_LIMIT_S,
+    FREQUENCY_LIMIT,
+    GAIN_LIMIT,
+    PHASE_LIMIT_RAD,
+    margins,
+    shortfalls,
+)
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.loops import loops_of, unknown_loops
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.roles.vehicle_models import model_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.vehicles.model import Model
+
+COLUMNS: Final = (
+    "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "frequency up", "frequency down",
+    "below the rule",
+)  # fmt: skip
+_NEARLY: Final = 0.999
 
 
 def configured(file: FleetFile, vehicle: str) -> Configuration:
@@ -63,6 +77,43 @@ def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
             for axis, loop in loops.items()
         }
     return table
+
+
+def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Rows of the table of a vehicle's margins, in `COLUMNS`: its axes, and what the rule asks for."""
+    if found["axes"] is None:
+        yield name, found["unknown"]
+        return
+    for axis, margin in found["axes"].items():
+        yield (
+            name,
+            axis,
+            _at_most(margin["gain_up"], GAIN_LIMIT, 2),
+            f"{margin['gain_down']:.2f}" if margin["gain_down"] * GAIN_LIMIT > 1.0 / _NEARLY else "any",
+            _at_most(math.degrees(margin["phase_rad"]), math.degrees(PHASE_LIMIT_RAD), 0),
+            _at_most(1000 * margin["delay_s"], 1000 * DELAY_LIMIT_S, 0),
+            _at_most(margin["frequency_up"], FREQUENCY_LIMIT, 2),
+            f"{margin['frequency_down']:.2f}"
+            if margin["frequency_down"] * FREQUENCY_LIMIT > 1.0 / _NEARLY
+            else "any",
+            ", ".join(margin["below_rule"]) or "-",
+        )
+    rule = found["rule"]
+    yield (
+        name,
+        "rule",
+        f"{rule['gain_factor']:.2f}",
+        f"{1 / rule['gain_factor']:.2f}",
+        "",
+        f"{1000 * rule['delay_s']:.0f}",
+        f"{1 + rule['frequency_fraction']:.2f}",
+        f"{1 - rule['frequency_fraction']:.2f}",
+        "",
+    )
+
+
+def _at_most(value: float, limit: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if value < _NEARLY * limit else f"> {limit:.{digits}f}"
 
 
 def configured_warnings(file: FleetFile) -> list[str]:

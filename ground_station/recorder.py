@@ -1,7 +1,7 @@
 """Keeps what travels on the bus during a flight, undecoded until the flight is over."""
 
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -26,16 +26,20 @@ class Record:
 class Recording:
     """Messages of a flight by channel and unit; decoding happens on reading."""
 
-    def __init__(self, records: list[Record]) -> None:
-        self._records = records
+    def __init__(self, records: Iterable[Record]) -> None:
+        self._records: dict[tuple[str, str], list[Record]] = {}
+        for record in records:
+            self._records.setdefault((record.topic, record.unit), []).append(record)
         self.rejected: Counter[str] = Counter()
+
+    def units(self, channel: Channel[Any]) -> list[str]:
+        """Units that sent something on a channel."""
+        return sorted(unit for topic, unit in self._records if topic == channel.topic)
 
     def messages(self, channel: Channel[M], unit: str) -> list[tuple[M, float]]:
         """Valid messages of a channel and unit with their arrival times, in order."""
         found = []
-        for record in self._records:
-            if record.topic != channel.topic or record.unit != unit:
-                continue
+        for record in self._records.get((channel.topic, unit), ()):
             try:
                 found.append((decode(record.payload, channel.message), record.arrived_s))
             except RejectedError as error:
@@ -43,7 +47,7 @@ class Recording:
         return found
 
     def __len__(self) -> int:
-        return len(self._records)
+        return sum(map(len, self._records.values()))
 
 
 class Recorder:
@@ -80,4 +84,4 @@ class Recorder:
     def stop(self) -> Recording:
         """End and hand the recording over."""
         self._active = False
-        return Recording(list(self._records))
+        return Recording(self._records)

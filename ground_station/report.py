@@ -4,13 +4,16 @@ import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rcopterx.bus import channels
+from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.messages import (
     AgentStatus,
     Applied,
@@ -22,6 +25,7 @@ from rcopterx.bus.messages import (
     Pose,
     TransmitterStatus,
 )
+from rcopterx.ground_station.latency import clock_offset, stage_times_ms
 from rcopterx.ground_station.recorder import Recording
 from rcopterx.ground_station.statistics import rms_and_max
 
@@ -29,6 +33,11 @@ Array = NDArray[np.float64]
 
 PULSE_TOLERANCE_US = 1.0
 MATCH_LIMIT_S = 0.1
+TO_COMMAND = {"gateway", "agent", "solver", "command"}
+"""Stages between the arrival of a frame at the Vicon gateway and that of its command at the transmitter's."""
+SETTLED_S = 3.0
+"""From here on after a change of its set point a vehicle that leads is to be there."""
+AT_REST_M = 0.001
 LONGEST_LATENCY_MS = 1000.0
 """What took longer has nothing to do with each other."""
 
@@ -46,7 +55,7 @@ class FlightFigures:
     Notes
     -----
     Positions are the true ones of the simulated laboratory where there is one, else those of the motion
-    capture. Latencies compare monotonic clocks and are only told where both ends ran on one host.
+    capture. Clocks of two hosts are compared by the offsets that routers measured during the flight.
     """
 
     def __init__(self, recording: Recording, vehicles: Sequence[str]) -> None:
@@ -64,6 +73,7 @@ class FlightFigures:
             self._transmitters[name] = [m for m, _ in recording.messages(channels.TRANSMITTER_STATUS, name)]
             self._status[name] = [m for m, _ in recording.messages(channels.AGENT_STATUS, name)]
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
+        self._stages = self._stage_times(recording)
 
     @property
     def laboratory(self) -> list[LaboratoryState]:
@@ -85,6 +95,12 @@ class FlightFigures:
     def plans(self, name: str) -> list[Plan]:
         """Plans of a vehicle, in order."""
         return self._plans[name]
+
+    def references(self, name: str) -> tuple[Array, Array]:
+        """Frames of the plans of a vehicle that have a reference, shape (n,), and the references, (n, 4)."""
+        plans = [plan for plan in self._plans[name] if plan.reference is not None]
+        frames = np.array([plan.frame for plan in plans], dtype=float)
+        return frames, np.array([plan.reference for plan in plans], dtype=float).reshape(-1, 4)
 
     def frame_period_s(self) -> float:
         """Time between the frames of the motion capture [s]."""
@@ -117,13 +133,43 @@ class FlightFigures:
     def pose_to_command_ms(self) -> list[float]:
         """From the arrival of a frame at the Vicon gateway to that of its command at the transmitter's."""
         values = []
+        for stages in self._stages.values():
+            for _, times in stages:
+                if times.keys() >= TO_COMMAND:
+                    values.append(sum(times[stage] for stage in TO_COMMAND))
+        return [value for value in values if value < LONGEST_LATENCY_MS]
+
+    def stage_times_ms(self, name: str) -> list[tuple[float, dict[str, float]]]:
+        """When each command of a vehicle was written, as the recording counts time [s], and its stages.
+
+        Stages are those of `rcopterx.ground_station.latency.stage_times_ms`.
+        """
+        return self._stages[name]
+
+    def _stage_times(self, recording: Recording) -> dict[str, list[tuple[float, dict[str, float]]]]:
+        told = sorted(
+            (
+                (arrived_s, host, status)
+                for host in recording.units(channels.ROUTER_STATUS)
+                for status, arrived_s in recording.messages(channels.ROUTER_STATUS, host)
+            ),
+            key=itemgetter(0),
+        )
+        found = {}
         for name in self._vehicles:
-            received = {(pose.epoch, pose.frame): pose.received_s for pose in self._poses[name]}
-            for applied in self._applied[name]:
-                start_s = received.get((applied.epoch, applied.frame))
-                if applied.fresh and start_s is not None and applied.command_arrived_s is not None:
-                    values.append(1000 * (applied.command_arrived_s - start_s))
-        return [value for value in values if 0 <= value < LONGEST_LATENCY_MS]
+            routers: dict[str, RouterStatus] = {}
+            waiting = iter(told)
+            following = next(waiting, None)
+            rows = []
+            for applied, arrived_s in recording.messages(channels.APPLIED, name):
+                while following is not None and following[0] <= arrived_s:
+                    routers[following[1]] = following[2]
+                    following = next(waiting, None)
+                times = stage_times_ms(applied, partial(clock_offset, routers))
+                if times:
+                    rows.append((arrived_s, times))
+            found[name] = rows
+        return found
 
     def frame_to_radio_ms(self) -> list[float]:
         """From the simulator's send of a frame to the arrival of the first radio frame computed from it."""
@@ -175,6 +221,49 @@ class FlightFigures:
             if position is not None:
                 errors.append(float(np.linalg.norm(position[:3] - np.array(plan.reference[:3]))))
         return np.array(errors)
+
+    def settled_error_m(self, name: str) -> Array:
+        """Distance to a reference that has been at rest for `SETTLED_S` of free flight, shape (n,)."""
+        own, period_s = self._positions[name], self.frame_period_s()
+        errors, since, place = [], None, np.full(3, np.inf)
+        for plan in self._plans[name]:
+            if plan.reference is None or not plan.followable:
+                since, place = None, np.full(3, np.inf)
+                continue
+            wanted = np.array(plan.reference[:3])
+            if since is None or np.linalg.norm(wanted - place) > AT_REST_M:
+                since, place = plan.frame, wanted
+            flown = own.get(plan.frame + round(plan.start_s / period_s))
+            if flown is not None and (plan.frame - since) * period_s >= SETTLED_S:
+                errors.append(float(np.linalg.norm(flown[:3] - wanted)))
+        return np.array(errors)
+
+    def followed(self, name: str) -> list[str]:
+        """Vehicles that a vehicle followed at any time."""
+        return sorted({link.leader for plan in self._plans[name] for link in plan.following})
+
+    def offsets_m(self, name: str, leader: str) -> tuple[NDArray[np.int64], Array, Array]:
+        """Where a follower was and was to be beside a leader.
+
+        Returns
+        -------
+        tuple
+            Frames, shape (n,); offsets as flown and as wanted, each of shape (n, 4): x, y, z in the inertial
+            frame [m], heading [rad].
+        """
+        own, other = self._positions[name], self._positions.get(leader, {})
+        frames, flown, wanted = [], [], []
+        for plan in self._plans[name]:
+            link = next((link for link in plan.following if link.leader == leader), None)
+            if link is None or plan.frame not in own or plan.frame not in other:
+                continue
+            apart = own[plan.frame] - other[plan.frame]
+            apart[3] = math.remainder(apart[3], 2 * math.pi)
+            frames.append(plan.frame)
+            flown.append(apart)
+            wanted.append(np.array([*_in_room(link, float(other[plan.frame][3])), link.yaw_offset_rad]))
+        numbers = np.array(frames, dtype=np.int64)
+        return numbers, np.array(flown).reshape(-1, 4), np.array(wanted).reshape(-1, 4)
 
     def _safety_events(self, name: str) -> list[str]:
         """States of the arbiter other than armed, each with its reason, in order."""

@@ -211,9 +211,11 @@ class Results:
         where = self._directory / report["manoeuvre"] if self._several else self._directory
         typer.echo(f"report: {write_report(report, where)}", err=True)
         if self._draws:
-            from rcopterx.experiments.flight_picture import svg_of
+            from rcopterx.ground_station.flight_report.picture import flight_svg
 
-            self._pictures[report["manoeuvre"]] = svg_of(report, figures)
+            self._pictures[report["manoeuvre"]] = flight_svg(
+                report["manoeuvre"], list(report["vehicles"]), figures
+            )
 
     def write_page(self) -> None:
         """Write the page about everything that was flown."""

@@ -11,6 +11,7 @@ from support.statuses import flying_status
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
+from rcopterx.bus.link_messages import LinkState, RouterStatus
 from rcopterx.bus.message import Message, TrajectoryArray
 from rcopterx.bus.messages import (
     Applied,
@@ -21,6 +22,7 @@ from rcopterx.bus.messages import (
     Pose,
     TransmitterStatus,
 )
+from rcopterx.bus.timing import CommandTiming
 from rcopterx.ground_station.recorder import Record, Recording
 from rcopterx.ground_station.report import FlightFigures
 from rcopterx.ground_station.statistics import percentiles, rms_and_max
@@ -87,6 +89,7 @@ class Flight:
         epoch: int = 1,
         fresh: bool = True,
         arrived_s: float | None = None,
+        timing: CommandTiming | None = None,
     ) -> None:
         self.add(
             channels.APPLIED,
@@ -101,6 +104,8 @@ class Flight:
                 fresh=fresh,
                 command_arrived_s=arrived_s,
                 written_s=written_s,
+                host="main",
+                timing=timing,
             ),
         )
 
@@ -113,6 +118,15 @@ class Flight:
 
     def figures(self, *names: str) -> FlightFigures:
         return FlightFigures(Recording(self.records), names)
+
+
+def passed(received_s: float, agent_host: str = "main", ahead_s: float = 0.0) -> CommandTiming:
+    """A command that was 2 ms in the Tracker, 1 ms on its way to the agent, and 1 ms there."""
+    arrived_s = received_s + 0.001 + ahead_s
+    return CommandTiming(
+        latency_s=0.002, gateway_host="main", received_s=received_s, agent_host=agent_host,
+        arrived_s=arrived_s, began_s=arrived_s, ready_s=arrived_s + 0.001,
+    )  # fmt: skip
 
 
 def truth(
@@ -206,17 +220,55 @@ def test_tracking_error_is_taken_when_the_reference_was_to_be_reached() -> None:
     assert flight.figures("h1").tracking_error_m("h1") == pytest.approx([0.0, 0.05])
 
 
-def test_pose_to_command_counts_fresh_commands_of_known_frames_only() -> None:
+def test_pose_to_command_counts_commands_whose_way_is_known() -> None:
     flight = Flight()
-    for frame in range(4):
-        flight.pose("h1", frame, (0.0, 0.0, 1.0), received_s=100 + 0.02 * frame)
-    flight.applied("h1", 0, 0.0, (1500.0,), arrived_s=100.003)
-    flight.applied("h1", 0, 0.0, (1500.0,), arrived_s=100.003, fresh=False)
-    flight.applied("h1", 1, 0.0, (1500.0,), arrived_s=100.024)
-    flight.applied("h1", 2, 0.0, (1500.0,), arrived_s=None)
-    flight.applied("h1", 77, 0.0, (1500.0,), arrived_s=100.1)
-    flight.applied("h1", 3, 0.0, (1500.0,), arrived_s=5.0)
+    flight.applied("h1", 0, 100.0031, (1500.0,), arrived_s=100.003, timing=passed(100.0))
+    flight.applied("h1", 0, 100.0031, (1500.0,), arrived_s=100.003, fresh=False)
+    flight.applied("h1", 1, 100.0241, (1500.0,), arrived_s=100.024, timing=passed(100.02))
+    flight.applied("h1", 2, 100.0500, (1500.0,), arrived_s=None, timing=passed(100.04))
+    flight.applied("h1", 3, 100.0701, (1500.0,), arrived_s=100.07)
+    flight.applied("h1", 4, 190.0, (1500.0,), arrived_s=190.0, timing=passed(100.08))
     assert flight.figures("h1").pose_to_command_ms() == pytest.approx([3.0, 4.0])
+
+
+def test_stages_between_hosts_are_told_from_when_their_clocks_have_been_compared() -> None:
+    flight = Flight()
+    ahead_s = 1000.0
+    link = LinkState(linked=True, redials=0, late=0, round_trip_s=1e-4, monotonic_offset_s=ahead_s)
+    for frame in range(2):
+        timing = passed(100.0, agent_host="other", ahead_s=ahead_s)
+        flight.applied("h1", frame, 100.0031, (1500.0,), arrived_s=100.003, timing=timing)
+        flight.add(channels.ROUTER_STATUS, "main", RouterStatus(links={"other": link}))
+    before, after = (times for _, times in flight.figures("h1").stage_times_ms("h1"))
+    assert "gateway" not in before
+    assert after["gateway"] == pytest.approx(1.0, abs=1e-6)
+    assert after["total"] == pytest.approx(5.1, abs=1e-6)
+
+
+def test_a_leader_is_judged_at_rest_and_not_while_it_flies_to_its_set_point() -> None:
+    flight = Flight()
+    for frame in range(400):
+        flight.pose("h1", frame, (0.0 if frame < 250 else 1.01, 0.0, 1.0))
+        flight.plan("h1", frame, (0.0 if frame < 200 else 1.0, 0.0, 1.0, 0.0), start_s=0.0)
+    errors_m = flight.figures("h1").settled_error_m("h1")
+    # Three seconds from the beginning and from the step are not counted.
+    assert len(errors_m) == 50 + 50
+    assert errors_m.max() == pytest.approx(0.01)
+
+
+def test_offsets_of_a_follower_are_told_beside_those_it_was_to_keep() -> None:
+    flight = Flight()
+    link = LeaderLink(leader="h1", offset_m=(-0.5, 0.1, 0.0), frame="inertial")
+    for frame in range(3):
+        flight.pose("h1", frame, (float(frame), 0.0, 1.0))
+        flight.pose("h2", frame, (frame - 0.4, 0.0, 1.0))
+        flight.plan("h2", frame, (0.0, 0.0, 1.0, 0.0), link)
+    figures = flight.figures("h1", "h2")
+    assert figures.followed("h2") == ["h1"]
+    frames, flown, wanted = figures.offsets_m("h2", "h1")
+    assert frames.tolist() == [0, 1, 2]
+    assert flown == pytest.approx(np.tile((-0.4, 0.0, 0.0, 0.0), (3, 1)))
+    assert wanted == pytest.approx(np.tile((-0.5, 0.1, 0.0, 0.0), (3, 1)))
 
 
 def pulses(number: int) -> tuple[float, ...]:

@@ -66,6 +66,11 @@ def test_without_a_command_the_help_names_them_all() -> None:
     assert "Lengths are metres, times seconds, angles on the command line degrees" in shown
 
 
+FLEETLESS = (
+    "experiment", "export", "flights", "recover", "replay", "replay-tracker", "report", "udev-rules",
+)  # fmt: skip
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_every_command_explains_itself_and_its_options(name: str) -> None:
     result = run(name, "--help")
@@ -74,7 +79,7 @@ def test_every_command_explains_itself_and_its_options(name: str) -> None:
     assert f"rcopterx {name}" in shown or f"root {name}" in shown
     for unit in UNITS.get(name, ()):
         assert unit in shown
-    if name not in ("experiment", "export", "flights", "recover", "replay", "replay-tracker", "udev-rules"):
+    if name not in FLEETLESS:
         assert "Fleet file" in shown or "FLEET" in shown
 
 

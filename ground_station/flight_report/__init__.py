@@ -1,0 +1,1 @@
+"""Reports of flights as web pages that need nothing but themselves."""

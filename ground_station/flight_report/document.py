@@ -1,0 +1,96 @@
+"""What all reports are made of: the page around them, tables, and the tables of figures they share."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any, Final
+
+
+class Html(str):
+    """Text that is markup already; all other texts are escaped."""
+
+    __slots__ = ()
+
+
+STYLE: Final = """
+body { font: 15px/1.45 system-ui, sans-serif; color: #222; }
+body { margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }
+table { border-collapse: collapse; margin: .6rem 0 1rem; }
+th, td { text-align: left; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid #ddd; vertical-align: top; }
+.passed { color: #17702b; } .failed { color: #b3261e; font-weight: 600; } .not { color: #777; }
+section { border-top: 2px solid #ddd; margin-top: 2rem; }
+svg { max-width: 100%; height: auto; }
+code { font-size: 90%; } details { margin: .5rem 0; }
+.beside { display: grid; grid-template-columns: 1fr 1fr; gap: 2rem; }
+.beside > * { min-width: 0; overflow-x: auto; }
+"""
+VEHICLE_COLUMNS: Final = (
+    "vehicle", "formation error rms / max [mm]", "tracking error rms / max [mm]", "periods", "missed",
+    "solve p50 / p99 [ms]", "fallbacks", "safety",
+)  # fmt: skip
+PERCENTILES: Final = ("p50", "p99", "max")
+
+
+def document(title: str, body: Iterable[str]) -> str:
+    """A page that refers to nothing outside itself."""
+    return "\n".join(
+        [
+            "<!doctype html>",
+            f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>',
+            f"<style>{STYLE}</style></head><body>",
+            *body,
+            "</body></html>\n",
+        ]
+    )
+
+
+def cell(value: object, style: str = "") -> Html:
+    """One cell of a table."""
+    shown = value if isinstance(value, Html) else escape(str(value))
+    kind = f' class="{escape(style)}"' if style else ""
+    return Html(f"<td{kind}>{shown}</td>")
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Html:
+    """A table; a cell is a value, or a pair of a value and its style."""
+    lines = ["<table><tr>" + "".join(f"<th>{escape(text)}</th>" for text in head) + "</tr>"]
+    for row in rows:
+        cells = (cell(*one) if isinstance(one, tuple) else cell(one) for one in row)
+        lines.append("<tr>" + "".join(cells) + "</tr>")
+    return Html("\n".join([*lines, "</table>"]))
+
+
+def vehicle_table(vehicles: Mapping[str, Mapping[str, Any]]) -> Html:
+    """Errors, periods, solver times, fallbacks and safety of vehicles, see `FlightFigures.vehicle`."""
+    return table(
+        VEHICLE_COLUMNS,
+        (
+            (
+                name,
+                pair(figures["formation_error_mm"], "rms", "max"),
+                pair(figures["tracking_error_mm"], "rms", "max"),
+                figures["ticks"],
+                figures["missed_ticks"],
+                pair(figures["solve_ms"], "p50", "p99"),
+                ", ".join(f"{kind} {count}" for kind, count in figures["fallbacks"].items()) or "none",
+                "; ".join(figures["safety"]) or "none",
+            )
+            for name, figures in vehicles.items()
+        ),
+    )
+
+
+def percentile_table(rows: Mapping[str, Mapping[str, float] | None]) -> Html:
+    """Percentiles in milliseconds by what they are of; what has none is left out."""
+    return table(
+        ("", *PERCENTILES),
+        (
+            (f"{label} [ms]", *(figures[name] for name in PERCENTILES))
+            for label, figures in rows.items()
+            if figures
+        ),
+    )
+
+
+def pair(figures: Mapping[str, float] | None, first: str, second: str) -> str:
+    """Two figures of a set, or a dash without them."""
+    return "-" if figures is None else f"{figures[first]:g} / {figures[second]:g}"

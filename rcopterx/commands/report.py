@@ -1,0 +1,45 @@
+"""Reports of recorded flights: `report`."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from rcopterx.commands.replay import FlightArgument, chosen_flight
+from rcopterx.fleet_option import EXIT_FAILED, user_errors
+
+INSTALL: Final = "pip install 'rcopterx[figures]'"
+
+
+def report(
+    flight: FlightArgument = "latest",
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to.")] = Path(
+        "report.html"
+    ),
+    compare: Annotated[
+        str | None,
+        typer.Option("--compare", metavar="FLIGHT", help="Put this flight beside the first one."),
+    ] = None,
+) -> None:
+    """Write a page about a flight: playback, errors, latency by stage, fallbacks, events, provenance.
+
+    The page needs nothing but itself.
+    """
+    if find_spec("matplotlib") is None:
+        typer.echo(f"error: a report needs matplotlib: {INSTALL}", err=True)
+        raise typer.Exit(EXIT_FAILED)
+    from rcopterx.flight_log.mcap_reading import FlightLogError
+    from rcopterx.ground_station.flight_report.logged_flight import logged_flight
+    from rcopterx.ground_station.flight_report.page import comparison_page, report_page
+
+    with user_errors():
+        chosen = [chosen_flight(name) for name in (flight, compare) if name is not None]
+    try:
+        flights = [logged_flight(found.name, found.parts) for found in chosen]
+        page = report_page(flights[0]) if compare is None else comparison_page(*flights)
+        output.write_text(page, encoding="utf-8")
+    except (FlightLogError, OSError) as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(EXIT_FAILED) from None
+    typer.echo(f"report: {output}")
