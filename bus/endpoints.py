@@ -2,15 +2,55 @@
 
 import json
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
 
 import zenoh
 
+TLS: Final = "tls/"
+"""Beginning of an endpoint whose both ends show a certificate."""
 QUEUE_SIZE = 16
 LEASE_MS = 1000
 _SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
 
 
-def router_config(listen: list[str], connect: list[str], namespace: str | None) -> zenoh.Config:
+@dataclass(frozen=True)
+class Credentials:
+    """Files by which a process shows who it is, and knows the others.
+
+    Attributes
+    ----------
+    authority
+        Certificate of the authority that issued all certificates of the fleet.
+    certificate, private_key
+        Its own.
+    """
+
+    authority: str
+    certificate: str
+    private_key: str
+
+
+@dataclass(frozen=True)
+class Protection:
+    """What keeps strangers out of a router, and everybody else to what he may say.
+
+    Attributes
+    ----------
+    credentials
+        Certificate of the router.
+    access_control
+        Rules of access, see `rcopterx.bus.access`.
+    """
+
+    credentials: Credentials
+    access_control: Mapping[str, object]
+
+
+def router_config(
+    listen: list[str], connect: list[str], namespace: str | None, protection: Protection | None = None
+) -> zenoh.Config:
     """Configuration of the router of a host.
 
     Parameters
@@ -21,13 +61,15 @@ def router_config(listen: list[str], connect: list[str], namespace: str | None) 
         Routers of other hosts to link to; retried in the background.
     namespace
         Prefix that keeps fleets of tests apart, or None.
+    protection
+        None for a router that believes everybody.
 
     Returns
     -------
     zenoh.Config
         Router mode, no discovery of any kind.
     """
-    settings = _common(namespace) | {
+    settings = _common(namespace, None if protection is None else protection.credentials) | {
         "mode": "router",
         "listen": {"endpoints": listen},
         "connect": {
@@ -37,10 +79,14 @@ def router_config(listen: list[str], connect: list[str], namespace: str | None) 
             "retry": {"period_init_ms": 20, "period_max_ms": 50, "period_increase_factor": 1.5},
         },
     }
+    if protection is not None:
+        settings["access_control"] = protection.access_control
     return zenoh.Config.from_json5(json.dumps(settings))
 
 
-def client_config(endpoints: list[str], namespace: str | None, timeout_s: float) -> zenoh.Config:
+def client_config(
+    endpoints: list[str], namespace: str | None, timeout_s: float, credentials: Credentials | None = None
+) -> zenoh.Config:
     """Configuration of every other process: a client of its host's router.
 
     Parameters
@@ -51,13 +97,15 @@ def client_config(endpoints: list[str], namespace: str | None, timeout_s: float)
         As for the router.
     timeout_s
         How long opening may take.
+    credentials
+        For endpoints that ask for a certificate.
 
     Returns
     -------
     zenoh.Config
         Client mode with automatic reconnection.
     """
-    settings = _common(namespace) | {
+    settings = _common(namespace, credentials) | {
         "mode": "client",
         "connect": {
             "endpoints": endpoints,
@@ -74,14 +122,15 @@ def reason_of(error: zenoh.ZError) -> str:
     return _SOURCE_PLACE.sub("", str(error))
 
 
-def _common(namespace: str | None) -> dict[str, object]:
+def _common(namespace: str | None, credentials: Credentials | None) -> dict[str, object]:
     settings: dict[str, object] = {
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "queries_default_timeout": 500,
         "transport": {
             "unicast": {"max_sessions": 128, "open_timeout": 2000, "accept_timeout": 2000},
             "link": {
-                "protocols": ["tcp", "unixsock-stream"],
+                "protocols": ["tcp" if credentials is None else "tls", "unixsock-stream"],
+                **({} if credentials is None else {"tls": _tls(credentials)}),
                 "rx": {"max_message_size": 65536},
                 "tx": {
                     "lease": LEASE_MS,
@@ -95,3 +144,17 @@ def _common(namespace: str | None) -> dict[str, object]:
     if namespace:
         settings["namespace"] = namespace
     return settings
+
+
+def _tls(credentials: Credentials) -> dict[str, object]:
+    return {
+        "root_ca_certificate": credentials.authority,
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "listen_certificate": credentials.certificate,
+        "listen_private_key": credentials.private_key,
+        "connect_certificate": credentials.certificate,
+        "connect_private_key": credentials.private_key,
+        # A certificate that expires in flight must not end the flight; the next connection is refused.
+        "close_link_on_expiration": False,
+    }

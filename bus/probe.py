@@ -6,7 +6,7 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from rcopterx.bus.endpoints import client_config
+from rcopterx.bus.endpoints import Credentials, client_config
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.keys import probe_key
 
@@ -47,7 +47,14 @@ class Probe:
         return self._seen != seen
 
 
-def probe_until(ended: int, endpoint: str, namespace: str | None, fleet: str, host: str) -> None:
+def probe_until(
+    ended: int,
+    endpoint: str,
+    namespace: str | None,
+    fleet: str,
+    host: str,
+    credentials: Credentials | None = None,
+) -> None:
     """Let the heartbeat of this process go on as long as its router routes.
 
     Parameters
@@ -58,8 +65,11 @@ def probe_until(ended: int, endpoint: str, namespace: str | None, fleet: str, ho
         Where the router listens.
     fleet, host
         For the key of the messages.
+    credentials
+        For an endpoint that asks for a certificate.
     """
-    sender, receiver = (zenoh.open(client_config([endpoint], namespace, OPENING_LIMIT_S)) for _ in range(2))
+    config = client_config([endpoint], namespace, OPENING_LIMIT_S, credentials)
+    sender, receiver = (zenoh.open(config) for _ in range(2))
     with sender, receiver:
         probe, heartbeat = Probe(sender, receiver, probe_key(fleet, host)), own_heartbeat()
         while not select.select([ended], [], [], PERIOD_S)[0]:

@@ -148,11 +148,12 @@ def _request_lines(structures: dict[str, type]) -> Iterator[str]:
         "answered by a Zenoh error with the reason."
     )
     yield ""
-    yield "| verb | request | answered by | reply | what for |"
-    yield "| --- | --- | --- | --- | --- |"
+    yield "| verb | request | may ask | answered by | reply | what for |"
+    yield "| --- | --- | --- | --- | --- | --- |"
     for verb in VERBS.values():
         yield (
-            f"| {verb.name} | {_link(verb.request)} | {verb.server} | {_link(verb.reply)} | {verb.purpose} |"
+            f"| {verb.name} | {_link(verb.request)} | {verb.asker} | {verb.server} "
+            f"| {_link(verb.reply)} | {verb.purpose} |"
         )
     yield ""
     for verb in VERBS.values():

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Final
 from msgspec import Meta, Struct
 
 from rcopterx.bus.intent import Intent
+from rcopterx.bus.keys import SIMULATOR_UNIT
 from rcopterx.bus.message import FloatArray, InvalidMessageError, Message, Name, Seconds, Settings, Text
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, Applied, LeaderLink, SetPoint
 
@@ -16,6 +17,8 @@ MAX_PATH_S: Final = 600.0
 REST_TOLERANCE: Final = 1e-6
 """Rates and accelerations below it are rounding: whoever computes a trajectory seldom gets exact zeros."""
 
+OPERATOR: Final = "operator"
+ANYBODY: Final = "anybody"
 MAX_FAULTS: Final = 200
 """In one request."""
 MAX_FAULT_FIELDS: Final = 8
@@ -236,13 +239,17 @@ class Inject(Request, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Verb:
-    """One row of the table: who serves the verb, and the types that travel."""
+    """One row of the table: who serves the verb, who may ask, and the types that travel."""
 
     name: str
     server: str
     request: type[Request]
     purpose: str
     reply: type[Reply] = Reply
+    asker: str = OPERATOR
+    """Role that may ask; `ANYBODY` for whoever may connect."""
+    unit: str = "vehicle"
+    """Who is asked, as in the table of channels: `vehicle`, `host`, or a fixed unit."""
 
 
 VERBS: Final = {
@@ -272,16 +279,19 @@ VERBS: Final = {
         Verb("withdraw_leaders", "agent", WithdrawLeaders, "forget the prepared leaders"),
         Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part"),
         Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave"),
-        Verb("recall", "launcher", Recall, "last intent of the vehicle's previous agent", RecallReply),
+        Verb(
+            "recall", "launcher", Recall, "last intent of the vehicle's previous agent", RecallReply, "agent"
+        ),
         Verb(
             "recall_transmitter",
             "launcher",
             RecallTransmitter,
             "what the previous transmitter gateway last wrote",
             RecallTransmitterReply,
+            "transmitter_gateway",
         ),
-        Verb("identify", "router", Identify, "which fleet is up", IdentifyReply),
-        Verb("inject", "simulator", Inject, "let the simulated laboratory show faults"),
+        Verb("identify", "router", Identify, "which fleet is up", IdentifyReply, ANYBODY, "host"),
+        Verb("inject", "simulator", Inject, "let the simulated laboratory show faults", unit=SIMULATOR_UNIT),
     )
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""

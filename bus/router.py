@@ -4,17 +4,21 @@ import os
 import signal
 from collections.abc import Sequence
 from contextlib import ExitStack
+from typing import Final
 
 import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.endpoints import reason_of, router_config
+from rcopterx.bus.endpoints import Protection, reason_of, router_config
 from rcopterx.bus.links import LinkService
 from rcopterx.bus.probe import probe_until
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.requests import IdentifyReply
+
+REFUSALS: Final = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=info"
+"""What of Zenoh's log tells of connections that were refused, or of certificates of nobody in the fleet."""
 
 
 def run_router(
@@ -24,6 +28,7 @@ def run_router(
     realtime_priority: int,
     identity: IdentifyReply | None = None,
     others: Sequence[str] = (),
+    protection: Protection | None = None,
 ) -> None:
     """Route until SIGTERM or SIGINT.
 
@@ -40,6 +45,9 @@ def run_router(
         heartbeat.
     others
         Other hosts of the fleet, whose routers are linked to this one.
+    protection
+        None for a router that believes everybody. With it, whoever is refused for his certificate is told
+        of on standard output, by Zenoh.
 
     Raises
     ------
@@ -53,17 +61,20 @@ def run_router(
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: None)
     request_realtime(realtime_priority)
+    if protection is not None:
+        zenoh.init_log_from_env_or(REFUSALS)
     try:
-        session = zenoh.open(router_config(listen, connect, namespace))
+        session = zenoh.open(router_config(listen, connect, namespace, protection))
     except zenoh.ZError as error:
         raise OSError(f"router cannot listen on {', '.join(listen)}: {reason_of(error)}") from None
+    credentials = None if protection is None else protection.credentials
     with ExitStack() as stack:
         stack.callback(session.close)
         if identity is not None:
             _identify(session, identity)
             if others:
                 stack.callback(LinkService(session, identity.fleet, identity.host, others).close)
-            probe_until(ended, listen[0], namespace, identity.fleet, identity.host)
+            probe_until(ended, listen[0], namespace, identity.fleet, identity.host, credentials)
         else:
             os.read(ended, 1)
 

@@ -16,7 +16,7 @@ from zenoh.handlers import Callback
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import RejectedError, decode, encode
-from rcopterx.bus.endpoints import client_config, reason_of
+from rcopterx.bus.endpoints import Credentials, client_config, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
@@ -58,13 +58,15 @@ class NobodyServesError(RequestFailedError):
 class BusAddress:
     """Where the bus is: router endpoints, namespace (tests only) and the fleet's name in the keys.
 
-    `host` is the name of this computer in the fleet file, empty where there is no fleet file.
+    `host` is the name of this computer in the fleet file, empty where there is no fleet file; `credentials`
+    are for endpoints that ask for a certificate.
     """
 
     endpoints: tuple[str, ...]
     fleet: str
     namespace: str | None = None
     host: str = ""
+    credentials: Credentials | None = None
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,9 @@ def _opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
     while True:
         for endpoint in address.endpoints:
             left_s = max(0.0, give_up_s - time.monotonic())
+            limit_s = min(attempt_s, left_s)
             try:
-                return zenoh.open(client_config([endpoint], address.namespace, min(attempt_s, left_s)))
+                return zenoh.open(client_config([endpoint], address.namespace, limit_s, address.credentials))
             except zenoh.ZError as error:
                 reason = reason_of(error)
         if time.monotonic() >= give_up_s:

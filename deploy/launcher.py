@@ -8,10 +8,13 @@ import time
 from collections import deque
 from collections.abc import Collection
 from contextlib import AbstractContextManager
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusUnreachableError
+from rcopterx.deploy.certificates.files import directory_of
+from rcopterx.deploy.certificates.names import host_name
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
@@ -109,6 +112,25 @@ def check_free(address: str, port: int, where: str) -> None:
             raise FleetError(f"{where}: {address}:{port} cannot be used: {error.strerror}{hint}") from None
 
 
+def check_certificate(fleet: FleetFile, host: str) -> None:
+    """Make sure that this host can show who it is, in a fleet with certificates.
+
+    Raises
+    ------
+    FleetError
+        Says what is wrong with its certificate.
+    """
+    directory = directory_of(fleet)
+    if directory is None:
+        return
+    # The library takes its time to import, and fleets on one computer do without.
+    from rcopterx.deploy.certificates.inspection import problem
+
+    wrong = problem(directory, host_name(host), datetime.now(UTC))
+    if wrong is not None:
+        raise FleetError(f"security.certificates: {wrong}; rcopterx certs makes certificates")
+
+
 def watchdog_limits(fleet: FleetFile) -> WatchdogLimits | None:
     """For how long processes of a fleet may make no progress; None for as long as they like."""
     watchdog = fleet.watchdog
@@ -153,6 +175,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
         _check_absent(fleet, without)
         check_fleet(fleet, directory)
+        check_certificate(fleet, host)
         missing = check_resources(fleet, host, directory, without)
         self.directory = directory
         agents = {f"agent-{name}" for name in without}

@@ -1,6 +1,8 @@
 """Where a running fleet keeps its logs and its simulated serial ports."""
 
+import errno
 import os
+import stat
 import tempfile
 from pathlib import Path
 
@@ -26,18 +28,39 @@ def base_directory() -> Path:
 def run_directory(fleet_name: str, namespace: str | None) -> Path:
     """Directory of a fleet on this host, created if missing; it lies in `base_directory`.
 
+    Only its owner may look into it: whoever reaches the router's socket in it can steer.
+
     Raises
     ------
     OSError
-        It cannot be created; says where, why, and how to choose another place.
+        It cannot be created, or belongs to another user; says where, why, and how to choose another place.
     """
     path = base_directory() / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
     try:
-        (path / "log").mkdir(parents=True, exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+        check_owner(path.parent)
+        check_owner(path)
+        path.chmod(0o700)
+        (path / "log").mkdir(exist_ok=True)
     except OSError as error:
         reason = f"run directory {path}: {error.strerror}; set RCOPTERX_RUN to a directory you may write to"
         raise OSError(reason) from None
     return path
+
+
+def check_owner(path: Path) -> None:
+    """Refuse a directory that somebody else has put in the place of ours, for instance in `/tmp`.
+
+    Raises
+    ------
+    OSError
+        It belongs to another user, or it is a link.
+    """
+    status = path.lstat()
+    if not stat.S_ISDIR(status.st_mode):
+        raise OSError(errno.ENOTDIR, f"{path} is a link or a file")
+    if status.st_uid not in (os.geteuid(), 0):
+        raise OSError(errno.EPERM, f"{path} belongs to another user")
 
 
 def serial_path(port: str, directory: Path) -> Path:

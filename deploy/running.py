@@ -41,6 +41,8 @@ class RunningFleet(NamedTuple):
         All vehicles of the fleet file.
     snapshot
         Snapshot of the fleet file.
+    credentials
+        Fields of `rcopterx.bus.endpoints.Credentials`, for routers that ask for a certificate.
     """
 
     fleet: str
@@ -51,6 +53,7 @@ class RunningFleet(NamedTuple):
     others: list[str]
     vehicles: list[str]
     snapshot: str
+    credentials: list[str] | None = None
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from rcopterx.bus.endpoints import client_config
+from rcopterx.bus.endpoints import Credentials, client_config
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT, KILL_TOPIC, ROOT, TRANSMITTER_TOPIC, key
 from rcopterx.deploy.running import RunningFleet, running_fleets
 
@@ -117,7 +117,8 @@ def kill(
     threads, listening = [], []
     for running in fleets:
         for endpoints in (running.endpoints, *([other] for other in running.others)):
-            router = Router(endpoints, running.namespace, states, stop)
+            credentials = Credentials(*running.credentials) if running.credentials else None
+            router = Router(endpoints, running.namespace, states, stop, credentials)
             threads.append(threading.Thread(target=router.repeat, args=(target, payload)))
             threads[-1].start()
             if not running.vehicles:
@@ -156,9 +157,15 @@ class Router:
     """One router that the kill is put on."""
 
     def __init__(
-        self, endpoints: Sequence[str], namespace: str | None, states: States, stop: threading.Event
+        self,
+        endpoints: Sequence[str],
+        namespace: str | None,
+        states: States,
+        stop: threading.Event,
+        credentials: Credentials | None = None,
     ) -> None:
         self._endpoints = endpoints
+        self._credentials = credentials
         self._namespace = namespace
         self._states = states
         self._stop = stop
@@ -189,7 +196,9 @@ class Router:
         while not self._stop.is_set():
             for endpoint in self._endpoints:
                 try:
-                    return zenoh.open(client_config([endpoint], self._namespace, ATTEMPT_S))
+                    return zenoh.open(
+                        client_config([endpoint], self._namespace, ATTEMPT_S, self._credentials)
+                    )
                 except zenoh.ZError:
                     self._refused = True
                     self._stop.wait(0.01)

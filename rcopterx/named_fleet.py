@@ -1,5 +1,6 @@
 """Where the fleet of a file would be running, for `rcopterx kill -f`."""
 
+from rcopterx.deploy.certificates.files import shown
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError
 from rcopterx.deploy.fleet_file.shipped import fleet_path
@@ -28,4 +29,5 @@ def fleet_of(name: str) -> RunningFleet:
         others=[file.endpoint(other) for other in others],
         vehicles=list(file.vehicles),
         snapshot="",
+        credentials=shown(file, host),
     )

@@ -1,5 +1,6 @@
 """Checks that names, hosts, leaders and devices of a fleet file refer to each other correctly."""
 
+import ipaddress
 import os.path
 from collections.abc import Mapping
 
@@ -17,6 +18,7 @@ def check_consistency(fleet: FleetFile) -> None:
     """
     _check_vehicles(fleet)
     _check_hosts(fleet)
+    _check_security(fleet)
     _check_leaders(fleet)
 
 
@@ -88,6 +90,39 @@ def _check_hosts(fleet: FleetFile) -> None:
         if name not in fleet.vehicles:
             known = ", ".join(fleet.vehicles)
             raise FleetError(f"simulator.start.{name}: unknown vehicle, known are {known}")
+
+
+def _check_security(fleet: FleetFile) -> None:
+    security = fleet.security
+    for group in ("operators", "watchers"):
+        names = getattr(security, group)
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                raise FleetError(f"security.{group}[{number}]: {name!r} is named twice")
+    if security.certificates is not None:
+        if security.insecure:
+            raise FleetError("security.insecure: true, but there are certificates; leave out one of them")
+        if not security.certificates.startswith(("/", "~")):
+            raise FleetError(
+                f"security.certificates: {security.certificates!r} must be an absolute path or begin with ~, "
+                "because every host reads it"
+            )
+        return
+    for name, host in fleet.hosts.items():
+        if not (security.insecure or is_loopback(host.address)):
+            raise FleetError(
+                f"hosts.{name}.address: {host.address} can be reached by others, and without certificates "
+                "whoever reaches it can steer the fleet; name a directory in security.certificates and make "
+                "them by rcopterx certs, or write insecure = true under [security]"
+            )
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this computer reaches an address."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
 
 
 def _check_leaders(fleet: FleetFile) -> None:

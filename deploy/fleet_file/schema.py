@@ -83,6 +83,8 @@ class HostConfig(Table, frozen=True, kw_only=True):
     """Where other hosts reach it."""
     router_port: Annotated[int, Meta(ge=1, le=65535)] = 7447
     """TCP port of the bus router."""
+    steering: bool = True
+    """Whether operators may steer through the router of this host; only fleets with certificates ask."""
 
 
 class BusConfig(Table, frozen=True, kw_only=True):
@@ -92,6 +94,20 @@ class BusConfig(Table, frozen=True, kw_only=True):
     """Keeps fleets of tests apart; leave it out in a laboratory."""
     realtime_priority: Annotated[int, Meta(ge=0, le=90)] = 20
     """SCHED_FIFO priority where the operating system permits it; 0 for none."""
+
+
+class SecurityConfig(Table, frozen=True, kw_only=True):
+    """Who is let in from other computers, and what for."""
+
+    certificates: Text | None = None
+    """Directory of the certificates that `rcopterx certs` makes, on every host: an absolute path, or one that
+    begins with `~`. Hosts and operators then show them to each other, and everything is encrypted."""
+    insecure: bool = False
+    """Hosts may be reachable over the network without certificates; whoever reaches them can steer."""
+    operators: list[Name] = field(default_factory=lambda: ["lab"])
+    """People and programs on other computers that may steer; each has a certificate."""
+    watchers: list[Name] = field(default_factory=lambda: ["lab"])
+    """People and programs on other computers that may only watch."""
 
 
 class GatewayConfig(Table, frozen=True, kw_only=True):
@@ -253,6 +269,8 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """Computers by name. Default: one, `main`, that reaches itself."""
     bus: BusConfig = field(default_factory=BusConfig)
     """How processes talk."""
+    security: SecurityConfig = field(default_factory=SecurityConfig)
+    """Who is let in from other computers."""
     volume: VolumeConfig = field(default_factory=VolumeConfig)
     """Where it flies."""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
@@ -274,4 +292,5 @@ class FleetFile(Table, frozen=True, kw_only=True):
 
     def endpoint(self, host: str) -> str:
         """Zenoh endpoint at which other hosts reach the router of a host."""
-        return f"tcp/{self.hosts[host].address}:{self.hosts[host].router_port}"
+        protocol = "tcp" if self.security.certificates is None else "tls"
+        return f"{protocol}/{self.hosts[host].address}:{self.hosts[host].router_port}"

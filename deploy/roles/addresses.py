@@ -1,13 +1,20 @@
 """Where the processes of a fleet find the bus."""
 
 from rcopterx.bus.session import BusAddress
+from rcopterx.deploy.certificates.files import own_credentials
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.run_directory import router_socket, run_directory
 
 
 def bus_address(fleet: FleetFile, host: str) -> BusAddress:
     """Where processes of a host find their router: its socket, or its address if that is not there."""
-    return BusAddress(tuple(router_endpoints(fleet, host)), fleet.name, fleet.bus.namespace, host)
+    return BusAddress(
+        endpoints=tuple(router_endpoints(fleet, host)),
+        fleet=fleet.name,
+        namespace=fleet.bus.namespace,
+        host=host,
+        credentials=own_credentials(fleet, host),
+    )
 
 
 def router_endpoints(fleet: FleetFile, host: str) -> list[str]:

@@ -1,7 +1,11 @@
 """The role of the bus router of a host; it needs no numerical library."""
 
+from rcopterx.bus.access import access_control
+from rcopterx.bus.endpoints import Protection
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.router import run_router
+from rcopterx.deploy.certificates.files import credentials, directory_of, shown
+from rcopterx.deploy.certificates.names import host_name, subjects
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.fleet_file.snapshot import digest_of, write_snapshot
 from rcopterx.deploy.roles.addresses import router_endpoints
@@ -28,6 +32,7 @@ def run(fleet: FleetFile, host: str) -> None:
         others=[fleet.endpoint(other) for other in others],
         vehicles=list(fleet.vehicles),
         snapshot=str(snapshot),
+        credentials=shown(fleet, host),
     )
     identity = IdentifyReply(
         accepted=True, fleet=fleet.name, host=host, digest=digest, vehicles=tuple(fleet.vehicles)
@@ -35,4 +40,21 @@ def run(fleet: FleetFile, host: str) -> None:
     # Routers link to those of the hosts before them in the file; one link between two is enough.
     earlier = [fleet.endpoint(other) for other in hosts[: hosts.index(host)]]
     with recorded(directory, running):
-        run_router(endpoints, earlier, fleet.bus.namespace, Priority.ROUTER.of(fleet), identity, others)
+        run_router(
+            endpoints,
+            earlier,
+            fleet.bus.namespace,
+            Priority.ROUTER.of(fleet),
+            identity,
+            others,
+            protection_of(fleet, host),
+        )
+
+
+def protection_of(fleet: FleetFile, host: str) -> Protection | None:
+    """What the router of a host asks of whoever connects; None in a fleet without certificates."""
+    directory = directory_of(fleet)
+    if directory is None:
+        return None
+    rules = access_control(fleet.name, fleet.bus.namespace, subjects(fleet, host))
+    return Protection(credentials(directory, host_name(host)), rules)

@@ -104,7 +104,7 @@ def test_a_brand_whose_library_is_missing_is_refused_with_what_to_install(
 
 
 def test_an_address_that_does_not_exist_is_refused(tmp_path: Path) -> None:
-    text = PAIR + '[hosts.main]\naddress = "192.0.2.77"'
+    text = PAIR + '[hosts.main]\naddress = "192.0.2.77"\n[security]\ninsecure = true'
     with pytest.raises(
         FleetError, match=r"^hosts\.main\.router_port: 192\.0\.2\.77:7447 cannot be used: [^;]*$"
     ):

@@ -5,6 +5,7 @@ import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 
 from integration_support import Flying, fleet_text
@@ -13,6 +14,7 @@ from rcopterx.benchmarks.namespaces import Network, network
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
 from rcopterx.bus.subscription import Received
+from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.ground_station.fleet import Fleet
 
@@ -24,16 +26,20 @@ STOP_S = 30.0
 
 
 @contextmanager
-def fleet_on_two_hosts(directory: Path) -> Iterator[tuple[Network, Flying]]:
+def fleet_on_two_hosts(directory: Path, *, certificates: bool = False) -> Iterator[tuple[Network, Flying]]:
     """Start a trio whose agents run on another host than its gateways; `RCOPTERX_RUN` has to be set.
 
-    The test itself is on neither host: it uses the Unix socket of the router of the host `main`.
+    With certificates, they are made first, and everything between the hosts is encrypted. The test itself is
+    on neither host: it uses the Unix socket of the router of the host `main`.
     """
     with ExitStack() as stack:
         net = stack.enter_context(network(HOSTS))
         path = directory / "lab.toml"
         hosts = {host: (net.addresses[host], ROUTER_PORT) for host in HOSTS}
-        path.write_text(fleet_text(TRACKER_PORT, hosts, agent_host="second"))
+        security = f'certificates = "{directory / "certificates"}"' if certificates else "insecure = true"
+        path.write_text(fleet_text(TRACKER_PORT, hosts, agent_host="second", security=security))
+        if certificates:
+            make_certificates(load_fleet(path), datetime.now(UTC), days=1)
         for host in HOSTS:
             command = net.python(host, "-m", "rcopterx", "up", str(path), "--host", host)
             stack.enter_context(_started(command, directory / f"up-{host}.log"))

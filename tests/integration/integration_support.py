@@ -96,6 +96,7 @@ def fleet_text(
     control: str = 'controller = "cascade"\nhorizon = 30',
     gateway_host: str = "main",
     agent_host: str = "main",
+    security: str = "",
 ) -> str:
     """Fleet file of the trio on its own ports."""
     if vehicles is None:
@@ -120,6 +121,8 @@ transmitter = {{ port = "radio-h{number}", model_match = {number} }}
     return f"""
 name = "lab"
 {host_tables}
+[security]
+{security}
 [bus]
 namespace = "t{uuid.uuid4().hex[:8]}"
 [tracker]

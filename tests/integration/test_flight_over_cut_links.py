@@ -17,8 +17,10 @@ pytestmark = pytest.mark.campaign
 FLYING_AGAIN_S = 0.5
 
 
-@pytest.fixture
-def on_two_hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Network, Flying]]:
+@pytest.fixture(params=[False, True], ids=["insecure", "certificates"])
+def on_two_hosts(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[Network, Flying]]:
     """A trio in formation; the test is skipped where there are no network namespaces."""
     try:
         with network(["probe"]):
@@ -29,7 +31,7 @@ def on_two_hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tu
         # A short path, because the routers' sockets live in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
         monkeypatch.setenv("RCOPTERX_RUN", run)
-        net, flying = stack.enter_context(fleet_on_two_hosts(tmp_path))
+        net, flying = stack.enter_context(fleet_on_two_hosts(tmp_path, certificates=request.param))
         flying.fleet.take_off()
         flying.fleet.wait_for_formation()
         yield net, flying

@@ -214,6 +214,34 @@ def test_simulated_radios_must_be_on_the_simulators_host() -> None:
     assert parse_fleet(HARDWARE_PAIR + hosts).gateways["transmitters"].host == "second"
 
 
+@pytest.mark.parametrize("address", ["0.0.0.0", "192.168.0.10", "::", "lab-pc", "10.0.0.1"])
+def test_an_address_others_reach_needs_certificates_or_the_word_insecure(address: str) -> None:
+    text = PAIR + f'[hosts.main]\naddress = "{address}"\n'
+    with pytest.raises(FleetError, match=r"^hosts\.main\.address: .* insecure = true"):
+        parse_fleet(text)
+    assert parse_fleet(text + "[security]\ninsecure = true").endpoint("main").startswith("tcp/")
+    secured = parse_fleet(text + '[security]\ncertificates = "/etc/rcopterx"')
+    assert secured.endpoint("main").startswith("tls/")
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "127.3.2.1", "::1", "localhost"])
+def test_an_address_only_this_computer_reaches_needs_no_certificates(address: str) -> None:
+    assert parse_fleet(PAIR + f'[hosts.main]\naddress = "{address}"').security.certificates is None
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ('certificates = "certs"', "security.certificates: 'certs' must be an absolute path"),
+        ('certificates = "/a"\ninsecure = true', "security.insecure: true, but there are certificates"),
+        ('operators = ["a", "b", "a"]', "security.operators[2]: 'a' is named twice"),
+    ],
+)
+def test_contradictions_about_who_is_let_in_are_refused(table: str, message: str) -> None:
+    with pytest.raises(FleetError, match=re.escape(message)):
+        parse_fleet(f"{PAIR}[security]\n{table}")
+
+
 def test_errors_of_a_file_begin_with_its_path(tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
     with pytest.raises(FleetError, match=re.escape(f"{path}: cannot be read")):

@@ -97,7 +97,8 @@ def test_wrong_arguments_show_the_usage() -> None:
 
 
 def test_a_router_that_cannot_listen_ends_with_a_line(fleet_path: Path) -> None:
-    fleet_path.write_text(PAIR + f'[hosts.main]\naddress = "192.0.2.77"\nrouter_port = {free_port()}')
+    host = f'[hosts.main]\naddress = "192.0.2.77"\nrouter_port = {free_port()}'
+    fleet_path.write_text(f"{PAIR}{host}\n[security]\ninsecure = true")
     done = role("router", "main", str(fleet_path))
     assert done.returncode == EXIT_UNREACHABLE
     assert done.stderr.startswith("router cannot listen on ")

@@ -1,0 +1,189 @@
+"""Who may say, serve and ask what: rules for routers, made from the tables of channels and requests.
+
+Rules are checked where a message enters a router; what has entered may be heard by everybody who is known.
+Everything else is refused.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rcopterx.bus import channels
+from rcopterx.bus.channels import ANSWERED, CHANNELS, KILL, SIMULATOR_UNIT, TRACKER_UNIT, alive_key, key
+from rcopterx.bus.keys import EVERY_FLEET, ROOT, probe_key, request_key
+from rcopterx.bus.requests import ANYBODY, VERBS
+
+ALIVE_AS: Final = {
+    "agent": ("vehicle", "agent"),
+    "transmitter_gateway": ("vehicle", "transmitter"),
+    "vicon_gateway": (TRACKER_UNIT, "vicon_gateway"),
+    "simulator": (SIMULATOR_UNIT, "simulator"),
+    "recorder": ("host", "recorder"),
+}
+"""Liveliness tokens by role: of which unit, and the last chunk of the key."""
+_LISTENING: Final = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
+_EVERYTHING: Final = ["put", "query", "reply", "declare_queryable", "liveliness_token", *_LISTENING]
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A role in a fleet, and whom it is for.
+
+    Attributes
+    ----------
+    role
+        As the tables of channels and requests name it.
+    vehicles
+        Vehicles it is for.
+    host
+        Host it is for, if it is for one.
+    """
+
+    role: str
+    vehicles: tuple[str, ...] = ()
+    host: str | None = None
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Somebody who is let in, and the seats he takes.
+
+    Attributes
+    ----------
+    certificate
+        Common name of the certificate; None for processes of this computer, by the Unix socket.
+    seats
+        None to listen only.
+    """
+
+    certificate: str | None
+    seats: tuple[Seat, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Identifier in the rules."""
+        return self.certificate or "local"
+
+
+def access_control(fleet: str, namespace: str | None, subjects: Sequence[Subject]) -> dict[str, object]:
+    """Zenoh's table `access_control` for a router.
+
+    Parameters
+    ----------
+    fleet, namespace
+        For the keys.
+    subjects
+        Everybody who is let in.
+
+    Returns
+    -------
+    dict
+        Refuses everything but what it allows.
+    """
+    prefix = f"{namespace}/" if namespace else ""
+    rules = [_rule("hear", "egress", _EVERYTHING, [f"{prefix}{ROOT}/**"])]
+    rules.append(_rule("listen", "ingress", _LISTENING, [f"{prefix}{ROOT}/**"]))
+    policies: list[dict[str, object]] = [
+        {"rules": ["hear", "listen"], "subjects": [subject.name for subject in subjects]}
+    ]
+    for subject in subjects:
+        own = [
+            _rule(
+                f"{subject.name} {messages[0]}",
+                "ingress",
+                messages,
+                [f"{prefix}{allowed}" for allowed in keys],
+            )
+            for messages, keys in (
+                (["put"], sorted(published_keys(fleet, subject.seats))),
+                (["reply", "declare_queryable"], sorted(served_keys(fleet, subject.seats))),
+                (["query"], sorted(asked_keys(fleet, subject.seats))),
+                (["liveliness_token"], sorted(announced_keys(fleet, subject.seats))),
+            )
+            if keys
+        ]
+        rules += own
+        policies.append({"rules": [rule["id"] for rule in own], "subjects": [subject.name]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [
+            {"id": subject.name, "link_protocols": ["unixsock-stream"]}
+            if subject.certificate is None
+            else {"id": subject.name, "cert_common_names": [subject.certificate]}
+            for subject in subjects
+        ],
+        "policies": policies,
+    }
+
+
+def published_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
+    """Keys these seats may publish on."""
+    keys = {
+        key(fleet, unit, channel.topic)
+        for seat in seats
+        for channel in CHANNELS
+        if channel.publisher == seat.role
+        for unit in _units(channel.unit, seat)
+    }
+    keys |= {key(fleet, unit, ANSWERED.topic) for unit, _ in _served(seats)}
+    keys |= {probe_key(fleet, seat.host) for seat in seats if seat.role == "router" and seat.host}
+    if any(seat.role == KILL.publisher for seat in seats):
+        keys.add(key(EVERY_FLEET, channels.FLEET_UNIT, KILL.topic))
+    return keys
+
+
+def served_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
+    """Keys of the requests these seats may answer."""
+    return {request_key(fleet, unit, verb) for unit, verb in _served(seats)}
+
+
+def asked_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
+    """Keys of the requests these seats may make; what anybody may ask is asked of all at once."""
+    keys = {request_key("*", "*", verb.name) for verb in VERBS.values() if verb.asker == ANYBODY}
+    return keys | {
+        request_key(fleet, unit, verb.name)
+        for seat in seats
+        for verb in VERBS.values()
+        if verb.asker == seat.role
+        for unit in _units(verb.unit, seat)
+    }
+
+
+def announced_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
+    """Keys of the liveliness tokens these seats may hold."""
+    return {
+        alive_key(fleet, unit, ALIVE_AS[seat.role][1])
+        for seat in seats
+        if seat.role in ALIVE_AS
+        for unit in _units(ALIVE_AS[seat.role][0], seat)
+    }
+
+
+def _served(seats: Sequence[Seat]) -> Iterator[tuple[str, str]]:
+    """Unit and verb of every request that is served."""
+    for seat in seats:
+        for verb in VERBS.values():
+            if verb.server == seat.role:
+                for unit in _units(verb.unit, seat):
+                    yield unit, verb.name
+
+
+def _units(kind: str, seat: Seat) -> tuple[str, ...]:
+    """Units of a kind that a seat is for: its vehicles, its host, or the fixed unit itself."""
+    if kind == "vehicle":
+        return seat.vehicles
+    if kind == "host":
+        return () if seat.host is None else (seat.host,)
+    return (kind,)
+
+
+def _rule(name: str, flow: str, messages: Sequence[str], keys: Sequence[str]) -> dict[str, object]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": [flow],
+        "messages": list(messages),
+        "key_exprs": list(keys),
+    }

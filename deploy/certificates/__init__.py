@@ -1,0 +1,1 @@
+"""Certificates of a fleet: who has one, where they lie, how they are issued and checked."""

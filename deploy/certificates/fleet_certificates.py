@@ -1,0 +1,79 @@
+"""All certificates of a fleet: which are made, kept or replaced."""
+
+from datetime import datetime
+
+from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, key_path
+from rcopterx.deploy.certificates.issuing import due, issue, read_authority
+from rcopterx.deploy.certificates.issuing import new_authority as made_authority
+from rcopterx.deploy.certificates.names import certificate_names, host_name
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+
+LOCAL_NAMES = ("127.0.0.1", "localhost")
+"""By which processes of a host reach its router, too."""
+
+
+def make_certificates(
+    fleet: FleetFile, now: datetime, days: float, *, renew: bool = False, new_authority: bool = False
+) -> list[str]:
+    """Make what is missing, expires soon, or is for another address.
+
+    Parameters
+    ----------
+    fleet
+        The fleet file, loaded.
+    now
+        Present time, with its zone.
+    days
+        How long new certificates are valid.
+    renew
+        Issue every certificate again.
+    new_authority
+        Begin with another authority, so that no certificate of before is accepted.
+
+    Returns
+    -------
+    list of str
+        A line for everything that was made.
+
+    Raises
+    ------
+    FleetError
+        The fleet file names no directory, or what is in it is damaged.
+    OSError
+        Files cannot be read or written.
+    """
+    directory = directory_of(fleet)
+    if directory is None:
+        raise FleetError(
+            "security.certificates: the fleet file names no directory for certificates; for instance "
+            f'certificates = "~/.config/rcopterx/{fleet.name}" under [security]'
+        )
+    lines = []
+    try:
+        if new_authority or not key_path(directory, AUTHORITY).exists():
+            if not new_authority and any(directory.glob("*.pem")):
+                raise FleetError(
+                    f"{directory}: there are certificates, but not the key of their authority; they were "
+                    "made on another computer. Make new ones there, or begin anew by --new-authority"
+                )
+            authority = made_authority(fleet.name, directory, now)
+            lines.append(f"{directory}: new authority; keep {AUTHORITY}.key to yourself")
+        else:
+            authority = read_authority(directory)
+    except ValueError as error:
+        raise FleetError(f"{directory}: {AUTHORITY}: {error}; begin anew by --new-authority") from None
+    for name in certificate_names(fleet):
+        addresses = _addresses(fleet, name)
+        why = "renewed" if renew else due(authority, directory, name, addresses, now)
+        if why is not None:
+            issue(authority, directory, name, addresses, now, days)
+            lines.append(f"{name}: issued ({why}), valid for {days:g} days")
+    return lines or [f"{directory}: all certificates are there and valid"]
+
+
+def _addresses(fleet: FleetFile, name: str) -> list[str]:
+    """Where the owner of a certificate is reached."""
+    for host, table in fleet.hosts.items():
+        if name == host_name(host):
+            return [*dict.fromkeys((table.address, *LOCAL_NAMES))]
+    return []

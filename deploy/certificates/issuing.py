@@ -1,0 +1,183 @@
+"""Issues the certificates of a fleet: an authority of its own, and one for everybody who takes part."""
+
+import ipaddress
+import os
+from collections.abc import Collection
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from rcopterx.deploy.certificates.files import AUTHORITY, certificate_path, key_path
+from rcopterx.deploy.certificates.inspection import read_certificate
+
+AUTHORITY_DAYS: Final = 3650
+BACKDATED: Final = timedelta(hours=1)
+"""Certificates are valid a little earlier than they were made: clocks of hosts differ."""
+RENEW_DAYS: Final = 30
+"""Certificates that are valid for less than that are issued again."""
+
+
+@dataclass(frozen=True)
+class Authority:
+    """Who issues certificates."""
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+
+def new_authority(fleet: str, directory: Path, now: datetime) -> Authority:
+    """Make an authority and keep it; certificates of an earlier one are worth nothing from then on."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = _name(f"rcopterx {fleet}")
+    certificate = (
+        _builder(name, name, key, now, AUTHORITY_DAYS)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(signs_certificates=True), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    _keep(directory, AUTHORITY, certificate, key)
+    return Authority(certificate, key)
+
+
+def read_authority(directory: Path) -> Authority:
+    """The authority that is kept in a directory.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    ValueError
+        A file is damaged.
+    """
+    certificate = read_certificate(certificate_path(directory, AUTHORITY))
+    key = serialization.load_pem_private_key(key_path(directory, AUTHORITY).read_bytes(), password=None)
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise ValueError(f"{key_path(directory, AUTHORITY)}: not a key of this program")
+    return Authority(certificate, key)
+
+
+def issue(
+    authority: Authority, directory: Path, name: str, addresses: Collection[str], now: datetime, days: float
+) -> None:
+    """Issue a certificate with a new key, and keep both.
+
+    Parameters
+    ----------
+    authority
+        Who issues it.
+    directory
+        Where it is kept; the key is readable for its owner only.
+    name
+        Common name.
+    addresses
+        Addresses and names at which its owner is reached; none for whoever only connects to others.
+    now
+        Present time, with its zone.
+    days
+        How long it is valid; below zero it has expired already, for tests.
+    """
+    key = ec.generate_private_key(ec.SECP256R1())
+    names = [_address(address) for address in addresses]
+    builder = (
+        _builder(_name(name), authority.certificate.subject, key, now, days)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs_certificates=False), critical=True)
+        .add_extension(
+            x509.ExtendedKeyUsage(
+                [ExtendedKeyUsageOID.CLIENT_AUTH, *([ExtendedKeyUsageOID.SERVER_AUTH] if names else [])]
+            ),
+            critical=False,
+        )
+    )
+    if names:
+        builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
+    _keep(directory, name, builder.sign(authority.key, hashes.SHA256()), key)
+
+
+def due(
+    authority: Authority, directory: Path, name: str, addresses: Collection[str], now: datetime
+) -> str | None:
+    """Why a certificate has to be issued, in a word or two; None if the one that is there will do."""
+    path = certificate_path(directory, name)
+    if not path.exists() or not key_path(directory, name).exists():
+        return "new"
+    try:
+        present = read_certificate(path)
+        present.verify_directly_issued_by(authority.certificate)
+    except Exception:  # noqa: BLE001 - whatever is wrong with it, it has to be issued again
+        return "not of this authority"
+    if present.not_valid_after_utc - now < timedelta(days=RENEW_DAYS):
+        return "expires soon"
+    if _addresses(present) != {_address(address) for address in addresses}:
+        return "other address"
+    return None
+
+
+def _addresses(certificate: x509.Certificate) -> set[x509.GeneralName]:
+    try:
+        return set(certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value)
+    except x509.ExtensionNotFound:
+        return set()
+
+
+def _address(address: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(address))
+    except ValueError:
+        return x509.DNSName(address)
+
+
+def _name(common_name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, now: datetime, days: float
+) -> x509.CertificateBuilder:
+    end = now + timedelta(days=days)
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(min(now, end) - BACKDATED)
+        .not_valid_after(end)
+    )
+
+
+def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=True,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs_certificates,
+        crl_sign=signs_certificates,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _keep(directory: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+    """Write key and certificate; each file is replaced as a whole."""
+    directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+    pem = serialization.Encoding.PEM
+    secret = key.private_bytes(pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    _replace(key_path(directory, name), secret, 0o600)
+    _replace(certificate_path(directory, name), certificate.public_bytes(pem), 0o644)
+
+
+def _replace(path: Path, content: bytes, mode: int) -> None:
+    temporary = path.with_name(path.name + ".new")
+    temporary.unlink(missing_ok=True)
+    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
+        file.write(content)
+    temporary.replace(path)

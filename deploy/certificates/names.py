@@ -1,0 +1,68 @@
+"""Who of a fleet has a certificate, and what it entitles to; the common name says it: `host.main`."""
+
+from rcopterx.bus.access import Seat, Subject
+from rcopterx.bus.channels import EXTERNAL_INPUT, KILL
+from rcopterx.deploy.fleet_file.schema import FleetFile
+
+
+def host_name(host: str) -> str:
+    """Certificate of a host: its router and all of its processes."""
+    return f"host.{host}"
+
+
+def agent_name(vehicle: str) -> str:
+    """Certificate of an agent that is no process of a host, for instance a program of your own."""
+    return f"agent.{vehicle}"
+
+
+def people(fleet: FleetFile) -> list[str]:
+    """Certificates of operators, then of watchers."""
+    security = fleet.security
+    return [f"operator.{name}" for name in security.operators] + [
+        f"watcher.{name}" for name in security.watchers
+    ]
+
+
+def certificate_names(fleet: FleetFile) -> list[str]:
+    """Common names of all certificates of a fleet."""
+    return [*map(host_name, fleet.hosts), *map(agent_name, fleet.vehicles), *people(fleet)]
+
+
+def subjects(fleet: FleetFile, here: str) -> list[Subject]:
+    """Everybody whom the router of the host `here` lets in, and what for."""
+    steering = operator_seats(fleet)
+    found = [Subject(None, host_seats(fleet, here))]
+    found += [Subject(host_name(host), host_seats(fleet, host)) for host in fleet.hosts]
+    found += [Subject(agent_name(vehicle), (Seat("agent", (vehicle,)),)) for vehicle in fleet.vehicles]
+    found += [Subject(name, steering if name.startswith("operator.") else ()) for name in people(fleet)]
+    return found
+
+
+def operator_seats(fleet: FleetFile) -> tuple[Seat, ...]:
+    """What operators do: steer, kill, and fly vehicles by programs of their own."""
+    vehicles = tuple(fleet.vehicles)
+    return Seat(KILL.publisher, vehicles), Seat(EXTERNAL_INPUT.publisher, vehicles)
+
+
+def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
+    """Roles that the fleet file gives to a host."""
+    agents = tuple(name for name, vehicle in fleet.vehicles.items() if vehicle.host == host)
+    transmitters = tuple(
+        name
+        for name, vehicle in fleet.vehicles.items()
+        if fleet.gateways[vehicle.transmitter.gateway].host == host
+    )
+    seats = [
+        Seat("router", host=host),
+        Seat("recorder", host=host),
+        Seat("launcher", tuple(dict.fromkeys((*agents, *transmitters))), host),
+        Seat("agent", agents),
+        Seat("transmitter_gateway", transmitters),
+    ]
+    if fleet.tracker.host == host:
+        seats.append(Seat("vicon_gateway", tuple(fleet.vehicles)))
+    if fleet.simulator is not None and fleet.simulator.host == host:
+        seats.append(Seat("simulator"))
+    if fleet.hosts[host].steering:
+        seats += operator_seats(fleet)
+    return tuple(seats)

@@ -1,0 +1,80 @@
+"""Rules of access follow from the tables of channels and requests, and refuse everything else."""
+
+import pytest
+
+from rcopterx.bus.access import (
+    ALIVE_AS,
+    Seat,
+    Subject,
+    access_control,
+    announced_keys,
+    asked_keys,
+    published_keys,
+    served_keys,
+)  # fmt: skip
+from rcopterx.bus.channels import CHANNELS, EVERY_FLEET, FLEET_UNIT, KILL, key
+from rcopterx.bus.keys import request_key
+from rcopterx.bus.requests import ANYBODY, VERBS
+
+ROLES = sorted({channel.publisher for channel in CHANNELS} - {"whoever answers"})
+SERVERS = sorted({verb.server for verb in VERBS.values()})
+
+
+def seat(role: str) -> Seat:
+    return Seat(role, ("h1", "h2"), "main")
+
+
+def test_every_channel_has_somebody_who_may_publish_it() -> None:
+    keys = published_keys("lab", [seat(role) for role in {*ROLES, *SERVERS}])
+    for channel in CHANNELS:
+        unit = {"vehicle": "h1", "host": "main"}.get(channel.unit, channel.unit)
+        assert key("lab", unit, channel.topic) in keys, channel.topic
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_role_publishes_its_own_channels_only(role: str) -> None:
+    topics = {channel.topic for channel in CHANNELS if channel.publisher in (role, "whoever answers")}
+    extra = {"router"} if role == "router" else set()
+    assert {name.rpartition("/")[2] for name in published_keys("lab", [seat(role)])} <= topics | extra
+
+
+def test_every_request_has_somebody_who_may_ask_and_answer_it() -> None:
+    asked = asked_keys("lab", [seat(verb.asker) for verb in VERBS.values()])
+    served = served_keys("lab", [seat(role) for role in SERVERS])
+    for verb in VERBS.values():
+        unit = {"vehicle": "h1", "host": "main"}.get(verb.unit, verb.unit)
+        assert request_key("lab", unit, verb.name) in served
+        everyone = request_key("*", "*", verb.name)
+        assert (everyone if verb.asker == ANYBODY else request_key("lab", unit, verb.name)) in asked
+
+
+def test_a_seat_is_for_its_own_vehicles_only() -> None:
+    for keys in (published_keys, served_keys, announced_keys):
+        found = keys("lab", [Seat("agent", ("h1",))])
+        assert found
+        assert all(name.startswith("rcopterx/lab/h1/") for name in found)
+
+
+@pytest.mark.parametrize("role", sorted({*ROLES, *SERVERS, *ALIVE_AS} - {"operator"}))
+def test_nobody_but_operators_may_kill_or_steer(role: str) -> None:
+    killing = {key(fleet, FLEET_UNIT, KILL.topic) for fleet in ("lab", EVERY_FLEET)}
+    assert not killing & published_keys("lab", [seat(role)])
+    assert killing <= published_keys("lab", [seat("operator")])
+    steering = {request_key("lab", "h1", verb.name) for verb in VERBS.values() if verb.asker == "operator"}
+    assert not steering & asked_keys("lab", [seat(role)])
+
+
+def test_a_watcher_may_say_nothing() -> None:
+    table = access_control("lab", "test", [Subject("watcher.bob")])
+    assert table["default_permission"] == "deny"
+    allowed = [rule for rule in table["rules"] if "ingress" in rule["flows"]]  # type: ignore[attr-defined]
+    messages = {message for rule in allowed for message in rule["messages"]}
+    assert messages == {"query", "declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"}
+    assert all(name.startswith("test/rcopterx/") for rule in allowed for name in rule["key_exprs"])
+
+
+def test_wildcards_are_only_in_what_anybody_may_ask() -> None:
+    seats = [seat(role) for role in {*ROLES, *SERVERS}]
+    for keys in (published_keys, served_keys, announced_keys):
+        assert not any("*" in name for name in keys("lab", seats))
+    assert {name for name in asked_keys("lab", seats) if "*" in name} == {request_key("*", "*", "identify")}

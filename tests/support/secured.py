@@ -1,0 +1,149 @@
+"""A fleet with certificates on two hosts: their routers in this process, and clients of all kinds."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import zenoh
+from zenoh.handlers import Callback
+
+from rcopterx.bus.channels import LAUNCHER_EVENT, key, request_key
+from rcopterx.bus.endpoints import Credentials, client_config, router_config
+from rcopterx.deploy.certificates.files import credentials
+from rcopterx.deploy.certificates.fleet_certificates import make_certificates
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.roles.router import protection_of
+from support.bus import free_port
+
+ARRIVAL_S = 5.0
+
+
+def secured_fleet(directory: Path) -> FleetFile:
+    """Gateways and h1 on `main`, h2 on `second`, from which nobody steers; a fleet that does not fly."""
+    port = free_port()
+    return parse_fleet(
+        f'''
+        name = "lab"
+        [security]
+        certificates = "{directory}"
+        [hosts.main]
+        router_port = {port}
+        [hosts.second]
+        address = "127.0.0.2"
+        router_port = {port}
+        steering = false
+        [vehicles.h1]
+        subject = "a"
+        transmitter = {{ port = "h1" }}
+        [vehicles.h2]
+        subject = "b"
+        host = "second"
+        transmitter = {{ port = "h2" }}
+        '''
+    )
+
+
+class SecuredBus:
+    """Routers of both hosts, and a listener on `main` that hears what gets through."""
+
+    def __init__(self, stack: ExitStack, directory: Path) -> None:
+        self.directory = directory
+        self.fleet = secured_fleet(directory / "certificates")
+        make_certificates(self.fleet, datetime.now(UTC), days=100)
+        self._stack = stack
+        self._heard: list[str] = []
+        self._changed = threading.Condition()
+        for host in self.fleet.hosts:
+            earlier = [self.fleet.endpoint("main")] if host == "second" else []
+            endpoints = [self.socket(host), self.fleet.endpoint(host)]
+            router = self._open(router_config(endpoints, earlier, None, protection_of(self.fleet, host)))
+            self._serve(router, request_key("lab", host, "identify"))
+        self.local = {host: self.client(self.socket(host)) for host in self.fleet.hosts}
+        self.local["main"].declare_subscriber("rcopterx/**", Callback(self._hear, indirect=False))
+        self._wait_linked()
+
+    def socket(self, host: str) -> str:
+        """Endpoint of the Unix socket of a host."""
+        return f"unixsock-stream/{self.directory / host}.sock"
+
+    def certificate(self, name: str) -> Credentials:
+        """Files of a certificate of the fleet."""
+        return credentials(self.directory / "certificates", name)
+
+    def client(self, endpoint: str, shown: Credentials | None = None, within_s: float = 5.0) -> zenoh.Session:
+        """A Zenoh client without any of our checks.
+
+        Raises
+        ------
+        zenoh.ZError
+            It is not let in.
+        """
+        return self._open(client_config([endpoint], None, within_s, shown))
+
+    def remote(self, name: str, host: str = "main") -> zenoh.Session:
+        """A client that shows a certificate to the router of a host, from outside."""
+        return self.client(self.fleet.endpoint(host), self.certificate(name))
+
+    def passes(self, sender: zenoh.Session, on_key: str) -> bool:
+        """Whether what a client publishes reaches the host `main`."""
+        with self._changed:
+            self._heard.clear()
+        sender.put(on_key, b"")
+        # Whoever asks after it published is answered after that; a mark sent then comes last.
+        assert identified(sender)
+        self._wait_for_mark()
+        with self._changed:
+            return on_key in self._heard
+
+    def serve(self, server: zenoh.Session, on_key: str) -> None:
+        """Let a client answer requests; its router knows when this returns."""
+        self._serve(server, on_key)
+        assert identified(server)
+
+    def _wait_for_mark(self) -> None:
+        """Publish something allowed and wait for it."""
+        mark = key("lab", "second", LAUNCHER_EVENT.topic)
+        self.local["second"].put(mark, b"")
+        with self._changed:
+            assert self._changed.wait_for(lambda: mark in self._heard, ARRIVAL_S), "the mark is lost"
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        with self._changed:
+            self._heard.append(str(sample.key_expr))
+            self._changed.notify_all()
+
+    def _serve(self, session: zenoh.Session, on_key: str) -> None:
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                query.reply(on_key, b"yes")
+
+        session.declare_queryable(on_key, Callback(answer, indirect=False), complete=True)
+
+    def _wait_linked(self) -> None:
+        give_up_s = time.monotonic() + ARRIVAL_S
+        while len(identified(self.local["main"])) < 2:
+            assert time.monotonic() < give_up_s, "the routers are not linked"
+            time.sleep(0.01)
+
+    def _open(self, config: zenoh.Config) -> zenoh.Session:
+        session = zenoh.open(config)
+        self._stack.callback(session.close)
+        return session
+
+
+def identified(session: zenoh.Session) -> list[str]:
+    """Who answers when everybody is asked who he is."""
+    replies = session.get(request_key("*", "*", "identify"), timeout=ARRIVAL_S, target=zenoh.QueryTarget.ALL)
+    return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+
+@contextmanager
+def secured_bus() -> Iterator[SecuredBus]:
+    """Two routers with certificates, for as long as the block lasts."""
+    with TemporaryDirectory(prefix="rx-") as directory, ExitStack() as stack:
+        yield SecuredBus(stack, Path(directory))
