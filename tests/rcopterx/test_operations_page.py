@@ -49,4 +49,8 @@ def test_every_command_is_on_the_page_and_every_command_of_the_page_exists() -> 
 
 def test_every_column_but_the_name_is_explained() -> None:
     explained = [row[0] for row in rows_after("as a live table until q")]
-    assert explained == [column.name for column in COLUMNS[1:]]
+    stages = [f"{row[0].strip('`')}-ms" for row in rows_after("how long commands take, stage by stage")]
+    assert [*explained, *sorted([*stages, "total-ms"])] == [
+        *(column.name for column in COLUMNS[1:] if not column.name.endswith("-ms")),
+        *sorted(column.name for column in COLUMNS if column.name.endswith("-ms")),
+    ]
