@@ -27,6 +27,8 @@ from rcopterx.bus.stepping import StepBus
 
 TUNED: Final = "tuned"
 """Note of the thread that prepares another controller."""
+TRAJECTORY_CHECKED: Final = "trajectory_checked"
+"""Note of the thread that checks a trajectory."""
 
 
 @dataclass(frozen=True)
@@ -119,11 +121,14 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
     changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, plans, peers, clock)
     lost = LostLeaders(vehicle, settings.succession, pilot, plans, peers, clock)
     guard = OscillationGuard(pilot, tuning)
-    counted = (pilot, observation, plans, traffic, external, lost, changes, guard)
+    requests = RequestHandler(
+        settings, pilot, room, changes, peers, tuning, external, lambda: bus.note(TRAJECTORY_CHECKED)
+    )
+    counted = (pilot, observation, plans, traffic, external, lost, changes, guard, requests)
     return AgentParts(
         observation=observation,
         handover=Handover(bus, vehicle, pilot, tuning),
-        requests=RequestHandler(settings, pilot, room, changes, peers, tuning, external),
+        requests=requests,
         plans=plans,
         peers=peers,
         traffic=traffic,

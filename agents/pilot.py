@@ -156,7 +156,7 @@ class Pilot:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What people should know: what failed last, and what has taken its place for good."""
-        found = [self.self_check.remark] if self.self_check.remark else []
+        found = [remark for remark in (self.self_check.remark, self.guidance.remark) if remark]
         if self.step_guard.calls.failure:
             stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
             found.append(self.step_guard.calls.failure + stays)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rcopterx.agents.alarm import AlarmTimeLimit
-from rcopterx.agents.assembly import TUNED, assemble
+from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter
 from rcopterx.agents.settings import AgentSettings
@@ -77,10 +77,9 @@ class Agent:
     def _read(self) -> None:
         """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle."""
         parts, guidance = self._parts, self._pilot.guidance
-        if self._pilot.informed or self._clock() >= self._answer_from_s:
-            for incoming in self._bus.pending():
-                parts.requests.handle(incoming)
-                self._reporter.soon()
+        oriented = self._pilot.informed or self._clock() >= self._answer_from_s
+        if oriented and parts.requests.take(self._bus.pending()):
+            self._reporter.soon()
         was_flying = guidance.rotor_on
         parts.observation.take_applied(self._first_sequence)
         if not was_flying and guidance.rotor_on and parts.handover.resume():
@@ -90,10 +89,11 @@ class Agent:
             self._begin_period(began_s)
 
     def _decide(self) -> None:
-        """Settle what was waiting for a leader's plan, or for a controller to be built."""
+        """Settle what was waiting for a leader's plan, or for work that is done ahead."""
         leaders_settled = self._parts.changes.settle()
         tuned = self._bus.noted(TUNED) and self._parts.requests.settle_tuning()
-        if leaders_settled or tuned or self._parts.tuning.note_replaced():
+        flown = self._bus.noted(TRAJECTORY_CHECKED) and self._parts.requests.trajectories.settle()
+        if leaders_settled or tuned or flown or self._parts.tuning.note_replaced():
             self._reporter.soon()
 
     def _begin_period(self, now_s: float) -> None:
@@ -150,9 +150,10 @@ class Agent:
         plan = plan_message(self._settings, self._pilot, output, self._parts.plans)
         self._bus.publish(channels.PLAN, self._settings.vehicle, plan)
 
-    def wait_for_tuning(self) -> None:
-        """Wait until what is under way is prepared; for a replay, which is told by the log when that was."""
+    def wait_for_work(self) -> None:
+        """Wait for what is done ahead in threads; for a replay, which is told by the log when that was."""
         self._parts.tuning.wait()
+        self._parts.requests.trajectories.wait()
 
     @property
     def flying(self) -> bool:
@@ -161,6 +162,8 @@ class Agent:
 
     def next_s(self) -> float:
         """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
+        if self._parts.requests.waiting:
+            return -math.inf
         if self._control_by_s is not None:
             return self._control_by_s
         overdue_at_s = self._parts.observation.overdue_at_s

@@ -1,7 +1,10 @@
 """Answers requests to one agent: checks what is asked, hands it to the pilot, says why not."""
 
-from collections.abc import Callable
-from typing import Any
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,8 +19,8 @@ from rcopterx.agents.formation.topology import FormationGraph, followers, places
 from rcopterx.agents.identification.excitation import Excitation
 from rcopterx.agents.interfaces import AvoidsObstacles
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.trajectory_requests import FormationCheck, TrajectoryRequests
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import without_guard
 from rcopterx.bus.requests import (
@@ -43,10 +46,13 @@ from rcopterx.vehicles.state import Array
 Decision = tuple[str | None, str]
 """Why a request is refused, or None and what happens."""
 
-CHECKED_EVERY_S = 0.1
-"""Time between the moments of a trajectory at which the places of followers are checked."""
+MOST_IN_A_STEP: Final = 2
+"""Requests that are handled in one step; control comes in between."""
+DEFERRED: Final = "request_deferred"
+"""Counted for every request that had to wait for a later step."""
 
 _NEEDS_POSE = (TakeOff, Land, GoTo, Fly, Excite)
+_SAYS_WHERE_TO_GO = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
 
 
 class RequestHandler:
@@ -56,12 +62,20 @@ class RequestHandler:
     ----------
     settings, pilot, room, changes, peers, tuning, external
         The agent's own.
+    wake
+        Called from another thread when there is something to `settle_trajectory`.
 
     Attributes
     ----------
     verbs
         Requests that an agent serves.
+    trajectories
+        What is being checked.
+    events
+        What happened to requests, by kind.
     """
+
+    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,
@@ -72,6 +86,7 @@ class RequestHandler:
         peers: PeerStatuses,
         tuning: Tuning,
         external: ExternalControl,
+        wake: Callable[[], None] = lambda: None,
     ) -> None:
         self._settings = settings
         self._pilot = pilot
@@ -85,7 +100,6 @@ class RequestHandler:
             TakeOff: self._take_off,
             Land: self._land,
             GoTo: self._go_to,
-            Fly: self._fly,
             Lead: self._lead,
             Excite: self._excite,
             TakeControl: self._take_control,
@@ -97,21 +111,45 @@ class RequestHandler:
             Follow: self._changes.wait,
             PrepareLeaders: self._changes.wait,
             Tune: self._tune,
+            Fly: self._fly,
         }
+        self.trajectories = TrajectoryRequests(
+            settings, pilot, self._no_trajectory, self._formation_check, wake
+        )
+        self.events: Counter[str] = Counter()
+        self._queue: deque[Incoming] = deque()
         self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
+
+    @property
+    def waiting(self) -> bool:
+        """Whether requests wait for the next step."""
+        return bool(self._queue)
+
+    def take(self, incoming: Iterable[Incoming]) -> bool:
+        """Handle so many requests as fit into one step, the oldest first; True if there was one."""
+        before = len(self._queue)
+        self._queue.extend(incoming)
+        found = bool(self._queue)
+        for _ in range(min(MOST_IN_A_STEP, len(self._queue))):
+            self.handle(self._queue.popleft())
+        self.events[DEFERRED] += max(0, len(self._queue) - max(0, before - MOST_IN_A_STEP))
+        return found
 
     def handle(self, incoming: Incoming) -> None:
         """Answer a request, now or as soon as what it depends on is known."""
         request = incoming.request
         kind = type(request)
-        if kind in self._later:
-            self._later[kind](incoming, request)
-        elif kind not in self._at_once:
-            incoming.answer(reply_of(f"an agent does not serve {incoming.verb}", ""))
-        elif kind in _NEEDS_POSE and not self._pilot.ready:
+        if kind in _NEEDS_POSE and not self._pilot.ready:
             incoming.answer(reply_of("the motion capture has not seen the vehicle", ""))
+        elif kind in self._later:
+            self._later[kind](incoming, request)
+        elif kind in self._at_once:
+            refusal, accepted = self._at_once[kind](request)
+            if refusal is None and kind in _SAYS_WHERE_TO_GO:
+                self.trajectories.withdraw(incoming.verb)
+            incoming.answer(reply_of(refusal, accepted))
         else:
-            incoming.answer(reply_of(*self._at_once[kind](request)))
+            incoming.answer(reply_of(f"an agent does not serve {incoming.verb}", ""))
 
     def settle_tuning(self) -> bool:
         """Let what was prepared take over, and answer who asked for it; True if there was something."""
@@ -175,7 +213,7 @@ class RequestHandler:
         problem = (
             self._changes.promised()
             or self._room.outside(position_m)
-            or self._formation_problem(np.array([[*position_m, yaw_rad]]))
+            or self._formation_check()(np.array([[*position_m, yaw_rad]]))
         )
         if problem is not None:
             return problem, ""
@@ -183,38 +221,25 @@ class RequestHandler:
         turn = turn_limits_of(self._formation()[0], {vehicle: self._pilot.model, **models}, vehicle)
         return self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, turn), ""
 
-    def _fly(self, request: Fly) -> Decision:
-        guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
-        problem = self._changes.promised() or guidance.flight_problem()
-        if problem is not None:
-            return problem, ""
-        present = guidance.source.sample(time_s, 1.0, 1).samples[0]
-        wanted = FlightPath(request.knots.to_numpy())
-        run_in_s = run_in_time_s(wanted, present)
-        path = begun_from(wanted, present, run_in_s)
-        problem = path_problem(
-            path, self._pilot.model, self._settings.volume_min_m, self._settings.volume_max_m
-        ) or self._formation_problem(
-            path.sample(np.arange(0.0, path.duration_s + CHECKED_EVERY_S, CHECKED_EVERY_S))
-        )
-        if problem is not None:
-            return problem, ""
-        guidance.fly(path, time_s)
-        return None, f"{path.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
+    def _fly(self, incoming: Incoming, request: Fly) -> None:
+        self.trajectories.begin(incoming, request)
+
+    def _no_trajectory(self) -> str | None:
+        return self._changes.promised() or self._pilot.guidance.flight_problem()
 
     def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
         """Who follows whom, and where those are that follow nobody, by the statuses of the others."""
         return formation_of(self._peers.statuses(), flying=(self._settings.vehicle,))
 
-    def _formation_problem(self, samples: Array) -> str | None:
-        """Who of those that follow would leave the volume, or come too close to somebody not avoided."""
+    def _formation_check(self) -> FormationCheck:
+        """Whether those that follow now would leave the volume, or come close to somebody not avoided."""
         own = self._settings.vehicle
         links, heads = self._formation()
         others = {}
         if self._settings.separation is None or not isinstance(self._pilot.controller, AvoidsObstacles):
             moved = {own, *followers(links, own)}
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
-        return move_problem(own, samples, links, self._room, others)
+        return partial(move_problem, own, links=links, room=self._room, unrelated=others)
 
     def _lead(self, _: Lead) -> Decision:
         self._changes.lead()

@@ -25,6 +25,8 @@ from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscrip
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)
 
+MOST_REQUESTS: Final = 256
+"""Requests that wait for the loop of a process; further ones are turned away."""
 RETRY_S = 0.02
 """Pause before asking again where nobody serves a request."""
 FIRST_ATTEMPT_S = 0.1
@@ -304,6 +306,10 @@ class Session:
         except RejectedError as error:
             with query:
                 query.reply_err(f"{verb}: {error}".encode())
+            return
+        if self._incoming.qsize() >= MOST_REQUESTS:
+            with query:
+                query.reply_err(f"{verb}: {MOST_REQUESTS} requests are waiting already".encode())
             return
         arrived_s = self.clock()
 

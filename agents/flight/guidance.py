@@ -63,6 +63,10 @@ class Guidance:
         self._touchdown = Touchdown()
         self._restored_at_s = -math.inf
         self._interrupted: Phase | None = None
+        self._held_from: ReferenceSource | None = None
+        """What was being flown to when the transmitter gateway took over; decided on when it gives back."""
+        self.remark = ""
+        """What was given up because the transmitter gateway took over; empty once something is asked for."""
         self._climb_end_m: Array = np.zeros(3)
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
@@ -83,14 +87,28 @@ class Guidance:
         return bool(self.followed) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
 
     def go_on(self, estimate: Estimate, time_s: float) -> None:
-        """Go on with a climb or a landing that the transmitter gateway interrupted, once it is over."""
-        if self.phase is not Phase.FLYING or self._interrupted is None:
+        """Go on with what the transmitter gateway interrupted, once it is over; a trajectory is given up."""
+        if self.phase is not Phase.FLYING:
+            return
+        held_from, self._held_from = self._held_from, None
+        if held_from is not None:
+            self._go_on_to(held_from, time_s)
+        if self._interrupted is None:
             return
         if self._interrupted is Phase.LANDING:
             self.land(estimate, time_s)
         else:
             self._climb_to(self._climb_end_m, estimate, time_s)
             self.on_event(Event.TAKE_OFF, estimate)
+
+    def _go_on_to(self, source: ReferenceSource, time_s: float) -> None:
+        """Fly on to a set point; what had a time that has passed is not caught up with."""
+        if isinstance(source, PathReference) and not source.finished(time_s):
+            self.events["trajectory_given_up"] += 1
+            self.remark = "the transmitter gateway took over: the rest of the trajectory is given up"
+            return
+        end = source.sample(1e9, 1.0, 2)
+        self.source = SetPointReference(end.position_m[0], float(end.yaw_rad[0]))
 
     def set_point(self) -> tuple[Array, float]:
         """Position [m], shape (3,), and yaw [rad] the own reference ends at."""
@@ -106,6 +124,8 @@ class Guidance:
             under_way = self.phase is Phase.EMERGENCY and before in (Phase.TAKEOFF, Phase.LANDING)
             self._interrupted = before if under_way else None
         if estimate is not None and event in (Event.RESUME, Event.ARM) and self.phase is Phase.FLYING:
+            alone = before is Phase.EMERGENCY and self._interrupted is None and not self.followed
+            self._held_from = self.source if alone else None
             self.hold_here(estimate)
         if self.phase is Phase.FLYING:
             self._joined = frozenset()
@@ -175,6 +195,7 @@ class Guidance:
         problem = self.flight_problem()
         if problem is not None:
             return problem
+        self.remark = ""
         if turn is None:
             self.source = SetPointReference(position_m, yaw_rad)
         else:
@@ -193,6 +214,7 @@ class Guidance:
 
     def fly(self, path: FlightPath, time_s: float) -> None:
         """Fly a path from now on."""
+        self.remark = ""
         self.source = PathReference(path, time_s)
 
     def path_left_s(self, time_s: float) -> float:

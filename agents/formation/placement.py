@@ -33,17 +33,20 @@ class Room:
     minimum_distance_m: float | None
 
     def outside(self, place: Array) -> str | None:
-        """Where a place, x y z first, leaves the volume, in words."""
-        for axis, value, low, high in zip("xyz", place[:3].tolist(), self.min_m, self.max_m, strict=True):
-            if not low - TOLERANCE_M <= value <= high + TOLERANCE_M:
+        """Where a place, x y z first, or the first of several leaves the volume, in words."""
+        places_m = np.atleast_2d(place)[:, :3].T
+        for axis, values_m, low, high in zip("xyz", places_m, self.min_m, self.max_m, strict=True):
+            inside = (low - TOLERANCE_M <= values_m) & (values_m <= high + TOLERANCE_M)
+            if not inside.all():
+                value = float(values_m[np.argmin(inside)])
                 return f"{axis}: {value:.4g} m is outside the flight volume {low:g} .. {high:g} m"
         return None
 
     def too_close(self, place: Array, other: Array) -> str | None:
-        """Why two places, x y z first, are too close, in words."""
+        """Why two places, x y z first, are too close, or one of several and another, in words."""
         if self.minimum_distance_m is None:
             return None
-        distance_m = float(np.linalg.norm(place[:3] - other[:3]))
+        distance_m = float(np.linalg.norm(place[..., :3] - other[:3], axis=-1).min())
         if distance_m >= self.minimum_distance_m - TOLERANCE_M:
             return None
         return f"{distance_m:.3g} m apart, the minimum distance is {self.minimum_distance_m:g} m"
@@ -162,7 +165,7 @@ def move_problem(
     name
         The vehicle.
     samples
-        Where it will be, x, y, z [m], yaw [rad] first, shape (n, 4 or more).
+        Where it will be, x, y, z [m], yaw [rad] first, shape (k, 4 or more).
     links
         Who follows whom.
     room
@@ -171,17 +174,16 @@ def move_problem(
         Places of others, x y z first, that have to be kept off because nobody plans around them. Vehicles
         that do plan around each other may well be sent to each other's places.
     """
-    along = followers(links, name)
-    for sample in samples:
-        where = places({**links, name: ()}, {name: sample[:4]})
-        problem = _leaving(along, where, room)
+    where = places({**links, name: ()}, {name: samples[:, :4]})
+    for moved in followers(links, name):
+        problem = room.outside(where[moved]) if moved in where else None
         if problem is not None:
-            return problem
-        for moved in (name, *along):
-            for other, place in unrelated.items():
-                problem = room.too_close(where[moved], place) if moved in where else None
-                if problem is not None:
-                    return f"{moved} and {other} would be {problem}"
+            return f"{moved} would leave: {problem}"
+    for moved in (name, *followers(links, name)):
+        for other, place in unrelated.items():
+            problem = room.too_close(where[moved], place) if moved in where else None
+            if problem is not None:
+                return f"{moved} and {other} would be {problem}"
     return None
 
 

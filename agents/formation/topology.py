@@ -88,12 +88,13 @@ def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array
     links
         An acyclic graph.
     heads
-        Places of the vehicles that follow nobody: x, y, z [m], yaw [rad], shape (4,).
+        Places of the vehicles that follow nobody: x, y, z [m], yaw [rad], shape (4,), or (k, 4) for several
+        moments.
 
     Returns
     -------
     dict
-        Places of all vehicles whose leaders' places are known, shape (4,) each. Offsets to several leaders
+        Places of all vehicles whose leaders' places are known, of the same shape. Offsets to several leaders
         that do not agree meet in their weighted mean, as in flight.
     """
     found: dict[str, Array] = {}
@@ -119,15 +120,17 @@ def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array
 
 
 def station(following: Iterable[LeaderLink], leading: Iterable[Array]) -> Array:
-    """Place of a follower, shape (4,), from its links and the places of its leaders in the same order."""
+    """Place of a follower, shape (.., 4), from its links and the places of its leaders in the same order."""
     total, place = 0.0, np.zeros(4)
     for link, leader in zip(following, leading, strict=True):
-        arm = np.array([*link.offset_m, link.yaw_offset_rad])
-        if link.frame == "heading":
-            arm[:2] = heading_matrix(leader[YAW]) @ arm[:2]
-        place += link.weight * (leader + arm)
+        there = leader + np.array([0.0, 0.0, link.offset_m[2], link.yaw_offset_rad])
+        x, y = link.offset_m[:2]
+        c, s = (1.0, 0.0) if link.frame != "heading" else (np.cos(leader[..., YAW]), np.sin(leader[..., YAW]))
+        there[..., 0] += c * x - s * y
+        there[..., 1] += s * x + c * y
+        place = place + link.weight * there
         total += link.weight
-    return place / total
+    return np.asarray(place / total)
 
 
 def link_between(follower: Array, leader: Array, like: LeaderLink, name: str) -> LeaderLink:

@@ -92,19 +92,24 @@ def run_in_time_s(path: FlightPath, present: Array) -> float:
     )
 
 
-def path_problem(path: FlightPath, model: Model, low_m: Three, high_m: Three) -> str | None:
+def path_problem(
+    path: FlightPath, model: Model, low_m: Three, high_m: Three, until_s: float | None = None
+) -> str | None:
     """Where a path leaves the volume or asks too much of a vehicle; None if it can be flown.
 
     Parameters
     ----------
     path
-        The path, run-in included.
+        The path.
     model
         The vehicle: its bounds of speed, and inputs that must suffice for the accelerations.
     low_m, high_m
         Flight volume.
+    until_s
+        End of the part to look at; None for the whole.
     """
-    times = np.arange(0.0, path.duration_s + _CHECKED_EVERY_S, _CHECKED_EVERY_S)
+    until_s = path.duration_s if until_s is None else until_s
+    times = np.arange(0.0, until_s + _CHECKED_EVERY_S, _CHECKED_EVERY_S)
     samples = path.sample(times)
     for axis, name in enumerate("xyz"):
         outside = (samples[:, axis] < low_m[axis] - 1e-6) | (samples[:, axis] > high_m[axis] + 1e-6)

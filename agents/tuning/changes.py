@@ -4,16 +4,17 @@ What is new is built and warmed up in a thread beside the control loop and swapp
 periods, so that no period is late (control.md section 8).
 """
 
-import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.agents.interfaces import Controller, Estimate, Estimator, LimitScale
+from rcopterx.agents.interfaces import Controller, Estimate, Estimator, LimitScale, NoSolutionError
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.references.trajectory import hold
 from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.work_ahead import WorkAhead
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 
@@ -61,7 +62,8 @@ def prepare(
         reference = hold(motion[:3], float(motion[YAW]), period_s, controller.horizon)
         controller.reset(occasion.estimate, occasion.last_input)
         for _ in range(WARM_UP_STEPS if wanted.controller != present.controller else 1):
-            controller.step(occasion.estimate, reference, occasion.last_input)
+            with suppress(NoSolutionError):
+                controller.step(occasion.estimate, reference, occasion.last_input)
     if (wanted.estimator, wanted.estimator_settings) != (present.estimator, present.estimator_settings):
         estimator = wanted.estimator_for(model, period_s)
         estimator.take_over(occasion.estimate)
@@ -104,9 +106,7 @@ class Tuning:
         self._pilot = pilot
         self._period_s = period_s
         self._limit_scale = limit_scale
-        self._wake = wake
-        self._thread: threading.Thread | None = None
-        self._result: Replacement | ValueError | None = None
+        self._work: WorkAhead[Replacement | ValueError] = WorkAhead("tuning", wake)
 
     @property
     def intended(self) -> Configuration:
@@ -116,7 +116,7 @@ class Tuning:
     @property
     def busy(self) -> bool:
         """Whether a change is under way."""
-        return self._thread is not None
+        return self._work.busy
 
     def begin(self, wanted: Configuration) -> None:
         """Begin to prepare another configuration; only while not `busy`."""
@@ -125,9 +125,7 @@ class Tuning:
         estimate = Estimate(motion, pilot.input_history.newest.copy(), np.zeros(4))
         frame_period_s = pilot.clock.period_s or self._period_s
         occasion = Occasion(estimate, pilot.input_history.newest.copy(), frame_period_s)
-        self._result = None
-        self._thread = threading.Thread(target=self._prepare, args=(wanted, occasion), name="tuning")
-        self._thread.start()
+        self._work.begin(lambda: self._prepared(wanted, occasion))
 
     def restore(self, configuration: Configuration) -> None:
         """Begin to go back to what a predecessor flew with, unless that is what flies."""
@@ -150,23 +148,19 @@ class Tuning:
             self.configuration = self.configuration.with_default_estimator()
         return self.configuration != before
 
-    def _prepare(self, wanted: Configuration, occasion: Occasion) -> None:
+    def _prepared(self, wanted: Configuration, occasion: Occasion) -> Replacement | ValueError:
+        model = self._pilot.model
         try:
-            model = self._pilot.model
-            self._result = prepare(
-                self.configuration, wanted, model, self._period_s, self._limit_scale, occasion
-            )
+            return prepare(self.configuration, wanted, model, self._period_s, self._limit_scale, occasion)
         except ValueError as error:
-            self._result = error
+            return error
         except Exception as error:  # noqa: BLE001 - a controller of somebody else may raise anything
             reason = f"{type(error).__name__}: {error}"
-            self._result = ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {reason}")
-        self._wake()
+            return ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {reason}")
 
     def wait(self) -> None:
         """Wait until what is under way is prepared, where no control loop must go on meanwhile."""
-        if self._thread is not None:
-            self._thread.join()
+        self._work.wait()
 
     def finish(self) -> str | ValueError | None:
         """Swap in what is ready; to be called between two control periods.
@@ -176,10 +170,10 @@ class Tuning:
         str or ValueError or None
             What flies from now on, why nothing changed, or None while nothing is ready.
         """
-        if self._thread is None or self._result is None:
+        found = self._work.finish()
+        if found is None:
             return None
-        self._thread.join()
-        result, self._thread, self._result = self._result, None, None
+        (result,) = found
         restored, self._restored = self._restored is not None, None
         if isinstance(result, ValueError):
             return result

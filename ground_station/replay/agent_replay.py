@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from rcopterx.agents.assembly import TUNED
+from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
 from rcopterx.agents.process import Agent
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode, encode
@@ -172,15 +172,15 @@ def control_periods(
     settings, pilot = pilot_of(fleet, vehicle)
     agent = Agent(settings, pilot, bus, realtime=False, stopwatch=lambda: 0.0)
     for step in life.steps:
-        if any(item.key == TUNED for item in step.inputs):
-            agent.wait_for_tuning()
+        if any(item.key in (TUNED, TRAJECTORY_CHECKED) for item in step.inputs):
+            agent.wait_for_work()
         period = ControlPeriod()
         bus.take(step)
         agent.step()
         if bus.estimate is not None or step.estimate:
             period.estimate, period.missing = tuple(bus.estimate or ()), bus.missing
             yield step, period
-    agent.wait_for_tuning()
+    agent.wait_for_work()
 
 
 class _LifeComparison:

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 from support.plans import plan_of
-from support.request_handling import UP, HandlerBench, follow, follow_at, go_to, say
+from support.request_handling import UP, Asked, HandlerBench, follow, follow_at, go_to, say
 from support.statuses import hovering
 
 from rcopterx.agents.following.links import followed_leader, present_link
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.references.path_shapes import through
+from rcopterx.agents.references.set_points import SetPointReference
+from rcopterx.agents.request_handler import DEFERRED, MOST_IN_A_STEP
 from rcopterx.agents.tuning.guard import effort_factor
 from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import LeaderLink, SetPoint
@@ -145,6 +147,70 @@ def test_a_trajectory_that_would_take_a_follower_out_of_the_volume_is_refused(be
     assert refusal is not None
     assert refusal.startswith(words)
     assert bench.ask(narrow).refusal is None
+
+
+def trajectory_to(x: float, seconds: float = 6.0) -> Fly:
+    return Fly(knots=FloatArray.of(through([(0.0, *UP, 0.0), (seconds, x, 0.2, 1.0, 0.0)]).knots))
+
+
+def test_a_trajectory_is_checked_beside_the_loop_and_begins_where_the_vehicle_is_sent_then(
+    bench: HandlerBench,
+) -> None:
+    bench.fly()
+    asked = bench.begin(trajectory_to(0.4, 300.0))
+    assert not asked.answers
+    assert bench.pilot.guidance.path_left_s(bench.pilot.clock.time_s) == 0.0
+    bench.handler.trajectories.wait()
+    assert bench.handler.trajectories.settle()
+    assert asked.refusal is None
+    assert bench.pilot.guidance.path_left_s(bench.pilot.clock.time_s) > 300.0
+
+
+def test_a_later_request_that_was_granted_overtakes_a_trajectory_that_is_still_checked(
+    bench: HandlerBench,
+) -> None:
+    bench.fly()
+    asked = bench.begin(trajectory_to(0.4))
+    assert bench.begin(trajectory_to(0.3)).refusal == "another trajectory is being checked"
+    assert bench.begin(go_to(9.0, 0.0, 1.0)).refusal is not None
+    assert not asked.answers
+    assert bench.begin(go_to(0.3, 0.0, 1.0)).refusal is None
+    assert asked.refusal == "overtaken by a later request: verb"
+    bench.handler.trajectories.wait()
+    assert not bench.handler.trajectories.settle()
+    assert bench.pilot.guidance.set_point()[0] == pytest.approx([0.3, 0.0, 1.0])
+
+
+def test_a_trajectory_that_was_checked_is_refused_if_the_vehicle_lands_meanwhile(bench: HandlerBench) -> None:
+    bench.fly()
+    asked = bench.begin(trajectory_to(0.4))
+    bench.pilot.guidance.land(bench.pilot.estimate, 0.0)
+    bench.handler.trajectories.wait()
+    bench.handler.trajectories.settle()
+    assert asked.refusal is not None
+    assert asked.refusal.endswith("the phase is landing")
+
+
+def test_a_way_to_the_beginning_that_leads_out_is_refused(bench: HandlerBench) -> None:
+    bench.fly()
+    say(bench, "h2", hovering((0.1, 0.2, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.0, 0.9))))
+    bench.pilot.guidance.source = SetPointReference(np.array([0.0, 0.0, 1.5]), 0.0)
+    assert bench.ask(trajectory_to(0.4)).refusal == (
+        "on the way to its beginning, h2 would leave: z: 2.4 m is outside the flight volume 0 .. 2 m"
+    )
+
+
+def test_a_flood_of_requests_is_handled_a_few_in_a_step_and_the_rest_is_counted(bench: HandlerBench) -> None:
+    bench.fly()
+    flood = [Asked(go_to(0.1 * index, 0.0, 1.0)) for index in range(5)]
+    steps = 0
+    assert not bench.handler.take([])
+    while bench.handler.take(flood if steps == 0 else []):
+        steps += 1
+        assert sum(len(asked.answers) for asked in flood) == min(5, steps * MOST_IN_A_STEP)
+        assert bench.handler.waiting == (steps * MOST_IN_A_STEP < 5)
+    assert bench.handler.events[DEFERRED] == 5 - MOST_IN_A_STEP
+    assert bench.pilot.guidance.set_point()[0] == pytest.approx([0.4, 0.0, 1.0])
 
 
 @pytest.mark.parametrize(

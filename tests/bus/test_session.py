@@ -300,6 +300,17 @@ def test_a_malformed_request_is_refused_with_the_reason_and_never_handled(
     assert server.pending() == []
 
 
+def test_a_process_that_handles_nothing_turns_further_requests_away(
+    join: Join, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.bus.session.MOST_REQUESTS", 0)
+    server, asking = join(), join()
+    server.serve("h1", ["land"])
+    with pytest.raises(RequestFailedError, match="land: 0 requests are waiting already"):
+        asking.request("h1", Land(), patience_s=5.0)
+    assert server.pending() == []
+
+
 def test_a_malformed_answer_fails_the_request_and_nothing_else_is_raised(
     join: Join, bus_address: BusAddress
 ) -> None:

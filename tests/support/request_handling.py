@@ -92,6 +92,13 @@ class HandlerBench:
         self.pilot.guidance.on_event(Event.ARM, None)
 
     def ask(self, request: Request) -> Asked:
+        """Answer a request, also one that is checked ahead."""
+        asked = self.begin(request)
+        self.handler.trajectories.wait()
+        self.handler.trajectories.settle()
+        return asked
+
+    def begin(self, request: Request) -> Asked:
         asked = Asked(request)
         self.handler.handle(asked)  # type: ignore[arg-type]  # a request without a query
         return asked

@@ -14,6 +14,7 @@ from rcopterx.agents.flight.touchdown import FLOOR_TIME_S
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
+from rcopterx.agents.references.paths import FlightPath
 from rcopterx.agents.references.set_points import SetPointReference
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
 
@@ -244,6 +245,47 @@ def test_resuming_and_recovering_hold_the_present_place() -> None:
     here = still((0.5, 0.5, 0.6), 1.0)
     guidance.on_event(Event.ARM, here)
     assert reference(guidance, estimate=here).position_m[-1] == pytest.approx([0.5, 0.5, 0.6])
+
+
+def held_and_given_back(guidance: Guidance, time_s: float) -> Estimate:
+    """The transmitter gateway takes over and gives back, half a metre lower."""
+    guidance.on_event(Event.OVERRIDE, ALOFT)
+    here = still((0.5, 0.5, 0.6), 1.0)
+    guidance.on_event(Event.ARM, here)
+    guidance.go_on(here, time_s)
+    return here
+
+
+def test_a_set_point_given_while_the_gateway_began_to_hold_is_flown_to_afterwards() -> None:
+    guidance = flying()
+    guidance.go_to(np.array([1.0, 1.0, 1.0]), 0.4)
+    here = held_and_given_back(guidance, 5.0)
+    assert reference(guidance, estimate=here).position_m[-1] == pytest.approx([1.0, 1.0, 1.0])
+    assert guidance.set_point()[1] == pytest.approx(0.4)
+    assert not guidance.remark
+
+
+def test_a_trajectory_is_given_up_and_told_when_the_gateway_took_over() -> None:
+    guidance = flying()
+    guidance.fly(
+        FlightPath(np.array([[0.0, *ALOFT.motion[:4], *8 * [0.0]], [9.0, 1, 1, 1, *9 * [0.0]]])), 0.0
+    )
+    here = held_and_given_back(guidance, 5.0)
+    assert guidance.set_point()[0] == pytest.approx(here.motion[:3])
+    assert guidance.events["trajectory_given_up"] == 1
+    assert "trajectory is given up" in guidance.remark
+    guidance.go_to(np.array([1.0, 1.0, 1.0]), 0.0)
+    assert not guidance.remark
+
+
+def test_the_end_of_a_trajectory_that_was_flown_is_kept_like_a_set_point() -> None:
+    guidance = flying()
+    guidance.fly(
+        FlightPath(np.array([[0.0, *ALOFT.motion[:4], *8 * [0.0]], [9.0, 1, 1, 1, *9 * [0.0]]])), 0.0
+    )
+    held_and_given_back(guidance, 9.5)
+    assert guidance.set_point()[0] == pytest.approx([1.0, 1.0, 1.0])
+    assert not guidance.events["trajectory_given_up"]
 
 
 def test_a_follower_takes_no_set_point_and_says_whose_to_ask_for() -> None:
