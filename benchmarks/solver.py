@@ -21,10 +21,10 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
-from rcopterx.agents.controllers.chain_qp import ChainQP
-from rcopterx.agents.controllers.paper import PaperController, PaperSettings
-from rcopterx.agents.controllers.stage_qp import StageQP
+from rcopterx.agents.controllers.cascade.controller import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.chains.chain_qp import ChainQP
+from rcopterx.agents.controllers.paper.controller import PaperController, PaperSettings
+from rcopterx.agents.controllers.paper.stage_qp import StageQP
 from rcopterx.agents.interfaces import Controller
 from rcopterx.benchmarks.flight import Moment, record_flight
 from rcopterx.benchmarks.judge import judged_chain, judged_stage

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.paper_model import INPUT_WEIGHTS
+from rcopterx.agents.controllers.paper.model import INPUT_WEIGHTS
 from rcopterx.agents.controllers.pid import PidSettings
 from rcopterx.experiments.record import rms
 from rcopterx.experiments.rig import Progress, Rig

@@ -1,1 +1,1 @@
-"""Interchangeable controllers: from an estimate and a reference to inputs and a plan. One file each."""
+"""Interchangeable controllers: from an estimate and a reference to inputs and a plan."""

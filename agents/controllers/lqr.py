@@ -3,7 +3,7 @@
 import numpy as np
 
 from rcopterx.agents.controllers.feedback import FeedbackController
-from rcopterx.agents.controllers.paper_model import (
+from rcopterx.agents.controllers.paper.model import (
     INPUT_WEIGHTS,
     INTEGRAL_STATES,
     STATE_WEIGHTS,

@@ -14,9 +14,9 @@ CONTROLLERS: Final = Registry[Controller](
     "controller",
     "rcopterx.controllers",
     {
-        "cascade": "rcopterx.agents.controllers.cascade:CascadeController",
+        "cascade": "rcopterx.agents.controllers.cascade.controller:CascadeController",
         "lqr": "rcopterx.agents.controllers.lqr:LqrController",
-        "paper": "rcopterx.agents.controllers.paper:PaperController",
+        "paper": "rcopterx.agents.controllers.paper.controller:PaperController",
         "pid": "rcopterx.agents.controllers.pid:PidController",
     },
 )

@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.cascade import CascadeSettings
-from rcopterx.agents.controllers.weights import default_input_weights, default_state_weights
+from rcopterx.agents.controllers.cascade.controller import CascadeSettings
+from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
 from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
 from rcopterx.agents.margins.axes import lag_loop, tilt_loop
 from rcopterx.agents.margins.loop import FeedbackLoop

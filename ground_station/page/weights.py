@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from rcopterx.agents.controllers.weights import default_input_weights, default_state_weights
+from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.vehicle_models import model_of
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from rcopterx.commands.experiment import check_plot
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, user_errors
 from rcopterx.commands.numbers import different_numbers
-from rcopterx.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, user_errors
 
 app = typer.Typer(no_args_is_help=True)
 

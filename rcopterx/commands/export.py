@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
+from rcopterx.commands.fleet_option import EXIT_FAILED
 from rcopterx.commands.replay import FlightArgument, chosen_flight
-from rcopterx.fleet_option import EXIT_FAILED
 
 
 def export(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import EXIT_FAILED
+from rcopterx.commands.fleet_option import EXIT_FAILED
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 DirectoryOption = Annotated[

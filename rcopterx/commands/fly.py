@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.launch import RecordOption, interruptible
-from rcopterx.fleet_option import EXIT_FAILED, running_fleet, user_errors
 
 if TYPE_CHECKING:
     from rcopterx.experiments.manoeuvre import Manoeuvre

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet
+from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet
 
 UPDATE_S = 0.05
 PORT = 8080

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.experiment import check_plot
-from rcopterx.fleet_option import RunningFleetOption
+from rcopterx.commands.fleet_option import RunningFleetOption
 
 
 def identify(
@@ -46,7 +46,7 @@ def identify(
     The vehicle hovers and follows nobody (rcopterx lead VEHICLE), with room around it.
     """
     check_plot(plot)
-    from rcopterx.identifying import Excitation, Outputs, identify_vehicle
+    from rcopterx.commands.identifying import Excitation, Outputs, identify_vehicle
 
     flight = from_file or Excitation(seconds, strength, reach)
     identify_vehicle(vehicle, fleet, flight, positions_only, Outputs(save, plot, dry_run, as_json))

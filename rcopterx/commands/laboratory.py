@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.bus.realtime import request_realtime
-from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, fleet_file, running_fleet, user_errors
+from rcopterx.commands.fleet_option import (
+    EXIT_FAILED,
+    RunningFleetOption,
+    fleet_file,
+    running_fleet,
+    user_errors,
+)
 
 if TYPE_CHECKING:
     from rcopterx.deploy.fleet_file.schema import FleetFile

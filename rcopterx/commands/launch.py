@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.commands.ground import page_of
-from rcopterx.deploy.run_directory import run_directory
-from rcopterx.fleet_option import (
+from rcopterx.commands.fleet_option import (
     DEFAULT_FLEET,
     EXIT_FAILED,
     FleetArgument,
@@ -22,6 +20,8 @@ from rcopterx.fleet_option import (
     fleet_file,
     user_errors,
 )
+from rcopterx.commands.ground import page_of
+from rcopterx.deploy.run_directory import run_directory
 
 if TYPE_CHECKING:
     from rich.console import Console

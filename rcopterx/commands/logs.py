@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import EXIT_FAILED, RunningFleetOption, user_errors
+from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, user_errors
 
 FOLLOW_S = 0.2
 
@@ -19,9 +19,9 @@ def logs(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show what the processes of this computer have logged, merged in time (UTC)."""
+    from rcopterx.commands.fleet_option import fleet_file
     from rcopterx.deploy.log_reading import ProcessLogs
     from rcopterx.deploy.run_directory import run_directory
-    from rcopterx.fleet_option import fleet_file
     from rcopterx.ground_station.joining import fleet_that_is_up
 
     with user_errors():

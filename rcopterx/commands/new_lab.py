@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcopterx.commands.fleet_option import user_errors
 from rcopterx.commands.steer import three
-from rcopterx.fleet_option import user_errors
 
 if TYPE_CHECKING:
     from rcopterx.deploy.new_laboratory import NewVehicle

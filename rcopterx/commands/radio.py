@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import FleetOption
+from rcopterx.commands.fleet_option import FleetOption
 
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
 STEPS = ("signs", "throttle", "trim")
@@ -17,7 +17,7 @@ def bind(
     yes: Annotated[bool, typer.Option("--yes", help="The vehicle waits in bind mode; do not ask.")] = False,
 ) -> None:
     """Bind the receiver of a vehicle to its transmitter. The fleet must be down."""
-    from rcopterx.radio_bench import Dialogue, own_model_match, workbench
+    from rcopterx.commands.radio_bench import Dialogue, own_model_match, workbench
 
     with workbench(fleet, vehicle) as (file, _, bench):
         number = own_model_match(file, vehicle)
@@ -47,7 +47,7 @@ def range_check(
     ] = 60.0,
 ) -> None:
     """Send with reduced power and move the swash plate: 30 paces away the vehicle must still follow."""
-    from rcopterx.radio_bench import Dialogue, workbench
+    from rcopterx.commands.radio_bench import Dialogue, workbench
 
     with workbench(fleet, vehicle) as (_, _, bench):
         typer.echo(f"{vehicle}: {bench.wait_ready()}")
@@ -102,8 +102,7 @@ def calibrate(
     for name, answer in answers.items():
         if answer not in (None, "ok", "reversed"):
             raise typer.BadParameter(f"{answer!r}: allowed are ok, reversed", param_hint=f"--{name}")
-    from rcopterx.deploy.roles.transmitters import calibration_of
-    from rcopterx.radio_bench import (
+    from rcopterx.commands.radio_bench import (
         Dialogue,
         asked_signs,
         save,
@@ -111,6 +110,7 @@ def calibrate(
         trim_hover,
         workbench,
     )
+    from rcopterx.deploy.roles.transmitters import calibration_of
 
     if {"signs", "throttle"} & set(steps):
         with workbench(fleet, vehicle) as (file, path, bench):

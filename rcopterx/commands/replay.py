@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcopterx.commands.fleet_option import EXIT_FAILED, user_errors
 from rcopterx.deploy.spare_process import ONE_THREAD
-from rcopterx.fleet_option import EXIT_FAILED, user_errors
 
 if TYPE_CHECKING:
     from rcopterx.flight_log.flights import Flight

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file, user_errors
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file, user_errors
 
 Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
+from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
 
 if TYPE_CHECKING:
     from rcopterx.bus.message import Setting

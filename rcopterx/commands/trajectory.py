@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
 from rcopterx.commands.steer import Vehicle, known_vehicles, three
-from rcopterx.fleet_option import RunningFleetOption, running_fleet
 
 if TYPE_CHECKING:
     from rcopterx.agents.references.paths import FlightPath

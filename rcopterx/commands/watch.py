@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcopterx.commands.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
 from rcopterx.commands.steer import Vehicles, known_vehicles
-from rcopterx.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
 
 if TYPE_CHECKING:
     from rich.console import Group

@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 
 from rcopterx.bus.requests import Follow, GoTo, TakeOff
 from rcopterx.command_line import COMMANDS, app
+from rcopterx.commands.fleet_option import chosen_host
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError
 from rcopterx.deploy.fleet_file.shipped import fleet_path, shipped_fleets
 from rcopterx.experiments.manoeuvres import MANOEUVRES
-from rcopterx.fleet_option import chosen_host
 from rcopterx.ground_station.fleet import Fleet
 
 NAMES = [command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands]

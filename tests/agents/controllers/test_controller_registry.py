@@ -22,7 +22,7 @@ def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.Mon
 
 def test_an_installed_package_adds_a_controller(monkeypatch: pytest.MonkeyPatch) -> None:
     added = EntryPoint(
-        "mine", "rcopterx.agents.controllers.paper:PaperController", CONTROLLERS.entry_point_group
+        "mine", "rcopterx.agents.controllers.paper.controller:PaperController", CONTROLLERS.entry_point_group
     )
     monkeypatch.setattr(registry, "entry_points", lambda group: [added])
     assert "mine" in CONTROLLERS.available()
@@ -44,7 +44,7 @@ def test_an_unknown_controller_is_told_what_is_allowed() -> None:
 def test_importing_the_registry_imports_no_controller() -> None:
     code = (
         "import sys, rcopterx.agents.controllers.registry as r; r.CONTROLLERS.available();"
-        "assert not {'osqp', 'scipy', 'rcopterx.agents.controllers.paper'} & set(sys.modules)"
+        "assert not {'osqp', 'scipy', 'rcopterx.agents.controllers.paper.controller'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rcopterx.agents.controllers.base import EARLY_STOP
-from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.agents.flight.time_limit import OutOfTimeError
 from rcopterx.agents.interfaces import Estimate, Obstacle, StopsEarly
 from rcopterx.agents.references.trajectory import Trajectory, hold

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
-from rcopterx.agents.controllers.cascade_terms import riccati_cost
-from rcopterx.agents.controllers.chain import ChainParameters
-from rcopterx.agents.controllers.lateral_chain import LateralChain
+from rcopterx.agents.controllers.cascade.controller import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.cascade.terms import riccati_cost
+from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.agents.controllers.chains.lateral_chain import LateralChain
 from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
 from rcopterx.agents.estimators.tilt_kalman import TiltKalmanEstimator
 from rcopterx.agents.flight.lateral import LateralSystem

@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.chain import ChainTarget
-from rcopterx.agents.controllers.chain_interior_point import InteriorPoint, StageProblem
+from rcopterx.agents.controllers.chains.chain import ChainTarget
+from rcopterx.agents.controllers.chains.interior_point import InteriorPoint, StageProblem
 from rcopterx.vehicles.state import Array
 
 INPUT_PENALTY: Final = 1e6

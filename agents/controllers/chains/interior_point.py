@@ -10,7 +10,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.vehicles.state import Array
 
 RESIDUAL: Final = 1e-7

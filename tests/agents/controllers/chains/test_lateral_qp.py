@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import sparse
 
-from rcopterx.agents.controllers.active_set import Budget
-from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
-from rcopterx.agents.controllers.lateral_qp import LateralQP
+from rcopterx.agents.controllers.chains.active_set import Budget
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.lateral_qp import LateralQP
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.vehicles.state import heading_matrix
 from rcopterx.vehicles.types import COAXIAL

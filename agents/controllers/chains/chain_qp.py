@@ -2,8 +2,8 @@
 
 from functools import partial
 
-from rcopterx.agents.controllers.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
-from rcopterx.agents.controllers.chain import Chain, ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
+from rcopterx.agents.controllers.chains.chain import Chain, ChainParameters, ChainTarget
 from rcopterx.vehicles.state import Array
 
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
-from rcopterx.agents.controllers.chain import ChainTarget
-from rcopterx.agents.controllers.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
+from rcopterx.agents.controllers.cascade.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
+from rcopterx.agents.controllers.cascade.controller import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.chains.chain import ChainTarget
 from rcopterx.agents.interfaces import Estimate, Obstacle
 from rcopterx.agents.references.trajectory import hold
 from rcopterx.vehicles.state import Array

@@ -2,9 +2,9 @@
 
 from functools import partial
 
-from rcopterx.agents.controllers.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
-from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
-from rcopterx.agents.controllers.lateral_chain import LateralChain
+from rcopterx.agents.controllers.chains.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.lateral_chain import LateralChain
 from rcopterx.agents.flight.lateral import LateralSystem
 from rcopterx.vehicles.state import Array
 

@@ -14,10 +14,11 @@ from typing import Annotated, ClassVar, Final
 import msgspec
 import numpy as np
 
-from rcopterx.agents.controllers.active_set import UNLIMITED, Budget
 from rcopterx.agents.controllers.base import BaseController, Solution
-from rcopterx.agents.controllers.cascade_lag import LagProblem
-from rcopterx.agents.controllers.cascade_terms import (
+from rcopterx.agents.controllers.cascade.clearance import Clearances, clearances
+from rcopterx.agents.controllers.cascade.disturbance_observer import DisturbanceObserver
+from rcopterx.agents.controllers.cascade.lag_problem import LagProblem
+from rcopterx.agents.controllers.cascade.terms import (
     Bounds,
     HorizontalProblem,
     HorizontalTask,
@@ -25,14 +26,13 @@ from rcopterx.agents.controllers.cascade_terms import (
     riccati_cost,
     solve_chain,
 )
-from rcopterx.agents.controllers.cascade_tilt import TiltProblem
-from rcopterx.agents.controllers.chain import ChainParameters
-from rcopterx.agents.controllers.chain_qp import ChainQP
-from rcopterx.agents.controllers.clearance import Clearances, clearances
-from rcopterx.agents.controllers.disturbance_observer import DisturbanceObserver
+from rcopterx.agents.controllers.cascade.tilt_problem import TiltProblem
+from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
+from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget
+from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.controllers.roll_out import first_order, lag_poles
 from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
-from rcopterx.agents.controllers.weights import default_input_weights, default_state_weights
 from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
 from rcopterx.vehicles.model import Model

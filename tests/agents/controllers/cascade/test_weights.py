@@ -6,7 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcopterx.agents.controllers.weights import DEMAND_FLOOR, default_input_weights, default_state_weights
+from rcopterx.agents.controllers.cascade.weights import (
+    DEMAND_FLOOR,
+    default_input_weights,
+    default_state_weights,
+)
 from rcopterx.agents.margins.axes import lag_loop, tilt_loop
 from rcopterx.agents.margins.search import bears, shortfalls
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model

@@ -11,10 +11,10 @@ from typing import Final, Protocol
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from rcopterx.agents.controllers.active_set import Budget, ChainSolution
-from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
-from rcopterx.agents.controllers.chain_qp import ChainQP
-from rcopterx.agents.controllers.clearance import Clearances
+from rcopterx.agents.controllers.cascade.clearance import Clearances
+from rcopterx.agents.controllers.chains.active_set import Budget, ChainSolution
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array, heading_matrix

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from rcopterx.agents.controllers.paper import PaperController, PaperSettings
-from rcopterx.agents.controllers.paper_model import PaperModel, TerminalCost
+from rcopterx.agents.controllers.paper.controller import PaperController, PaperSettings
+from rcopterx.agents.controllers.paper.model import PaperModel, TerminalCost
 from rcopterx.agents.controllers.step_guard import StepGuard
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import hold

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lapack, solve_discrete_are
 
-from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.vehicles.state import Array
 

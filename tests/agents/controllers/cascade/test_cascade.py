@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcopterx.agents.controllers.cascade import CascadeController, CascadeSettings
+from rcopterx.agents.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.agents.controllers.roll_out import predict
 from rcopterx.agents.interfaces import ControlStep, Estimate, LimitScale
 from rcopterx.agents.references.trajectory import Trajectory, hold

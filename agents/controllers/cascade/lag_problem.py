@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.active_set import ChainSolution
-from rcopterx.agents.controllers.cascade_terms import (
+from rcopterx.agents.controllers.cascade.clearance import SLOTS
+from rcopterx.agents.controllers.cascade.terms import (
     Bounds,
     HeadingCost,
     HorizontalTask,
@@ -16,9 +16,9 @@ from rcopterx.agents.controllers.cascade_terms import (
     solve_chain,
     to_body,
 )
-from rcopterx.agents.controllers.chain import ChainParameters
-from rcopterx.agents.controllers.chain_qp import ChainQP
-from rcopterx.agents.controllers.clearance import SLOTS
+from rcopterx.agents.controllers.chains.active_set import ChainSolution
+from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array, heading_matrices
@@ -74,7 +74,7 @@ class LagProblem:
         self._heading_plan = None
 
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
-        """Solve for the sticks of the horizon (`HorizontalProblem` in `cascade_terms`)."""
+        """Solve for the sticks of the horizon (`HorizontalProblem` in `terms`)."""
         self._linearize(task.heading)
         rows, terminal = self._reference(task.heading, task.reference)
         first = _first_state(task.estimate)

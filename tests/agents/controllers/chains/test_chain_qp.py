@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import sparse
 
-from rcopterx.agents.controllers.active_set import Budget
-from rcopterx.agents.controllers.cascade_terms import HeadingCost, riccati_cost
-from rcopterx.agents.controllers.chain import ChainParameters, ChainTarget
-from rcopterx.agents.controllers.chain_qp import ChainQP
+from rcopterx.agents.controllers.cascade.terms import HeadingCost, riccati_cost
+from rcopterx.agents.controllers.chains.active_set import Budget
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.vehicles.state import Array
 
 osqp = pytest.importorskip("osqp")

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.chain import ChainTarget
+from rcopterx.agents.controllers.chains.chain import ChainTarget
 from rcopterx.agents.interfaces import Obstacle
 from rcopterx.vehicles.state import Array
 

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from rcopterx.agents.controllers.base import BaseController, Solution
-from rcopterx.agents.controllers.paper_model import (
+from rcopterx.agents.controllers.paper.model import (
     BOUNDED_STATES,
     INPUT_WEIGHTS,
     STATE_SIZE,
@@ -19,8 +19,8 @@ from rcopterx.agents.controllers.paper_model import (
     PaperModel,
     TerminalCost,
 )
+from rcopterx.agents.controllers.paper.stage_qp import StageQP, StageStructure
 from rcopterx.agents.controllers.settings import ControllerSettings, ElevenWeights, FourWeights, TimeLimit
-from rcopterx.agents.controllers.stage_qp import StageQP, StageStructure
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
 from rcopterx.vehicles.model import Model

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from rcopterx.agents.controllers.active_set import ChainSolution
-from rcopterx.agents.controllers.cascade_terms import Bounds, HorizontalTask, target_within
-from rcopterx.agents.controllers.chain import ChainParameters
-from rcopterx.agents.controllers.clearance import SLOTS
-from rcopterx.agents.controllers.lateral_chain import turned_back
-from rcopterx.agents.controllers.lateral_qp import LateralQP
+from rcopterx.agents.controllers.cascade.clearance import SLOTS
+from rcopterx.agents.controllers.cascade.terms import Bounds, HorizontalTask, target_within
+from rcopterx.agents.controllers.chains.active_set import ChainSolution
+from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.agents.controllers.chains.lateral_chain import turned_back
+from rcopterx.agents.controllers.chains.lateral_qp import LateralQP
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
 from rcopterx.agents.interfaces import Estimate, TiltEstimate
 from rcopterx.agents.references.trajectory import Trajectory
@@ -73,7 +73,7 @@ class TiltProblem:
         self._crowded.forget()
 
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
-        """Solve for the sticks of the horizon (`HorizontalProblem` in `cascade_terms`).
+        """Solve for the sticks of the horizon (`HorizontalProblem` in `terms`).
 
         The push of the task counts only where the estimator does not tell the wind.
         """

@@ -1,0 +1,1 @@
+"""Optimisation over chains of integrators: models of the axes and the solver of their quadratic programs."""
