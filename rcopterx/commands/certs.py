@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.fleet_option import FleetArgument, fleet_file, user_errors
+from rcopterx.commands.fleet_option import FleetArgument, fleet_file, user_errors
 
 
 def certs(

@@ -6,8 +6,8 @@ from typing import Annotated, Final
 
 import typer
 
+from rcopterx.commands.fleet_option import EXIT_FAILED, user_errors
 from rcopterx.commands.replay import FlightArgument, chosen_flight
-from rcopterx.fleet_option import EXIT_FAILED, user_errors
 
 INSTALL: Final = "pip install 'rcopterx[figures]'"
 
