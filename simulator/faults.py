@@ -14,6 +14,7 @@ from rcopterx.bus.requests import InjectedFault
 
 RadioCondition = Annotated[str, Meta(pattern="^(unplugged|off|refusing)$")]
 StickName = Annotated[str, Meta(pattern="^(pitch|roll|thrust|yaw)$")]
+Trim = Annotated[float, Meta(ge=-1, le=1)]
 Subject = Annotated[str, Meta(min_length=1, max_length=400)]
 
 
@@ -130,6 +131,27 @@ class FreezePose(LastingFault, frozen=True, tag="freeze_pose"):
     subject: Subject
 
 
+class DisplacePose(LastingFault, frozen=True, tag="displace_pose"):
+    """Show a subject beside where it is: at once, and ever further with a velocity."""
+
+    subject: Subject
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class AddNoise(LastingFault, frozen=True, tag="add_noise"):
+    """Add noise to all positions: white, from frame to frame."""
+
+    deviation_m: Annotated[float, Meta(ge=0, le=1)] = 0.002
+    """Standard deviation on each axis."""
+
+
+class SkipFrames(LastingFault, frozen=True, tag="skip_frames"):
+    """Send one of so many frames only, as a Tracker that has lowered its rate."""
+
+    one_of: Annotated[int, Meta(ge=2, le=100)] = 2
+
+
 class SetQuality(LastingFault, frozen=True, tag="set_quality"):
     """Report this quality for a subject."""
 
@@ -164,7 +186,7 @@ class BreakRadio(LastingFault, frozen=True, tag="break_radio"):
 
 
 class BreakVehicle(LastingFault, frozen=True, tag="break_vehicle"):
-    """Break a vehicle itself: a weak rotor, an axis without effect or reversed."""
+    """Break a vehicle itself: a weak rotor, an axis without effect, reversed or stuck, or off its trim."""
 
     vehicle: Annotated[str, Meta(max_length=400)]
     thrust_factor: Annotated[float, Meta(ge=0, le=1)] = 1.0
@@ -173,6 +195,10 @@ class BreakVehicle(LastingFault, frozen=True, tag="break_vehicle"):
     """Stick without effect."""
     reversed: StickName | None = None
     """Stick that acts the wrong way round."""
+    stuck: StickName | None = None
+    """Stick that stays where it is."""
+    trim: tuple[Trim, Trim, Trim, Trim] = (0.0, 0.0, 0.0, 0.0)
+    """What is added to the sticks: pitch, roll, thrust, yaw."""
 
     @property
     def slot(self) -> tuple[object, ...]:
@@ -199,6 +225,9 @@ TrackerFault = (
     | RemoveSubject
     | AddSubject
     | FreezePose
+    | DisplacePose
+    | AddNoise
+    | SkipFrames
     | SetQuality
     | RenameRootSegment
     | SwapSubjects

@@ -63,11 +63,14 @@ class PlantFaults:
         Indices of sticks that stay where they are whatever is commanded.
     thrust_factor
         Fraction of the thrust that is left, besides what the battery takes: 0 for no lift.
+    trim
+        What is added to each stick that is not stuck.
     """
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)
     stuck: frozenset[int] = frozenset()
     thrust_factor: float = 1.0
+    trim: Four = CALM
 
 
 class Plant(ABC):
@@ -235,8 +238,10 @@ class Plant(ABC):
         self.motors_running = inputs is not None
         if inputs is not None:
             gains, stuck, held = self.faults.stick_gain, self.faults.stuck, self._sticks
+            trim = self.faults.trim
             pitch, roll, thrust, yaw = (
-                held[axis] if axis in stuck else gains[axis] * stick for axis, stick in enumerate(inputs)
+                held[axis] if axis in stuck else gains[axis] * stick + trim[axis]
+                for axis, stick in enumerate(inputs)
             )
             inputs = self._sticks = pitch, roll, max(thrust, 0.0), yaw
         self._command(inputs)

@@ -284,7 +284,7 @@ class TrackerServer:
 
     def _packets(self, content: FrameContent) -> list[tuple[TrackerLink, bytes]]:
         """Build this frame's packet for every client it is due for and that keeps up."""
-        if self._faults.active(Silence) is not None:
+        if self._faults.active(Silence) is not None or self._faults.skips():
             for client in self._clients.values():
                 client.connection.miss(content)
             return []

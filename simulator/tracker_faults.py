@@ -7,16 +7,19 @@ until `Recover`.
 import heapq
 import itertools
 import math
+import random
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
 from rcopterx.simulator.faults import (
+    AddNoise,
     AddSubject,
     BreakRadio,
     BreakVehicle,
     Burst,
     Delay,
+    DisplacePose,
     Dribble,
     FaultError,
     Freeze,
@@ -28,6 +31,7 @@ from rcopterx.simulator.faults import (
     RenameRootSegment,
     ResetFrameId,
     SetQuality,
+    SkipFrames,
     SwapSubjects,
     TimedFault,
     TrackerFault,
@@ -38,10 +42,14 @@ from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 from rcopterx.vicon_gateway.control_objects import ObjectType
 
 MAX_FRAME_ID = 0xFFFFFFFE
+FARTHEST_M = 1000.0
+NOISE_SEED = 1
+"""The same fault shows the same noise."""
 
 
 class _Active(NamedTuple):
     fault: LastingFault
+    started_s: float
     ends_s: float
 
 
@@ -79,6 +87,9 @@ class TrackerFaults:
         self._next_frame_id: int | None = None
         self._last: TrackerFrame | None = None
         self._frozen: dict[str, TrackedBody] = {}
+        self._now_s = 0.0
+        self._skipped = 0
+        self._random = random.Random(NOISE_SEED)
 
     def apply(self, fault: TrackerFault, now_s: float) -> None:
         """Start a fault now.
@@ -93,7 +104,7 @@ class TrackerFaults:
         match fault:
             case LastingFault():
                 ends_s = math.inf if fault.duration_s is None else now_s + fault.duration_s
-                self._active[fault.slot] = _Active(fault, ends_s)
+                self._active[fault.slot] = _Active(fault, now_s, ends_s)
             case Recover():
                 self._active.clear()
             case ResetFrameId(frame):
@@ -117,6 +128,7 @@ class TrackerFaults:
 
     def advance(self, now_s: float) -> None:
         """Start what the time table says and end what is over."""
+        self._now_s = now_s
         while self._table and self._table[0][0] <= now_s:
             at_s, _, fault = heapq.heappop(self._table)
             try:
@@ -157,10 +169,32 @@ class TrackerFaults:
             return self._last
         bodies = self._with_frozen(frame.bodies)
         for entry in self._active.values():
-            bodies = _changed(bodies, entry.fault)
+            bodies = self._changed(bodies, entry)
         number = (frame.frame + self._frame_offset) % (MAX_FRAME_ID + 1)
         self._last = frame._replace(frame=number, bodies=bodies)
         return self._last
+
+    def skips(self) -> bool:
+        """Whether the next frame is not sent; to be asked once for each."""
+        fault = self.active(SkipFrames)
+        if fault is None:
+            self._skipped = 0
+            return False
+        self._skipped = (self._skipped + 1) % fault.one_of
+        return self._skipped != 0
+
+    def _changed(self, bodies: tuple[TrackedBody, ...], entry: _Active) -> tuple[TrackedBody, ...]:
+        """Return the bodies as one fault lets them appear."""
+        match entry.fault:
+            case DisplacePose(subject=name, offset_m=offset_m, velocity_m_s=velocity_m_s):
+                age_s = self._now_s - entry.started_s
+                by_m = [offset + age_s * speed for offset, speed in zip(offset_m, velocity_m_s, strict=True)]
+                return _replaced(bodies, name, lambda body: _moved(body, by_m))
+            case AddNoise(deviation_m=deviation_m):
+                gauss = self._random.gauss
+                return tuple(_moved(body, [gauss(0.0, deviation_m) for _ in range(3)]) for body in bodies)
+            case fault:
+                return _changed(bodies, fault)
 
     def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
         """Return the bodies with those that are to stand still where they were first."""
@@ -196,7 +230,7 @@ def _subjects_of(fault: TrackerFault) -> tuple[str, ...]:
     match fault:
         case SwapSubjects(subject=subject, other=other):
             return subject, other
-        case Occlude() | RemoveSubject() | FreezePose() | SetQuality() | RenameRootSegment():
+        case Occlude() | RemoveSubject() | FreezePose() | DisplacePose() | SetQuality() | RenameRootSegment():
             return (fault.subject,)
         case _:
             return ()
@@ -231,6 +265,11 @@ def _replaced(
     return tuple(change(body) if body.name == name else body for body in bodies)
 
 
+def _moved(body: TrackedBody, by_m: Sequence[float]) -> TrackedBody:
+    x, y, z = (place + by for place, by in zip(body.position_m, by_m, strict=True))
+    return body._replace(position_m=(x, y, z))
+
+
 def _swapped(bodies: tuple[TrackedBody, ...], first: str, second: str) -> tuple[TrackedBody, ...]:
     """Exchange what is seen of two subjects; names and segments stay where they are."""
     seen = {body.name: body for body in bodies}
@@ -245,6 +284,9 @@ def _check_ranges(fault: TrackerFault) -> None:
     if isinstance(fault, LastingFault) and fault.duration_s is not None:
         _require(0.0 <= fault.duration_s < math.inf, "duration_s", fault.duration_s, "zero or more")
     match fault:
+        case DisplacePose(offset_m=offset_m, velocity_m_s=velocity_m_s):
+            sane = all(abs(value) <= FARTHEST_M for value in (*offset_m, *velocity_m_s))
+            _require(sane, "offset_m, velocity_m_s", fault, f"at most {FARTHEST_M:g} on each axis")
         case Burst(frames):
             _require(1 <= frames <= 1000, "frames", frames, "1 to 1000")
         case ResetFrameId(frame):

@@ -68,4 +68,7 @@ class VehicleFaults:
 def plant_faults(fault: BreakVehicle) -> PlantFaults:
     """What a request breaks about a plant."""
     gains = [0.0 if name == fault.dead else -1.0 if name == fault.reversed else 1.0 for name in _STICKS]
-    return PlantFaults(stick_gain=four(gains), thrust_factor=fault.thrust_factor)
+    stuck = frozenset(axis for axis, name in enumerate(_STICKS) if name == fault.stuck)
+    return PlantFaults(
+        stick_gain=four(gains), stuck=stuck, thrust_factor=fault.thrust_factor, trim=fault.trim
+    )

@@ -1,12 +1,16 @@
+import statistics
+
 import msgspec
 import pytest
 
 from rcopterx.simulator.faults import (
+    AddNoise,
     AddSubject,
     BreakRadio,
     Burst,
     Close,
     Delay,
+    DisplacePose,
     Dribble,
     Fault,
     FaultError,
@@ -20,6 +24,7 @@ from rcopterx.simulator.faults import (
     ResetFrameId,
     SetQuality,
     Silence,
+    SkipFrames,
     SwapSubjects,
     TimedFault,
     UnknownObject,
@@ -130,6 +135,35 @@ def test_frozen_pose_stays_where_it_was_while_frames_and_others_go_on() -> None:
     assert active.transform(frame(5)).bodies[0] == H1
 
 
+def test_displaced_pose_jumps_and_then_drifts_with_the_time() -> None:
+    active = faults()
+    active.apply(DisplacePose("h1", (0.5, 0.0, 0.0), (0.0, 0.1, 0.0), duration_s=3.0), 10.0)
+    for now_s, place_m in ((10.0, (1.5, 0.0, 0.0)), (12.0, (1.5, 0.2, 0.0)), (13.0, (1.0, 0.0, 0.0))):
+        active.advance(now_s)
+        assert active.transform(frame()).bodies == (H1._replace(position_m=place_m), H2)
+
+
+def test_noise_has_its_deviation_about_where_everybody_is() -> None:
+    active = faults()
+    active.apply(AddNoise(0.01), 0.0)
+    frames = [active.transform(frame()).bodies for _ in range(1000)]
+    for number, body in enumerate((H1, H2)):
+        places = [bodies[number].position_m for bodies in frames]
+        for axis in range(3):
+            values = [place[axis] - body.position_m[axis] for place in places]
+            assert statistics.fmean(values) == pytest.approx(0.0, abs=0.002)
+            assert statistics.stdev(values) == pytest.approx(0.01, rel=0.1)
+
+
+def test_one_of_so_many_frames_is_sent_while_the_rate_is_lowered() -> None:
+    active = faults()
+    assert [active.skips() for _ in range(3)] == [False] * 3
+    active.apply(SkipFrames(3, duration_s=1.0), 0.0)
+    assert [active.skips() for _ in range(6)] == [True, True, False] * 2
+    active.advance(1.0)
+    assert not active.skips()
+
+
 def test_fault_of_a_subject_that_is_added_by_the_same_time_table_is_accepted() -> None:
     active = faults()
     active.schedule([TimedFault(1.0, AddSubject("ghost")), TimedFault(2.0, Occlude("ghost"))], 0.0)
@@ -182,6 +216,8 @@ def test_duration_of_a_planned_fault_counts_from_its_own_time() -> None:
         ResetFrameId(0xFFFFFFFF),
         UnknownObject(object_type=9),
         UnknownObject(size_bytes=10**9),
+        DisplacePose("h1", (float("nan"), 0.0, 0.0)),
+        DisplacePose("h1", velocity_m_s=(0.0, 1001.0, 0.0)),
     ],
 )
 def test_request_that_makes_no_sense_is_refused_and_says_what_is_allowed(fault: Fault) -> None:

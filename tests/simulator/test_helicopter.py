@@ -203,6 +203,7 @@ def test_inputs_take_effect_after_the_transport_delay() -> None:
         (PlantFaults(stick_gain=(-1.0, 1.0, 1.0, 1.0)), -1.0),
         (PlantFaults(stick_gain=(0.0, 1.0, 1.0, 1.0)), 0.0),
         (PlantFaults(stuck=frozenset({0})), 0.0),
+        (PlantFaults(trim=(-0.4, 0.0, 0.0, 0.0)), 0.0),
     ],
 )
 def test_faults_of_a_stick_change_what_it_does(faults: PlantFaults, reaction: float) -> None:

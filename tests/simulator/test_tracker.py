@@ -6,7 +6,16 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from rcopterx.simulator.faults import Delay, FaultError, Occlude, Recover, ResetFrameId, Silence, TimedFault
+from rcopterx.simulator.faults import (
+    Delay,
+    FaultError,
+    Occlude,
+    Recover,
+    ResetFrameId,
+    Silence,
+    SkipFrames,
+    TimedFault,
+)
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 from rcopterx.vicon_gateway.control_objects import ObjectEnums, Ping, RequestFrame, WireObject, packet
@@ -113,6 +122,15 @@ def test_published_frame_goes_to_all_clients_at_once(
 def test_published_frame_reports_the_id_that_is_on_the_wire(server: TrackerServer) -> None:
     server.apply(ResetFrameId(3))
     assert [server.publish(frame(number)).frame for number in (100, 101)] == [3, 4]
+
+
+def test_frames_that_are_skipped_go_to_nobody(server: TrackerServer, connect: Callable[[], Peer]) -> None:
+    client = connect().start()
+    server.publish(frame(0))
+    server.apply(SkipFrames())
+    assert [server.publish(frame(number)).clients for number in range(1, 5)] == [0, 1, 0, 1]
+    client.run_until(lambda: client.has(4))
+    assert [number for number in range(5) if client.has(number)] == [0, 2, 4]
 
 
 def test_descriptor_is_readable_when_there_is_something_to_do(server: TrackerServer) -> None:

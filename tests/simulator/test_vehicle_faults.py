@@ -1,6 +1,7 @@
 """Vehicles of the simulated laboratory break and mend when a request or its time table says so."""
 
 import pytest
+from msgspec import structs
 
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
@@ -25,13 +26,15 @@ def plants() -> dict[str, Plant]:
         (BreakVehicle("h1", thrust_factor=0.6), PlantFaults(thrust_factor=0.6)),
         (BreakVehicle("h1", dead="roll"), PlantFaults(stick_gain=(1.0, 0.0, 1.0, 1.0))),
         (BreakVehicle("h1", reversed="yaw"), PlantFaults(stick_gain=(1.0, 1.0, 1.0, -1.0))),
+        (BreakVehicle("h1", stuck="roll"), PlantFaults(stuck=frozenset({1}))),
+        (BreakVehicle("h1", trim=(0.0, 0.1, 0.0, 0.0)), PlantFaults(trim=(0.0, 0.1, 0.0, 0.0))),
     ],
 )
 def test_a_vehicle_breaks_in_its_time_and_is_sound_afterwards(
     fault: BreakVehicle, plant_faults: PlantFaults, plants: dict[str, Plant]
 ) -> None:
     faults = VehicleFaults(plants)
-    lasting = BreakVehicle("h1", fault.thrust_factor, fault.dead, fault.reversed, duration_s=0.5)
+    lasting = structs.replace(fault, duration_s=0.5)
     faults.schedule([TimedFault(1.0, lasting)], 10.0)
     for now_s, found in ((10.9, SOUND), (11.0, plant_faults), (11.4, plant_faults), (11.5, SOUND)):
         faults.advance(now_s)
