@@ -1,10 +1,10 @@
-"""The supervisor's side of the spare process."""
+"""The supervisor's side of the spare processes."""
 
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -12,6 +12,8 @@ from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, Phase
 
 Job = tuple[str, str]
 """Role and unit of a process."""
+SPARES: Final = 2
+"""Deaths in a row that find a warm successor."""
 
 
 ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -68,7 +70,7 @@ def start_process(command: Sequence[str], log: Path, stdin: int) -> Started:
 
 
 class SpareProcess:
-    """At most one spare process for what must be back at once on this host.
+    """At most one process that can take over whatever must be back at once on this host.
 
     Parameters
     ----------
@@ -123,6 +125,11 @@ class SpareProcess:
         started = self._started
         return started is not None and started.process.poll() is None and started.page.phase is Phase.WORKING
 
+    @property
+    def pid(self) -> int | None:
+        """Its process id, None while there is none."""
+        return None if self._started is None else self._started.process.pid
+
     def close(self) -> None:
         """End the spare."""
         if self._started is None:
@@ -133,3 +140,55 @@ class SpareProcess:
         if process.stdin is not None:
             process.stdin.close()
         self._started = None
+
+
+class SpareProcesses:
+    """Two spare processes, so that a death right after another one finds a successor as well.
+
+    The second one is started once the first is ready: one start at a time is enough for the processor.
+
+    Parameters
+    ----------
+    snapshot, jobs, log
+        As for `SpareProcess`.
+    """
+
+    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path) -> None:
+        self._spares = tuple(SpareProcess(snapshot, jobs, log) for _ in range(SPARES))
+
+    def prepare(self) -> None:
+        """Start what is missing next.
+
+        Raises
+        ------
+        OSError
+            It cannot be started.
+        """
+        for spare in self._spares:
+            spare.prepare()
+            if not spare.ready():
+                return
+
+    def take(self, role: str, unit: str, log: Path, usable: Callable[[int], bool]) -> Started | None:
+        """Let a spare that is ready, and usable by its process id, take over a job; None if there is none."""
+        for spare in self._spares:
+            pid = spare.pid
+            started = spare.take(role, unit, log) if pid is not None and usable(pid) else None
+            if started is not None:
+                return started
+        return None
+
+    @property
+    def pages(self) -> dict[int, HeartbeatPage]:
+        """Page of each spare by its process id."""
+        started = [spare.started for spare in self._spares]
+        return {found.process.pid: found.page for found in started if found is not None}
+
+    def ready(self) -> int:
+        """How many could take over at this moment."""
+        return sum(spare.ready() for spare in self._spares)
+
+    def close(self) -> None:
+        """End them all."""
+        for spare in self._spares:
+            spare.close()

@@ -14,7 +14,7 @@ from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.deploy.liveness import Liveness
 from rcopterx.deploy.process_log import rotate
 from rcopterx.deploy.processes import ProcessSpec
-from rcopterx.deploy.spare_process import SpareProcess, Started, start_process
+from rcopterx.deploy.spare_process import SPARES, SpareProcesses, Started, start_process
 from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
@@ -106,7 +106,7 @@ class Supervisor:
         self._spare_at_s = 0.0
         self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
-        self._spare = SpareProcess(self._snapshot, jobs, log_directory / "spare.log")
+        self._spares = SpareProcesses(self._snapshot, jobs, log_directory / "spare.log")
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
         self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))
@@ -157,11 +157,12 @@ class Supervisor:
         self._selector.register(pidfd, selectors.EVENT_READ, child.spec.name)
 
     def _successor(self, child: Child, log_path: Path) -> Started | None:
-        """The spare process, if it is there, makes progress, and can do what this one did."""
-        spare = self._spare.started
-        if spare is None or self._silent_s(spare.process.pid) > SPARE_SILENCE_S:
-            return None
-        return self._spare.take(child.spec.role, child.spec.unit, log_path)
+        """A spare process, if one is there, makes progress, and can do what this one did."""
+
+        def usable(pid: int) -> bool:
+            return self._silent_s(pid) <= SPARE_SILENCE_S
+
+        return self._spares.take(child.spec.role, child.spec.unit, log_path, usable)
 
     def start_all(self) -> list[str]:
         """Start every wanted process in order; returns what is wrong, as `start`."""
@@ -182,7 +183,7 @@ class Supervisor:
         """
         now = self._clock()
         if all(now - child.started_s > SETTLED_S for child in self.children.values()):
-            self._prepare_spare(now)
+            self._prepare_spares(now)
         lines = self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
@@ -198,12 +199,12 @@ class Supervisor:
                     lines.append(f"{name}: started again (restart {child.restarts})")
         return lines
 
-    def _prepare_spare(self, now_s: float) -> None:
-        """Have a spare process; where that is not possible, vehicles fly without one until it is."""
+    def _prepare_spares(self, now_s: float) -> None:
+        """Have spare processes; where that is not possible, vehicles fly without them until it is."""
         if now_s < self._spare_at_s:
             return
         try:
-            self._spare.prepare()
+            self._spares.prepare()
         except OSError:
             self.spare_failures += 1
             self._spare_at_s = now_s + SPARE_RETRY_S
@@ -222,9 +223,7 @@ class Supervisor:
             for process, child in children.items()
             if child.page is not None
         }
-        spare = self._spare.started
-        if spare is not None:
-            pages[spare.process.pid] = (spare.page, Duty.STANDBY)
+        pages |= {pid: (page, Duty.STANDBY) for pid, page in self._spares.pages.items()}
         lines = []
         for hung in self.liveness.check(now_s, pages):
             child = children.get(hung.process)
@@ -294,14 +293,18 @@ class Supervisor:
 
     @property
     def spare_ready(self) -> bool:
-        """Whether a warm process waits to replace an agent."""
-        return self._spare.ready()
+        """Whether a warm process waits to replace another one."""
+        return self._spares.ready() > 0
 
     @property
-    def spare_pid(self) -> int | None:
-        """Process id of the spare process, None while there is none."""
-        spare = self._spare.started
-        return None if spare is None else spare.process.pid
+    def spares_complete(self) -> bool:
+        """Whether as many of them wait as there shall be."""
+        return self._spares.ready() == SPARES
+
+    @property
+    def spare_pids(self) -> tuple[int, ...]:
+        """Process ids of the spare processes, the one that is taken first at the beginning."""
+        return tuple(self._spares.pages)
 
     @property
     def watchdog_on(self) -> bool:
@@ -332,7 +335,7 @@ class Supervisor:
 
     def stop_all(self) -> None:
         """Ask every process to end, in stopping order, and end those that do not."""
-        self._spare.close()
+        self._spares.close()
         for child in self.children.values():
             child.wanted = False
         for order in sorted({child.spec.stop_order for child in self.children.values()}):

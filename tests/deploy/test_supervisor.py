@@ -1,13 +1,15 @@
 """Promises of the supervisor, with harmless processes that do nothing but live and die."""
 
+import mmap
 import os
 import re
 import shlex
 import shutil
 import signal
+import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +22,9 @@ from support.fleets import PAIR
 from support.waiting import FakeClock, wait_for
 
 import rcopterx.deploy.supervisor
+from rcopterx.bus.heartbeat import Heartbeat, HeartbeatPage
 from rcopterx.deploy.processes import ProcessSpec
-from rcopterx.deploy.spare_process import SpareProcess
+from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses, Started
 from rcopterx.deploy.supervisor import (
     MAX_PAUSE_S,
     QUICK_RESTARTS,
@@ -290,6 +293,57 @@ def test_a_spare_that_died_is_not_used(spare: SpareProcess, tmp_path: Path) -> N
     assert spare.take("agent", "h1", tmp_path / "x.log") is None
     spare.prepare()
     assert spare.started is not before
+
+
+class WarmProcess:
+    """Stands for a spare process: ready from its start on, sleeps."""
+
+    def __init__(self) -> None:
+        self.started: list[Started] = []
+
+    def __call__(self, command: Sequence[str], log: Path, stdin: int) -> Started:
+        page = HeartbeatPage()
+        memory = mmap.mmap(page.descriptor, mmap.PAGESIZE)
+        page.handed_over()
+        Heartbeat(memory).beat()
+        self.started.append(Started(subprocess.Popen(["sleep", "60"], stdin=stdin), page))
+        return self.started[-1]
+
+
+@pytest.fixture
+def warm(monkeypatch: pytest.MonkeyPatch) -> Iterator[WarmProcess]:
+    warm = WarmProcess()
+    monkeypatch.setattr("rcopterx.deploy.spare_process.start_process", warm)
+    yield warm
+    for started in warm.started:
+        started.process.kill()
+        started.process.wait(10)
+        assert started.process.stdin is not None
+        started.process.stdin.close()
+
+
+def test_a_death_right_after_another_one_finds_a_spare_as_well(warm: WarmProcess, tmp_path: Path) -> None:
+    spares = SpareProcesses(tmp_path / "lab.toml", [("agent", "h1")], tmp_path / "spare.log")
+    spares.prepare()
+    assert spares.ready() == len(warm.started) == SPARES
+    log = tmp_path / "agent-h1.log"
+    taken = [spares.take("agent", "h1", log, lambda _: True) for _ in range(SPARES + 1)]
+    assert taken == [*warm.started, None]
+    spares.prepare()
+    assert spares.ready() == SPARES
+    spares.close()
+
+
+def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmProcess, tmp_path: Path) -> None:
+    spares = SpareProcesses(tmp_path / "lab.toml", [("agent", "h1")], tmp_path / "spare.log")
+    spares.prepare()
+    hung = warm.started[0].process.pid
+    log = tmp_path / "agent-h1.log"
+    assert spares.take("agent", "h1", log, lambda pid: pid != hung) == warm.started[1]
+    assert spares.take("agent", "h1", log, lambda pid: pid != hung) is None
+    assert list(spares.pages) == [hung]
+    spares.close()
+    assert warm.started[0].process.returncode is not None
 
 
 def test_a_host_without_jobs_for_it_has_no_spare(tmp_path: Path) -> None:
