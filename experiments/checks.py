@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations, groupby, pairwise
+from itertools import combinations, groupby
 from typing import Any
 
 import numpy as np
@@ -178,16 +178,6 @@ def transmitters_undisturbed() -> Check:
     return Check("no transmitter gateway had to take over", judge)
 
 
-def played_in_state(name: str, state: str) -> Check:
-    """The arbiter of a vehicle was in a state for a while."""
-
-    def judge(_: FlightFigures, vehicles: Tables) -> Result:
-        frames = vehicles[name]["radio_frames"]
-        return frames.get(state, 0) > 0, frames
-
-    return Check(f"the transmitter gateway of {name} went through {state}", judge)
-
-
 def controllers_flown(name: str, *controllers: str) -> Check:
     """Controllers of a vehicle in order."""
 
@@ -208,27 +198,6 @@ def agents_started_again(name: str, times: int = 1) -> Check:
         return len(processes) == times + 1, len(processes) - 1
 
     return Check(f"the agent of {name} was started again {times} time(s)", judge)
-
-
-def longest_silence(name: str, limit_s: float) -> Check:
-    """Longest time between two fresh commands that a transmitter played."""
-
-    def judge(figures: FlightFigures, _: Tables) -> Result:
-        times = [applied.written_s for applied in figures.applied(name) if applied.fresh]
-        longest = max((after - before for before, after in pairwise(times)), default=math.inf)
-        return longest <= limit_s, None if longest == math.inf else round(longest, 4)
-
-    return Check(f"{name} was never without a fresh command for more than {1000 * limit_s:g} ms", judge)
-
-
-def position_kept(name: str, limit_mm: float) -> Check:
-    """Largest distance of a vehicle from its reference."""
-
-    def judge(_: FlightFigures, vehicles: Tables) -> Result:
-        error = vehicles[name]["tracking_error_mm"]
-        return error is not None and error["max"] <= limit_mm, error and error["max"]
-
-    return Check(f"{name} stays within {limit_mm:g} mm of its reference", judge)
 
 
 def _p99(values: list[float], limit_ms: float) -> Result:

@@ -173,6 +173,4 @@ def reason_not_to_fly(manoeuvre: Manoeuvre, fleet: Fleet) -> str | None:
     missing = [name for name in made_for if name not in fleet.file.vehicles]
     if missing:
         return f"made for the fleet {manoeuvre.fleet}; {fleet.file.name} has no {', '.join(missing)}"
-    if manoeuvre.launched and fleet.launcher is None:
-        return "it kills or stops processes, so it only flies a fleet that it starts itself: add --up"
     return None

@@ -29,8 +29,6 @@ class Manoeuvre:
         Shipped fleet it is made for.
     from_floor
         Take-off and landing are part of the manoeuvre and recorded.
-    launched
-        Does something to processes, so that whoever flies it has to have started the fleet.
     """
 
     name: str
@@ -41,4 +39,3 @@ class Manoeuvre:
     height_m: float = 1.0
     fleet: str = DEFAULT_FLEET
     from_floor: bool = False
-    launched: bool = False

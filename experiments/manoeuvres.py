@@ -27,7 +27,6 @@ from rcopterx.experiments.checks import (
     transmitters_undisturbed,
 )
 from rcopterx.experiments.crossing_manoeuvres import CROSSING_ROWS
-from rcopterx.experiments.fault_manoeuvres import FAULT_ROWS
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.steps import Say, Step, Wait, go_to, in_order, leader_of, pause
 from rcopterx.ground_station.fleet import Fleet
@@ -304,7 +303,6 @@ ROWS: Final = (
         in_order(steps.identify("h1", 40.0), steps.formed(), pause(1.0)),
         (*in_the_air(), transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.0))),
     ),
-    *FAULT_ROWS,
     *CROSSING_ROWS,
     Manoeuvre(
         "refusals",

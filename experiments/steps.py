@@ -1,10 +1,7 @@
 """The steps manoeuvres are made of: each flies a little of one and waits until it is done."""
 
 import math
-import os
-import signal
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from rcopterx.agents.identification import fit
@@ -13,10 +10,8 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.deploy.roles.vehicle_models import model_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.identification import IdentificationError, excited_flight
-from rcopterx.ground_station.scenario import inject_faults
 from rcopterx.ground_station.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.waiting import NotReachedError
-from rcopterx.simulator.faults import Fault, fault_text
 from rcopterx.vehicles.tuples import Three
 
 Say = Callable[[str], None]
@@ -25,7 +20,6 @@ Step = Callable[[Fleet, Say, Wait], None]
 
 SETTLED_M: Final = 0.08
 REST_S: Final = 0.5
-RESTART_LIMIT_S: Final = 20.0
 
 
 def leader_of(fleet: Fleet) -> str:
@@ -225,86 +219,3 @@ def refused(what: str, request: Callable[[Fleet], object]) -> Step:
         raise NotReachedError(f"{what} was not refused")
 
     return fly
-
-
-def process_id(fleet: Fleet, process: str) -> int:
-    """Process id of a process that this program launched.
-
-    Raises
-    ------
-    NotReachedError
-        This program did not start the fleet, or the process does not run.
-    """
-    pid = None if fleet.launcher is None else fleet.launcher.supervisor.pid(process)
-    if pid is None:
-        raise NotReachedError(f"{process} does not run under this program; start the fleet with --up")
-    return pid
-
-
-def spare_ready(fleet: Fleet, _say: Say, _wait: Wait) -> None:
-    """Wait until a warm process could take over from an agent."""
-    launcher = fleet.launcher
-    if launcher is not None:
-        fleet.wait_until(lambda: launcher.supervisor.spare_ready, RESTART_LIMIT_S, "no spare process")
-
-
-def killed(process: str, how: signal.Signals = signal.SIGKILL) -> Step:
-    """End a process without notice, or let it hang for good (SIGSTOP), and wait until its successor runs."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        before = process_id(fleet, process)
-        say(f"{process}: {how.name}")
-        os.kill(before, how)
-
-        def again() -> bool:
-            with suppress(NotReachedError):
-                return process_id(fleet, process) != before
-            return False
-
-        fleet.wait_until(again, RESTART_LIMIT_S, f"{process} was not started again")
-        say(f"{process}: runs again")
-
-    return fly
-
-
-def frozen(process: str, seconds: float) -> Step:
-    """Stop a process for a while (SIGSTOP), as a host that hangs does."""
-
-    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
-        pid = process_id(fleet, process)
-        say(f"{process}: frozen for {seconds:g} s")
-        os.kill(pid, signal.SIGSTOP)
-        try:
-            wait(seconds)
-        finally:
-            os.kill(pid, signal.SIGCONT)
-
-    return fly
-
-
-def injected(fault: Fault) -> Step:
-    """Let the simulated laboratory go wrong."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"laboratory: {fault_text(fault)}")
-        inject_faults(fleet.session, fault)
-
-    return fly
-
-
-def everybody_commanded(fleet: Fleet, say: Say, _wait: Wait) -> None:
-    """Wait until every transmitter obeys its agent and every agent flies."""
-
-    def settled(names: Sequence[str]) -> bool:
-        states = [fleet.state_of(name) for name in names]
-        return all(
-            state.phase == "flying"
-            and state.transmitter is not None
-            and state.transmitter.state == "armed"
-            and (state.agent_age_s or 1.0) < 0.5
-            for state in states
-        )
-
-    names = list(fleet.file.vehicles)
-    fleet.wait_until(lambda: settled(names), RESTART_LIMIT_S, "not everybody is commanded again", names)
-    say("everybody is commanded")

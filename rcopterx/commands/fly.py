@@ -19,14 +19,16 @@ if TYPE_CHECKING:
     from rcopterx.experiments.manoeuvre import Manoeuvre
     from rcopterx.ground_station.fleet import Fleet
 
+CHAOS = "chaos"
 SLICE_S = 0.25
 """Between two looks at the clock and at Ctrl-C."""
 
 
 def fly(
-    manoeuvre: Annotated[
-        str, typer.Argument(metavar="MANOEUVRE", help="Name of a manoeuvre, see --list.")
-    ] = "",
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="Names of manoeuvres, see --list; with --faults of faults."),
+    ] = None,
     fleet: Annotated[
         str | None,
         typer.Option(
@@ -39,30 +41,45 @@ def fly(
     ] = None,
     start: Annotated[bool, typer.Option("--up", help="Start the fleet first, stop it afterwards.")] = False,
     every: Annotated[bool, typer.Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
+    faults: Annotated[
+        bool,
+        typer.Option(
+            "--faults", help="Let things go wrong in the simulator instead: all of the table, or those named."
+        ),
+    ] = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write report.json and index.html into this directory.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
-    show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres.")] = False,
+    show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres, or the faults.")] = False,
+    seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Of chaos.")] = 600.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of chaos.")] = 0,
     record: RecordOption = True,
 ) -> None:
-    """Fly a manoeuvre, judge it, and write a report. Exit code 1 if a check failed. Ctrl-C lands."""
+    """Fly manoeuvres or faults, judge them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
+
+    `rcopterx fly chaos --up` lets something go wrong every 2 to 4 s that everybody shall survive.
+    """
+    if names == [CHAOS] and not faults:
+        from rcopterx.commands.fault_flights import fly_chaos
+
+        if report is not None:
+            _make_directory(report)
+        fly_chaos(seconds, seed, fleet, start, report, as_json, record)
+        return
+    if faults:
+        _fly_faults(names or [], fleet, start, every, report, as_json, show_list, record)
+        return
     from rcopterx.experiments.manoeuvres import MANOEUVRES
 
     if show_list:
         for row in MANOEUVRES.values():
             typer.echo(f"{row.name:24} {row.title}")
         return
-    if every and manoeuvre:
-        raise typer.BadParameter("either the name of a manoeuvre or --all", param_hint="MANOEUVRE")
-    if not every and manoeuvre not in MANOEUVRES:
-        raise typer.BadParameter(
-            f"unknown manoeuvre {manoeuvre!r}, known are {', '.join(MANOEUVRES)}", param_hint="MANOEUVRE"
-        )
+    rows = _chosen(names or [], every)
     if report is not None:
         _make_directory(report)
-    rows = list(MANOEUVRES.values()) if every else [MANOEUVRES[manoeuvre]]
-    results = Results(report, several=every)
+    results = Results(report, several=len(rows) > 1)
     with user_errors():
         try:
             _fly_rows(rows, fleet, start, record, results)
@@ -71,6 +88,45 @@ def fly(
     results.print(as_json)
     if not results.passed:
         raise typer.Exit(EXIT_FAILED)
+
+
+def _chosen(names: Sequence[str], every: bool) -> list["Manoeuvre"]:
+    from rcopterx.experiments.manoeuvres import MANOEUVRES
+
+    if every and names:
+        raise typer.BadParameter("either names of manoeuvres or --all", param_hint="NAME")
+    if every:
+        return list(MANOEUVRES.values())
+    if not names:
+        raise typer.BadParameter("name a manoeuvre, or say --all or --faults", param_hint="NAME")
+    for name in names:
+        if name not in MANOEUVRES:
+            raise typer.BadParameter(
+                f"unknown manoeuvre {name!r}, known are {', '.join(MANOEUVRES)}", param_hint="NAME"
+            )
+    return [MANOEUVRES[name] for name in names]
+
+
+def _fly_faults(
+    names: Sequence[str],
+    fleet: str | None,
+    start: bool,
+    every: bool,
+    report: Path | None,
+    as_json: bool,
+    show_list: bool,
+    record: bool,
+) -> None:
+    from rcopterx.commands.fault_flights import fly_faults, list_faults
+
+    if every:
+        raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
+    if show_list:
+        list_faults()
+        return
+    if report is not None:
+        _make_directory(report)
+    fly_faults(names, fleet, start, report, as_json, record)
 
 
 def _make_directory(path: Path) -> None:

@@ -165,13 +165,6 @@ def test_the_greatest_height_counts() -> None:
     assert flight.judged(checks.reached_height(1.0)) == (False, {"h1": 1.0, "h2": 1.5})
 
 
-def test_states_of_the_arbiter_count_by_radio_frame() -> None:
-    flight = Flight()
-    assert not flight.judged(checks.played_in_state("h1", "hold"))[0]
-    flight.states[40] = "hold"
-    assert flight.judged(checks.played_in_state("h1", "hold"))[0]
-
-
 def test_an_arbiter_that_flew_by_itself_is_a_disturbance() -> None:
     check = checks.transmitters_undisturbed()
     tables: dict[str, Any] = {"h1": {"safety": []}}
@@ -194,19 +187,3 @@ def test_agents_that_were_started_again_are_counted() -> None:
     assert not flight.judged(checks.agents_started_again("h1"))[0]
     flight.processes[60:] = [2] * 40
     assert flight.judged(checks.agents_started_again("h1")) == (True, 1)
-
-
-def test_the_longest_silence_is_that_between_fresh_commands() -> None:
-    flight = Flight()
-    assert flight.judged(checks.longest_silence("h1", 0.1)) == (True, 0.02)
-    flight.late_s = 0.2
-    assert flight.judged(checks.longest_silence("h1", 0.1)) == (False, 0.22)
-    assert Flight(0).judged(checks.longest_silence("h1", 0.1)) == (False, None)
-
-
-def test_the_greatest_distance_from_the_reference_counts() -> None:
-    flight = Flight()
-    assert flight.judged(checks.position_kept("h1", 10.0)) == (True, 0.0)
-    flight.positions["h1"][9] = (0.02, 0.0, 1.0)
-    assert flight.judged(checks.position_kept("h1", 10.0)) == (False, 20.0)
-    assert Flight(0).judged(checks.position_kept("h1", 10.0)) == (False, None)

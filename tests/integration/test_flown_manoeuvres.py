@@ -17,10 +17,7 @@ from rcopterx.ground_station.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
-DEPENDS_ON_THE_MACHINE = (
-    "no control period was missed",
-    "h2 was never without a fresh command for more than",
-)
+DEPENDS_ON_THE_MACHINE = ("no control period was missed",)
 CASCADE = 'controller = "cascade"\nhorizon = 30'
 
 
@@ -79,9 +76,7 @@ def test_five_vehicles_swap_places_by_each_others_plans(
     [
         "take-off-and-land",
         "refusals",
-        "occlusion",
         "leave-and-join",
-        "follower-killed",
     ],
 )
 def test_a_manoeuvre_is_flown_judged_and_reported(

@@ -94,7 +94,7 @@ def test_manoeuvres_are_listed() -> None:
     [
         (("hover",), "No such command 'hover'"),
         (("fly", "loop"), "unknown manoeuvre 'loop', known are paper-formation"),
-        (("fly",), "unknown manoeuvre ''"),
+        (("fly",), "name a manoeuvre"),
         (("goto", "h1", "0", "0"), "Missing argument 'Z'"),
         (("goto", "h1", "a", "0", "1"), "Invalid value for 'x'"),
         (("takeoff", "--height", "0"), "--height"),

@@ -1,0 +1,122 @@
+"""Chaos: again and again something goes wrong that vehicles are promised to survive."""
+
+import random
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from rcopterx.experiments.zoo.fault_flight import FaultFlight
+from rcopterx.experiments.zoo.flying import FaultRange
+from rcopterx.experiments.zoo.promise import Seen
+from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+from rcopterx.ground_station.scenario import FaultRefusedError
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
+from rcopterx.ground_station.waiting import NotReachedError, StoppedError
+
+PAUSE_S: Final = (2.0, 4.0)
+"""From the beginning of one fault to that of the next one, at least and at most."""
+LAST_FAULTS: Final = 4
+SURVIVABLE: Final = tuple(row for row in FAULT_FLIGHTS.values() if row.chaos)
+"""What may happen."""
+
+
+def chances(seed: int, rows: Sequence[FaultFlight] = SURVIVABLE) -> Iterator[tuple[float, FaultFlight]]:
+    """Pauses [s], and what goes wrong after each; the same seed gives the same."""
+    chance = random.Random(seed)
+    while True:
+        yield chance.uniform(*PAUSE_S), chance.choice(rows)
+
+
+@dataclass
+class Chaos:
+    """A flight in chaos, and what happened in it.
+
+    Attributes
+    ----------
+    place
+        The fleet.
+    seed, seconds
+        Which chaos, and how long.
+    happened
+        Faults with the time since the beginning [s].
+    missed
+        Faults that could not be, because what they concern was just being replaced.
+    """
+
+    place: FaultRange
+    seed: int
+    seconds: float
+    happened: list[tuple[float, str]] = field(default_factory=list)
+    missed: Counter[str] = field(default_factory=Counter)
+
+    def fly(self) -> dict[str, Any]:
+        """Fly until the time is over or somebody touches the floor; the report."""
+        place, problem = self.place, None
+        place.hover()
+        places_m = place.start()
+        started_s = time.monotonic()
+        try:
+            self._fly(started_s)
+            place.wait_until_flown()
+        except StoppedError:
+            raise
+        except FLIGHT_ERRORS as error:
+            problem = "; ".join(lines_of(error))
+            place.bench.say(f"ended early: {problem}")
+        seen = place.stop(places_m)
+        return chaos_report(self, seen, problem, time.monotonic() - started_s)
+
+    def _fly(self, started_s: float) -> None:
+        due_s = started_s
+        for pause_s, row in chances(self.seed):
+            due_s = max(due_s + pause_s, time.monotonic())
+            if due_s - started_s > self.seconds:
+                self._wait_aloft(started_s + self.seconds)
+                return
+            self._wait_aloft(due_s)
+            at_s = round(time.monotonic() - started_s, 1)
+            self.place.bench.say(f"{at_s:.1f} s: {row.name}")
+            try:
+                with ExitStack() as stack:
+                    for fault in row.faults:
+                        stack.enter_context(fault.active(self.place.bench))
+                self.happened.append((at_s, row.name))
+            except (NotReachedError, FaultRefusedError) as error:
+                self.missed[row.name] += 1
+                self.place.bench.say(f"not possible now: {error}")
+
+    def _wait_aloft(self, until_s: float) -> None:
+        """Wait, and see that nobody touches the floor meanwhile."""
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            if down := self.place.on_floor():
+                last = ", ".join(name for _, name in self.happened[-LAST_FAULTS:])
+                raise NotReachedError(f"{', '.join(down)} on the floor after {last}")
+            self.place.bench.wait(min(left_s, 0.1))
+
+
+def chaos_report(chaos: Chaos, seen: dict[str, Seen], problem: str | None, seconds: float) -> dict[str, Any]:
+    """What came of it: passed if nobody came down and everybody was flown in the end."""
+    down = [name for name, vehicle in seen.items() if vehicle.down]
+    return {
+        "name": "chaos",
+        "seed": chaos.seed,
+        "seconds": round(seconds, 1),
+        "verdict": "failed" if down or problem or not seen else "passed",
+        "problem": problem,
+        "down": down,
+        "faults": len(chaos.happened),
+        "happened": [{"at_s": at_s, "fault": name} for at_s, name in chaos.happened],
+        "missed": dict(chaos.missed),
+        "vehicles": {
+            name: {
+                "deviation_mm": vehicle.deviation_mm,
+                "touchdown_m_s": vehicle.touchdown_m_s,
+                "silence_ms": vehicle.silence_ms,
+                "arbiter": dict(Counter(vehicle.states_of_arbiter)),
+            }
+            for name, vehicle in seen.items()
+        },
+    }

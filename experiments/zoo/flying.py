@@ -1,0 +1,223 @@
+"""Flies rows of the table of fault flights on a fleet, and judges them."""
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Any, Final
+
+from rcopterx.bus import channels
+from rcopterx.bus.messages import LaboratoryVehicle
+from rcopterx.deploy.supervisor import STABLE_AFTER_S
+from rcopterx.experiments.steps import leader_of
+from rcopterx.experiments.zoo.bench import Bench
+from rcopterx.experiments.zoo.fault_flight import FaultFlight
+from rcopterx.experiments.zoo.observation import WATCHED, seen_of
+from rcopterx.experiments.zoo.promise import Promise, Seen, judged, outcome
+from rcopterx.ground_station.recorder import Recorder
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, RefusedError, lines_of
+from rcopterx.ground_station.waiting import NotReachedError, StoppedError
+from rcopterx.vehicles.tuples import Three
+
+HOME_M: Final = (0.0, 0.0, 1.0)
+"""Where the leader hovers."""
+AT_HOME_M: Final = 0.06
+REST_S: Final = 0.5
+BEFORE_S: Final = 0.2
+"""How long everybody is watched before something goes wrong."""
+AFTERWARDS_S: Final = 1.5
+"""How long everybody has to fly on after the last fault."""
+FLOWN_AGAIN_S: Final = 20.0
+LANDED_S: Final = 30.0
+CALM_S: Final = 60.0
+"""For processes and spare processes to be there, on a busy machine as well."""
+Report = dict[str, Any]
+
+
+class FaultRange:
+    """A fleet in the simulated laboratory on which one fault flight follows the other.
+
+    Parameters
+    ----------
+    bench
+        The fleet, ready to take off.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.fleet = bench.fleet
+        self._names = list(bench.fleet.file.vehicles)
+        self._recorder = Recorder(self.fleet.session, only=WATCHED)
+        self._truth = self.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT)
+
+    def saying(self, say: Callable[[str], None]) -> "FaultRange":
+        """Tell somebody else what is done from now on."""
+        self.bench = replace(self.bench, say=say)
+        return self
+
+    def fly(self, row: FaultFlight) -> Report:
+        """Fly a row; the report tells what came of it, also where it could not be flown to its end."""
+        started_s = time.monotonic()
+        places_m: dict[str, Three] = {}
+        problem = None
+        try:
+            if row.on_floor:
+                self.stand()
+            else:
+                self.hover()
+            places_m = self.start()
+            self._fly(row)
+        except StoppedError:
+            raise
+        except FLIGHT_ERRORS as error:
+            problem = "; ".join(lines_of(error))
+            self.bench.say(f"ended early: {problem}")
+        return report_of(row, self.stop(places_m), problem, time.monotonic() - started_s)
+
+    def start(self) -> dict[str, Three]:
+        """Watch from now on; where everybody is [m]."""
+        places_m = {name: self.truth(name).position_m for name in self._names}
+        self._recorder.start()
+        self.bench.wait(BEFORE_S)
+        return places_m
+
+    def stop(self, places_m: Mapping[str, Three]) -> dict[str, Seen]:
+        """End watching; what was seen of everybody."""
+        return seen_of(self._recorder.stop(), places_m)
+
+    def on_floor(self) -> list[str]:
+        """Who stands on the floor."""
+        return [name for name in self._names if self.truth(name).on_floor]
+
+    def _fly(self, row: FaultFlight) -> None:
+        with ExitStack() as stack:
+            for fault in row.faults:
+                stack.enter_context(fault.active(self.bench))
+            if row.on_floor:
+                self._refused()
+            elif row.down:
+                self._wait_until_down(row.down)
+            else:
+                self.wait_until_flown()
+                self.bench.wait(AFTERWARDS_S)
+                self.wait_until_flown()
+
+    def survives(self, row: FaultFlight, report: Report) -> bool:
+        """Whether the fleet is fit for the next row."""
+        return row.promise in (Promise.FLIES_ON, Promise.REFUSED) and report["verdict"] == "passed"
+
+    def truth(self, name: str) -> LaboratoryVehicle:
+        """Newest true state of a vehicle.
+
+        Raises
+        ------
+        NotReachedError
+            Nothing was heard of it.
+        """
+        received = self._truth.latest()
+        if received is None or name not in received.message.vehicles:
+            raise NotReachedError(f"{name}: there is no simulated laboratory")
+        return received.message.vehicles[name]
+
+    def hover(self) -> None:
+        """Have everybody hover in formation, at rest, and a spare process for whatever comes."""
+        fleet, bench = self.fleet, self.bench
+        if not all(fleet.state_of(name).phase == "flying" for name in self._names):
+            fleet.wait_ready()
+            fleet.take_off(height_m=HOME_M[2])
+        self._wait_until_calm()
+        fleet[leader_of(fleet)].go_to(HOME_M)
+        fleet.wait_for_arrival(tolerance_m=AT_HOME_M)
+        fleet.wait_for_formation(tolerance_m=AT_HOME_M)
+        bench.wait(REST_S)
+
+    def stand(self) -> None:
+        """Have everybody stand on the floor."""
+        self.fleet.land()
+        self.fleet.wait_ready()
+
+    def _wait_until_calm(self) -> None:
+        """Nobody has been started just now, and there is a spare process."""
+        if self.fleet.launcher is None:
+            return
+        supervisor = self.bench.supervisor
+
+        def calm() -> bool:
+            youngest_s = max(child.started_s for child in supervisor.children.values())
+            return supervisor.spares_complete and time.monotonic() - youngest_s > STABLE_AFTER_S
+
+        if not self.bench.wait_for(calm, CALM_S):
+            raise NotReachedError("processes are started again and again, or there is no spare one")
+
+    def wait_until_flown(self) -> None:
+        """Wait until every agent flies its vehicle and every arbiter lets it.
+
+        Raises
+        ------
+        NotReachedError
+            They do not.
+        """
+
+        def flown(name: str) -> bool:
+            state = self.fleet.state_of(name)
+            return (
+                state.phase == "flying"
+                and state.transmitter_state == "armed"
+                and state.agent_age_s is not None
+                and state.agent_age_s < REST_S
+            )
+
+        if not self.bench.wait_for(lambda: all(map(flown, self._names)), FLOWN_AGAIN_S):
+            states = "; ".join(self.fleet.state_of(name).summary() for name in self._names)
+            raise NotReachedError(f"after {FLOWN_AGAIN_S:g} s: not everybody is flown ({states})")
+
+    def _wait_until_down(self, names: tuple[str, ...]) -> None:
+        if not self.bench.wait_for(lambda: all(self.truth(name).on_floor for name in names), LANDED_S):
+            raise NotReachedError(f"after {LANDED_S:g} s: not down: {', '.join(names)}")
+        self.bench.wait(REST_S)
+
+    def _refused(self) -> None:
+        try:
+            self.fleet.take_off(height_m=HOME_M[2])
+        except RefusedError as error:
+            self.bench.say(f"take-off refused: {error}")
+            return
+        raise NotReachedError("the take-off was not refused")
+
+
+def report_of(row: FaultFlight, seen: Mapping[str, Seen], problem: str | None, seconds: float) -> Report:
+    """Everything the report says of a row that was flown; `problem` is what ended it early."""
+    checks = judged(row.promise, row.down, row.allowed, seen) if seen else []
+    passed = problem is None and bool(checks) and all(check["passed"] for check in checks)
+    return not_flown(row, problem) | {
+        "verdict": "passed" if passed else "failed",
+        "seen": outcome(row.promise, seen),
+        "checks": checks,
+        "vehicles": {
+            name: {
+                "deviation_mm": vehicle.deviation_mm,
+                "drift_mm": vehicle.drift_mm,
+                "touchdown_m_s": vehicle.touchdown_m_s,
+                "silence_ms": vehicle.silence_ms,
+                "arbiter": list(vehicle.states_of_arbiter),
+            }
+            for name, vehicle in seen.items()
+        },
+        "seconds": round(seconds, 1),
+    }
+
+
+def not_flown(row: FaultFlight, problem: str | None) -> Report:
+    """Report of a row that was not flown."""
+    return {
+        "name": row.name,
+        "title": row.title,
+        "promise": row.promise.value,
+        "down": list(row.down),
+        "verdict": "not flown",
+        "problem": problem,
+        "seen": "",
+        "checks": [],
+        "vehicles": {},
+        "seconds": 0.0,
+    }

@@ -1,0 +1,70 @@
+"""What the simulated laboratory lets go wrong: poses, radios, vehicles."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.experiments.zoo.bench import Bench
+from rcopterx.ground_station.scenario import fault_from, inject_faults
+from rcopterx.simulator.faults import Fault, Recover, TimedFault, fault_text
+
+Value = str | int | float | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Inject:
+    """A fault of the laboratory.
+
+    Attributes
+    ----------
+    kind
+        One of `rcopterx.simulator.faults.FAULTS`.
+    vehicle
+        Whom it concerns, if anybody: a vehicle, also where the fault is told of its subject.
+    values
+        Further fields.
+    seconds
+        How long it lasts; None until the flight is over.
+    after_s
+        Begins so much later.
+    """
+
+    kind: str
+    vehicle: str | None = None
+    values: tuple[tuple[str, Value], ...] = ()
+    seconds: float | None = None
+    after_s: float = 0.0
+
+    @property
+    def launched(self) -> bool:
+        """See `Injector.launched`."""
+        return False
+
+    def fault(self, file: FleetFile) -> Fault:
+        """The fault as the simulator of a fleet is told of it."""
+        values: dict[str, object] = dict(self.values)
+        if self.vehicle is not None:
+            broken = self.kind.startswith("break_")
+            values["vehicle" if broken else "subject"] = (
+                self.vehicle if broken else file.vehicles[self.vehicle].subject
+            )
+        if "other" in values:
+            values["other"] = file.vehicles[str(values["other"])].subject
+        if self.seconds is not None:
+            values["duration_s"] = self.seconds
+        return fault_from(self.kind, values)
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        fault = self.fault(bench.fleet.file)
+        bench.say(f"laboratory: {fault_text(fault)}")
+        inject_faults(bench.fleet.session, [TimedFault(self.after_s, fault)])
+        if self.seconds is not None:
+            bench.wait(self.after_s + self.seconds)
+        try:
+            yield
+        finally:
+            if self.seconds is None:
+                inject_faults(bench.fleet.session, Recover())

@@ -1,0 +1,158 @@
+"""The matrix of flown faults: as a file that grows from run to run, as a page, and in docs/safety.md.
+
+    python -m rcopterx.experiments.zoo.matrix DIRECTORY docs/safety.md
+
+puts the matrix of a report directory between the marks of the page.
+"""
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any, Final
+
+from rcopterx.experiments.flight_page import PAGE_NAME
+from rcopterx.experiments.zoo.flying import not_flown
+from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+from rcopterx.ground_station.flight_report.document import Html, document, table
+
+REPORT_NAME: Final = "faults.json"
+BEGIN: Final = "<!-- fault flights: begin -->\n"
+END: Final = "<!-- fault flights: end -->"
+HEADINGS: Final = (
+    "fault", "what is done", "promise", "seen", "off its place, at most [mm]",
+    "without a fresh command, at most [ms]", "touchdown, at most [m/s]",
+)  # fmt: skip
+Report = Mapping[str, Any]
+
+
+def read_reports(directory: Path) -> dict[str, Report]:
+    """Reports of the rows flown so far, in the order of the table.
+
+    Raises
+    ------
+    ValueError
+        The file is not one of ours.
+    """
+    path = directory / REPORT_NAME
+    if not path.exists():
+        return {}
+    try:
+        rows = {report["name"]: report for report in json.loads(path.read_text(encoding="utf-8"))}
+    except (ValueError, TypeError, KeyError):
+        raise ValueError(f"{path}: not a report of fault flights") from None
+    return {name: rows[name] for name in FAULT_FLIGHTS if name in rows}
+
+
+def write_reports(reports: Iterable[Report], directory: Path) -> Path:
+    """Write reports and their page into a directory; rows that were flown earlier stay.
+
+    Returns
+    -------
+    Path
+        The page.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    rows = {**read_reports(directory), **{report["name"]: report for report in reports}}
+    ordered = [rows[name] for name in FAULT_FLIGHTS if name in rows]
+    (directory / REPORT_NAME).write_text(json.dumps(ordered, indent=2) + "\n", encoding="utf-8")
+    page = directory / PAGE_NAME
+    page.write_text(page_of(ordered), encoding="utf-8")
+    return page
+
+
+def cells(report: Report) -> tuple[str, ...]:
+    """A row of the matrix, one cell for each of `HEADINGS`."""
+    down = ", ".join(report["down"])
+    promise = report["promise"] + (f": {down}" if down else "")
+    flying = {name: seen for name, seen in report["vehicles"].items() if name not in report["down"]}
+    return (
+        report["name"],
+        report["title"],
+        promise,
+        report["problem"] or report["seen"],
+        _largest(flying, "deviation_mm"),
+        _largest(flying, "silence_ms"),
+        _largest(report["vehicles"], "touchdown_m_s"),
+    )
+
+
+def _largest(vehicles: Mapping[str, Mapping[str, Any]], figure: str) -> str:
+    figures = [seen[figure] for seen in vehicles.values() if seen[figure] is not None]
+    return f"{max(figures):.2f}" if figures and figure.endswith("m_s") else _rounded(figures)
+
+
+def _rounded(figures: Sequence[float]) -> str:
+    return f"{max(figures):.0f}" if figures else ""
+
+
+def markdown_of(reports: Mapping[str, Report]) -> str:
+    """The matrix for docs/safety.md, with rows that were not flown; reports by name."""
+    lines = [_line(HEADINGS), _line(["---"] * len(HEADINGS))]
+    for name, row in FAULT_FLIGHTS.items():
+        report = reports.get(name, not_flown(row, "not flown"))
+        mark = " **failed**" if report["verdict"] == "failed" else ""
+        lines.append(_line([f"`{name}`{mark}", *cells(report)[1:]]))
+    return "\n".join(lines) + "\n"
+
+
+def _line(words: Iterable[str]) -> str:
+    return "| " + " | ".join(word.replace("|", "/") for word in words) + " |"
+
+
+def page_of(reports: Sequence[Report]) -> str:
+    """The matrix as a page that refers to nothing outside itself."""
+    counts = Counter(report["verdict"] for report in reports)
+    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    rows = [(_verdict(report), _link(report), *cells(report)[1:]) for report in reports]
+    body = [
+        f"<h1>Flown faults: {escape(summary)}</h1>",
+        table(("verdict", *HEADINGS), rows),
+        *map(_section, reports),
+    ]
+    return document("Flown faults", body)
+
+
+def _verdict(report: Report) -> tuple[str, str]:
+    return report["verdict"], report["verdict"]
+
+
+def _link(report: Report) -> Html:
+    name = escape(report["name"])
+    return Html(f'<a href="#{name}">{name}</a>')
+
+
+def _section(report: Report) -> str:
+    rows = [
+        (check["name"], ("ok", "passed") if check["passed"] else ("failed", "failed"), check["figure"])
+        for check in report["checks"]
+    ]
+    arbiters = "; ".join(f"{name}: {', '.join(seen['arbiter'])}" for name, seen in report["vehicles"].items())
+    problem = f'<p class="failed">{escape(report["problem"])}</p>' if report["problem"] else ""
+    return "\n".join(
+        [
+            f'<section id="{escape(report["name"])}"><h2>{escape(report["name"])}</h2>',
+            f"<p>{escape(report['title'])}. {report['seconds']} s.</p>{problem}",
+            table(("check", "", "figure"), rows),
+            f"<p>States of the arbiters: {escape(arbiters)}.</p></section>",
+        ]
+    )
+
+
+def main(directory: str, page: str) -> None:
+    """Put the matrix of a report directory into a page of the documentation."""
+    path = Path(page)
+    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise SystemExit(f"{page}: the marks of the matrix are missing")
+    matrix = markdown_of(read_reports(Path(directory)))
+    path.write_text(before + begin + matrix + end + after, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        raise SystemExit(__doc__)
+    main(*sys.argv[1:])

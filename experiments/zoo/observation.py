@@ -1,0 +1,60 @@
+"""What a recorded fault flight shows of each vehicle: the laboratory's truth, and what its radio sent."""
+
+from collections.abc import Mapping
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.message import Message
+from rcopterx.bus.messages import LaboratoryVehicle
+from rcopterx.experiments.zoo.promise import Seen
+from rcopterx.ground_station.recorder import Recording
+from rcopterx.vehicles.tuples import Three
+
+WATCHED: tuple[Channel[Message], ...] = (channels.LABORATORY, channels.APPLIED)  # type: ignore[assignment]
+"""Channels that are needed for it."""
+
+
+def seen_of(recording: Recording, places_m: Mapping[str, Three]) -> dict[str, Seen]:
+    """What was seen of each vehicle.
+
+    Parameters
+    ----------
+    recording
+        At least the channels `WATCHED`.
+    places_m
+        Where each vehicle was when it began [m].
+    """
+    laboratory = [state for state, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
+    return {
+        name: _seen(
+            recording, name, place_m, [state.vehicles[name] for state in laboratory if name in state.vehicles]
+        )
+        for name, place_m in places_m.items()
+    }
+
+
+def _seen(recording: Recording, name: str, place_m: Three, truth: list[LaboratoryVehicle]) -> Seen:
+    applied = [message for message, _ in recording.messages(channels.APPLIED, name)]
+    fresh_s = [message.written_s for message in applied if message.fresh]
+    silences = [1000 * (after - before) for before, after in pairwise(fresh_s)]
+    away = np.array([state.position_m for state in truth]).reshape(-1, 3) - np.array(place_m)
+    stands = bool(truth) and truth[-1].on_floor
+    return Seen(
+        states=len(truth),
+        deviation_mm=round(1000 * float(np.linalg.norm(away, axis=1).max(initial=0.0)), 1),
+        drift_mm=round(1000 * float(np.linalg.norm(away[-1, :2])), 1) if stands else None,
+        touchdown_m_s=_hardest_touchdown(truth),
+        silence_ms=round(max(silences), 1) if silences else None,
+        states_of_arbiter=tuple(state for state, _ in groupby(message.state for message in applied)),
+    )
+
+
+def _hardest_touchdown(truth: list[LaboratoryVehicle]) -> float | None:
+    """Speed of the hardest touchdown since the first state; None without one."""
+    speeds = [
+        after.touchdown_speed_m_s for before, after in pairwise(truth) if after.touchdowns > before.touchdowns
+    ]
+    return round(max(speeds), 3) if speeds else None

@@ -1,0 +1,59 @@
+"""Tells processes of a fleet to misbehave from inside; `inside/sitecustomize.py` is their side of it."""
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from rcopterx.ground_station.waiting import NotReachedError
+
+VARIABLE: Final = "RCOPTERX_FAULT_ORDERS"
+"""Environment variable with the directory in which processes find their orders."""
+INSIDE: Final = Path(__file__).parent / "inside"
+
+
+@contextmanager
+def obedient_processes() -> Iterator[None]:
+    """Let Python processes that this one starts meanwhile, and only those, take orders."""
+    before = {name: os.environ.get(name) for name in (VARIABLE, "PYTHONPATH")}
+    paths = [str(INSIDE), *filter(None, [before["PYTHONPATH"]])]
+    with TemporaryDirectory(prefix="rcopterx-orders-") as directory:
+        os.environ |= {VARIABLE: directory, "PYTHONPATH": os.pathsep.join(paths)}
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
+
+
+def give_order(pid: int, order: str, **values: object) -> None:
+    """Let a process do something wrong.
+
+    Parameters
+    ----------
+    pid
+        The process; it was started within `obedient_processes`.
+    order, values
+        One of `ORDERS` of `inside/sitecustomize.py`, and its arguments.
+
+    Raises
+    ------
+    NotReachedError
+        It was not, and a signal would end it; or it has ended.
+    """
+    path = Path(os.environ.get(VARIABLE, "/nowhere"), str(pid))
+    if not path.exists():
+        raise NotReachedError(f"process {pid} takes no orders; start the fleet with --up")
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps({"order": order, **values}) + "\n")
+    try:
+        os.kill(pid, signal.SIGUSR2)
+    except ProcessLookupError:
+        raise NotReachedError(f"process {pid} has ended") from None

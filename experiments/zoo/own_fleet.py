@@ -1,0 +1,38 @@
+"""A copy of a fleet file that fault flights may break, with a battery that outlasts them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import tomlkit
+
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+
+ENDURANCE_S: Final = 36_000.0
+"""Of the simulated batteries: one fleet flies many faults."""
+
+
+@contextmanager
+def copied_fleet(name: str) -> Iterator[Path]:
+    """Path of a copy of a fleet file, or of a shipped one, that is deleted afterwards.
+
+    Raises
+    ------
+    FleetError
+        It cannot be used, or it has no simulated laboratory: nobody breaks helicopters on purpose.
+    """
+    path = fleet_path(name)
+    if load_fleet(path).simulator is None:
+        raise FleetError(f"{path}: faults are flown in the simulator only, and [simulator] is missing")
+    document = tomlkit.parse(path.read_text(encoding="utf-8"))
+    simulator = document["simulator"]
+    overrides = dict(simulator.get("condition_overrides", {}))
+    simulator["condition_overrides"] = {**overrides, "battery_endurance_s": ENDURANCE_S}
+    with TemporaryDirectory(prefix="rcopterx-faults-") as directory:
+        copy = Path(directory) / path.name
+        copy.write_text(tomlkit.dumps(document), encoding="utf-8")
+        yield copy

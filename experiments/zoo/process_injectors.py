@@ -1,0 +1,123 @@
+"""Processes that die, stop, spin, get slow, or do not come up."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+from rcopterx.deploy.supervisor import Supervisor
+from rcopterx.experiments.zoo.bench import Bench
+from rcopterx.experiments.zoo.orders import give_order
+
+REPLACED_S = 20.0
+"""For somebody to replace a process."""
+POLL_S = 0.005
+
+
+@dataclass(frozen=True)
+class _OfProcess:
+    """Base of what happens to one process."""
+
+    process: str
+
+    @property
+    def launched(self) -> bool:
+        """See `Injector.launched`."""
+        return True
+
+
+class Killed(_OfProcess):
+    """SIGKILL."""
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        bench.say(f"{self.process}: SIGKILL")
+        os.kill(bench.pid(self.process), signal.SIGKILL)
+        yield
+
+
+@dataclass(frozen=True)
+class Stopped(_OfProcess):
+    """SIGSTOP, and SIGCONT after a while if it is still there."""
+
+    seconds: float
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        pid = bench.pid(self.process)
+        bench.say(f"{self.process}: SIGSTOP for {self.seconds:g} s")
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            bench.wait_for(lambda: bench.supervisor.pid(self.process) != pid, self.seconds)
+        finally:
+            if bench.supervisor.pid(self.process) == pid:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGCONT)
+        yield
+
+
+class Spinning(_OfProcess):
+    """The working loop uses its processor and makes no progress."""
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        pid = bench.pid(self.process)
+        bench.say(f"{self.process}: spins")
+        give_order(pid, "spin", seconds=REPLACED_S)
+        bench.wait_for(lambda: bench.supervisor.pid(self.process) != pid, REPLACED_S)
+        yield
+
+
+@dataclass(frozen=True)
+class Slow(_OfProcess):
+    """Every turn of the working loop takes longer."""
+
+    by_s: float = 0.01
+    seconds: float = 2.0
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        pid = bench.pid(self.process)
+        bench.say(f"{self.process}: every turn {1000 * self.by_s:g} ms longer for {self.seconds:g} s")
+        give_order(pid, "slow", by_s=self.by_s, seconds=self.seconds)
+        bench.wait(self.seconds)
+        yield
+
+
+@dataclass(frozen=True)
+class DiesAtStart(_OfProcess):
+    """Is killed, and so are its next successors as soon as they are there; None for all of them."""
+
+    successors: int | None = 1
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        which = "every successor" if self.successors is None else f"{self.successors} successor(s)"
+        bench.say(f"{self.process}: SIGKILL, and again {which} at its start")
+        over = threading.Event()
+        killer = threading.Thread(target=self._kill, args=(bench.supervisor, over))
+        killer.start()
+        try:
+            if self.successors is not None:
+                bench.wait_for(lambda: not killer.is_alive(), REPLACED_S)
+            yield
+        finally:
+            over.set()
+            killer.join()
+
+    def _kill(self, supervisor: Supervisor, over: threading.Event) -> None:
+        killed: set[int] = set()
+        while (self.successors is None or len(killed) <= self.successors) and not over.is_set():
+            pid = supervisor.pid(self.process)
+            if pid is not None and pid not in killed:
+                killed.add(pid)
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            over.wait(POLL_S)

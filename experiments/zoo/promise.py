@@ -1,0 +1,138 @@
+"""What is promised of a flight with a fault, and whether what was seen keeps it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+CHECKED_AT_LEAST: Final = 10
+"""States of a vehicle below which nothing is known of its flight."""
+
+
+class Promise(Enum):
+    """How a flight with a fault goes on."""
+
+    FLIES_ON = "flies on"
+    LANDS = "lands closed loop"
+    LANDS_OPEN_LOOP = "lands open loop"
+    REFUSED = "refused"
+    UNPROTECTED = "not protected"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a flight has to stay within; None for no limit.
+
+    Attributes
+    ----------
+    deviation_mm
+        Largest distance of a vehicle that flies on from where it was before.
+    drift_mm
+        Horizontal distance from there to where a vehicle comes down.
+    touchdown_m_s
+        Speed at which it does.
+    silence_ms
+        Longest time of a vehicle that flies on without a fresh command.
+    """
+
+    deviation_mm: float | None = 150.0
+    drift_mm: float | None = None
+    touchdown_m_s: float | None = None
+    silence_ms: float | None = 600.0
+
+
+LIMITS: Final = {
+    Promise.FLIES_ON: Limits(),
+    Promise.LANDS: Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=0.6, silence_ms=None),
+    Promise.LANDS_OPEN_LOOP: Limits(deviation_mm=None, touchdown_m_s=1.7, silence_ms=None),
+    Promise.REFUSED: Limits(deviation_mm=None, silence_ms=None),
+    Promise.UNPROTECTED: Limits(deviation_mm=None, silence_ms=None),
+}
+"""What is allowed where a row says nothing else."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the laboratory's truth and the radio say of one vehicle.
+
+    Attributes
+    ----------
+    states
+        How many true states were heard.
+    deviation_mm
+        Largest distance from where it was when the flight began.
+    drift_mm
+        Horizontal distance from there to where it stands in the end, None while it flies.
+    touchdown_m_s
+        Speed of its hardest touchdown, None if it has not touched the floor.
+    silence_ms
+        Longest time between two fresh commands that its radio sent, None with less than two.
+    states_of_arbiter
+        States of its arbiter, in order.
+    """
+
+    states: int
+    deviation_mm: float
+    drift_mm: float | None
+    touchdown_m_s: float | None
+    silence_ms: float | None
+    states_of_arbiter: tuple[str, ...] = ()
+
+    @property
+    def down(self) -> bool:
+        """Whether it has touched the floor."""
+        return self.touchdown_m_s is not None
+
+
+Check = dict[str, Any]
+
+
+def judged(promise: Promise, down: tuple[str, ...], limits: Limits, seen: Mapping[str, Seen]) -> list[Check]:
+    """Checks of a flight: `name`, `passed`, `figure`.
+
+    Parameters
+    ----------
+    promise, limits
+        What was promised.
+    down
+        Vehicles that shall come down; nobody else may.
+    seen
+        What was seen, by vehicle.
+    """
+    flown = {name: vehicle for name, vehicle in seen.items() if name not in down}
+    landed = {name: vehicle for name, vehicle in seen.items() if name in down}
+    blind = [name for name, vehicle in seen.items() if vehicle.states < CHECKED_AT_LEAST]
+    checks = [_check("the laboratory tells the truth about everybody", not blind, blind)]
+    if promise is not Promise.REFUSED:
+        fallen = [name for name, vehicle in flown.items() if vehicle.down]
+        checks.append(_check("nobody comes down who shall fly on", not fallen, fallen))
+    if landed:
+        left = [name for name, vehicle in landed.items() if not vehicle.down]
+        checks.append(_check(f"{', '.join(landed)} comes down", not left, left))
+    for limit, what, unit, concerned in (
+        (limits.deviation_mm, "deviation_mm", "mm from its place", flown),
+        (limits.silence_ms, "silence_ms", "ms without a fresh command", flown),
+        (limits.drift_mm, "drift_mm", "mm from its place at touchdown", landed),
+        (limits.touchdown_m_s, "touchdown_m_s", "m/s at touchdown", landed),
+    ):
+        if limit is None or not concerned:
+            continue
+        figures = {name: getattr(vehicle, what) for name, vehicle in concerned.items()}
+        good = all(figure is not None and figure <= limit for figure in figures.values())
+        checks.append(_check(f"at most {limit:g} {unit}", good, figures))
+    return checks
+
+
+def _check(name: str, passed: bool, figure: object) -> Check:
+    return {"name": name, "passed": passed, "figure": figure}
+
+
+def outcome(promise: Promise, seen: Mapping[str, Seen]) -> str:
+    """What was seen, in words."""
+    fallen = [name for name, vehicle in seen.items() if vehicle.down]
+    if promise is Promise.REFUSED or not fallen:
+        return promise.value if promise in (Promise.REFUSED, Promise.FLIES_ON) else "everybody flies on"
+    closed = all("land" in seen[name].states_of_arbiter[-3:] for name in fallen)
+    how = "down after LAND" if closed else "down"
+    others = "" if len(fallen) == len(seen) else ", the others fly on"
+    return f"{', '.join(fallen)} {how}{others}"

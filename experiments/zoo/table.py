@@ -1,0 +1,311 @@
+"""The table of fault flights."""
+
+from types import MappingProxyType
+from typing import Final
+
+from rcopterx.experiments.zoo.bus_injectors import Flood, Impaired, OldMessages
+from rcopterx.experiments.zoo.fault_flight import FaultFlight
+from rcopterx.experiments.zoo.host_injectors import (
+    ClockStepped,
+    DiskFull,
+    FleetFileBroken,
+    LogsGone,
+    NoDescriptors,
+)
+from rcopterx.experiments.zoo.laboratory_injectors import Inject
+from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Killed, Slow, Spinning, Stopped
+from rcopterx.experiments.zoo.promise import Limits, Promise
+
+EVERYBODY: Final = ("h1", "h2", "h3")
+BOTH: Final = ("h2", "h3")
+PROCESSES: Final = {
+    "leader": "agent-h1",
+    "follower": "agent-h2",
+    "vicon-gateway": "tracker",
+    "transmitter-gateway": "transmitters",
+    "router": "router",
+    "recorder": "recorder",
+}
+"""Processes by what they are; the simulator is the laboratory and not one of ours."""
+REPLACED: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
+COLD_START: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
+"""Dead and its spare process dead as well: vehicles are held, and sink meanwhile."""
+SLOW: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
+FAULTY_AXIS: Final = Limits(deviation_mm=None, touchdown_m_s=1.0, silence_ms=None)
+"""A vehicle drifts whose stick is held at rest."""
+
+
+def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
+    """Rows of what happens to a process while vehicles fly on."""
+    return (
+        FaultFlight(
+            f"{what}-killed", f"SIGKILL of {process}", (Killed(process),), limits=REPLACED, chaos=True
+        ),
+        *(
+            FaultFlight(
+                f"{what}-stopped-{seconds:g}-s",
+                f"SIGSTOP of {process} for {seconds:g} s",
+                (Stopped(process, seconds),),
+                limits=REPLACED,
+                chaos=seconds <= 2.0,
+            )
+            for seconds in (0.1, 0.5, 2.0, 30.0)
+        ),
+        FaultFlight(
+            f"{what}-spins",
+            f"The loop of {process} spins",
+            (Spinning(process),),
+            limits=REPLACED,
+            chaos=what != "recorder",
+        ),
+        FaultFlight(
+            f"{what}-slow",
+            f"Every turn of the loop of {process} takes 10 ms longer",
+            (Slow(process),),
+            limits=SLOW,
+            chaos=True,
+        ),
+        FaultFlight(
+            f"{what}-dies-at-start",
+            f"SIGKILL of {process}, and of its successor as soon as it is there",
+            (DiesAtStart(process),),
+            limits=COLD_START,
+        ),
+    )
+
+
+def _crash_loop(
+    what: str, promise: Promise, down: tuple[str, ...], limits: Limits | None = None
+) -> FaultFlight:
+    """Row of a process that never comes back."""
+    return FaultFlight(
+        f"{what}-crash-loop",
+        f"{PROCESSES[what]} dies, and every successor as soon as it is there",
+        (DiesAtStart(PROCESSES[what], None),),
+        promise,
+        down,
+        limits,
+    )
+
+
+PROCESS_ROWS: Final = (
+    *(row for what, process in PROCESSES.items() for row in _of_process(what, process)),
+    _crash_loop("leader", Promise.LANDS, ("h1",)),
+    _crash_loop("follower", Promise.LANDS, ("h2",)),
+    _crash_loop("vicon-gateway", Promise.LANDS_OPEN_LOOP, EVERYBODY),
+    _crash_loop("transmitter-gateway", Promise.UNPROTECTED, EVERYBODY),
+    _crash_loop("router", Promise.LANDS_OPEN_LOOP, EVERYBODY),
+    _crash_loop("recorder", Promise.FLIES_ON, ()),
+)
+
+BUS_ROWS: Final = (
+    FaultFlight("bus-late", "All messages are 20 ms late", (Impaired("delay_s", 0.02),), chaos=True),
+    FaultFlight("bus-loss", "A tenth of all messages is lost", (Impaired("loss", 0.1),), chaos=True),
+    FaultFlight("bus-doubled", "Every message arrives twice", (Impaired("duplicates", 1.0),), chaos=True),
+    FaultFlight(
+        "bus-reordered",
+        "A fifth of all messages is overtaken by later ones",
+        (Impaired("reordering", 0.2),),
+        chaos=True,
+    ),
+    FaultFlight(
+        "bus-old-messages",
+        "Old poses, commands and plans are sent again, with this epoch and the last",
+        (OldMessages(),),
+    ),
+    FaultFlight("bus-flood", "200 messages of nonsense per second on every key", (Flood(),), chaos=True),
+)
+
+POSE_ROWS: Final = (
+    FaultFlight(
+        "pose-occluded-60-ms",
+        "h2 is not seen for 60 ms",
+        (Inject("occlude", "h2", seconds=0.06),),
+        chaos=True,
+    ),
+    FaultFlight(
+        "pose-occluded-200-ms",
+        "h2 is not seen for 0.2 s",
+        (Inject("occlude", "h2", seconds=0.2),),
+        chaos=True,
+    ),
+    FaultFlight(
+        "pose-occluded",
+        "h2 is not seen any more",
+        (Inject("occlude", "h2"),),
+        Promise.LANDS_OPEN_LOOP,
+        ("h2",),
+    ),
+    FaultFlight(
+        "tracker-frozen-200-ms",
+        "The Tracker repeats a frame for 0.2 s",
+        (Inject("freeze", seconds=0.2),),
+        chaos=True,
+    ),
+    FaultFlight(
+        "tracker-frozen",
+        "The Tracker repeats a frame for ever",
+        (Inject("freeze"),),
+        Promise.LANDS_OPEN_LOOP,
+        EVERYBODY,
+    ),
+    FaultFlight(
+        "pose-frozen",
+        "The pose of h2 stands still, frames go on",
+        (Inject("freeze_pose", "h2"),),
+        Promise.LANDS_OPEN_LOOP,
+        ("h2",),
+    ),
+    FaultFlight(
+        "pose-jumps-100-ms",
+        "h2 is shown 0.5 m beside its place for 0.1 s",
+        (Inject("displace_pose", "h2", (("offset_m", (0.5, 0.0, 0.0)),), 0.1),),
+        chaos=True,
+    ),
+    FaultFlight(
+        "pose-jumps",
+        "h2 is shown 0.5 m beside its place",
+        (Inject("displace_pose", "h2", (("offset_m", (0.5, 0.0, 0.0)),)),),
+        Promise.LANDS_OPEN_LOOP,
+        ("h2",),
+    ),
+    FaultFlight(
+        "pose-swapped-60-ms",
+        "h2 and h3 are taken for one another for 60 ms",
+        (Inject("swap_subjects", "h2", (("other", "h3"),), 0.06),),
+        chaos=True,
+    ),
+    FaultFlight(
+        "pose-swapped",
+        "h2 and h3 are taken for one another",
+        (Inject("swap_subjects", "h2", (("other", "h3"),)),),
+        Promise.LANDS_OPEN_LOOP,
+        BOTH,
+    ),
+    FaultFlight(
+        "pose-drifts",
+        "The pose of h2 drifts by 30 mm/s for 3 s",
+        (Inject("displace_pose", "h2", (("velocity_m_s", (0.03, 0.0, 0.0)),), 3.0),),
+    ),
+    FaultFlight(
+        "pose-noise",
+        "Noise of 2 mm on all positions",
+        (Inject("add_noise", None, (("deviation_m", 0.002),), 2.0),),
+        chaos=True,
+    ),
+    FaultFlight(
+        "tracker-half-rate",
+        "The Tracker sends every second frame only",
+        (Inject("skip_frames", None, (("one_of", 2),), 2.0),),
+    ),
+    FaultFlight(
+        "tracker-restarted-at-once",
+        "The Tracker ends its connections and counts frames anew",
+        (Inject("reset_frame_id"), Inject("reset")),
+        chaos=True,
+    ),
+    FaultFlight(
+        "tracker-restarted",
+        "The Tracker is silent for 3 s, ends its connections and counts frames anew",
+        (Inject("silence", seconds=3.0), Inject("reset_frame_id"), Inject("reset")),
+        Promise.LANDS_OPEN_LOOP,
+        EVERYBODY,
+    ),
+)
+
+RADIO_ROWS: Final = tuple(
+    FaultFlight(
+        f"radio-{name}",
+        title,
+        (Inject("break_radio", "h2", (("condition", condition),)),),
+        Promise.UNPROTECTED,
+        ("h2",),
+    )
+    for name, title, condition in (
+        ("cable", "The cable of h2's radio module is pulled", "unplugged"),
+        ("power", "The radio module of h2 has no power", "off"),
+        ("no-dsm2", "The radio module of h2 refuses its protocol", "refusing"),
+    )
+)
+
+VEHICLE_ROWS: Final = (
+    FaultFlight(
+        "vehicle-dead",
+        "The rotors of h2 stop",
+        (Inject("break_vehicle", "h2", (("thrust_factor", 0.0),)),),
+        Promise.UNPROTECTED,
+        ("h2",),
+    ),
+    FaultFlight(
+        "vehicle-does-not-lift",
+        "Take-off of h2 with three tenths of its thrust",
+        (Inject("break_vehicle", "h2", (("thrust_factor", 0.3),)),),
+        Promise.REFUSED,
+        on_floor=True,
+    ),
+    FaultFlight(
+        "vehicle-weak",
+        "h2 has only 0.65 of its thrust",
+        (Inject("break_vehicle", "h2", (("thrust_factor", 0.65),)),),
+        Promise.LANDS,
+        ("h2",),
+        FAULTY_AXIS,
+    ),
+    FaultFlight(
+        "vehicle-reversed-pitch",
+        "The pitch stick of h2 acts the wrong way round",
+        (Inject("break_vehicle", "h2", (("reversed", "pitch"),)),),
+        Promise.LANDS,
+        ("h2",),
+        FAULTY_AXIS,
+    ),
+    FaultFlight(
+        "vehicle-stuck-roll",
+        "The roll stick of h2 is stuck",
+        (Inject("break_vehicle", "h2", (("stuck", "roll"),)),),
+        Promise.LANDS,
+        ("h2",),
+        FAULTY_AXIS,
+    ),
+    FaultFlight(
+        "vehicle-trim",
+        "The roll trim of h2 steps by 0.1",
+        (Inject("break_vehicle", "h2", (("trim", (0.0, 0.1, 0.0, 0.0)),), 3.0),),
+        limits=Limits(deviation_mm=250.0),
+    ),
+)
+
+HOST_ROWS: Final = (
+    FaultFlight(
+        "disk-full", "No process can write to files, and agent h2 dies", (DiskFull(), Killed("agent-h2"))
+    ),
+    FaultFlight(
+        "logs-gone", "The log directory is gone, and agent h2 dies", (LogsGone(), Killed("agent-h2"))
+    ),
+    FaultFlight(
+        "clock-set-back",
+        "The wall clock goes back by an hour, and the Vicon gateway dies",
+        (ClockStepped(-3600.0), Killed("tracker")),
+    ),
+    FaultFlight(
+        "clock-set-forward",
+        "The wall clock goes forward by a day, and the Vicon gateway dies",
+        (ClockStepped(86_400.0), Killed("tracker")),
+    ),
+    FaultFlight(
+        "fleet-file-broken",
+        "The fleet file is saved as nonsense, and agent h2 dies",
+        (FleetFileBroken(), Killed("agent-h2")),
+    ),
+    *(
+        FaultFlight(
+            f"{what}-without-descriptors", f"{process} can open nothing more", (NoDescriptors(process),)
+        )
+        for what, process in PROCESSES.items()
+    ),
+)
+
+ROWS: Final = (*PROCESS_ROWS, *BUS_ROWS, *POSE_ROWS, *RADIO_ROWS, *VEHICLE_ROWS, *HOST_ROWS)
+
+FAULT_FLIGHTS: Final = MappingProxyType({row.name: row for row in ROWS})
+"""Every fault flight by name."""

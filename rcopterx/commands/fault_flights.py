@@ -1,0 +1,220 @@
+"""Flying faults in the simulator: `fly --faults`."""
+
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
+from rcopterx.commands.launch import Interrupts, interruptible
+
+if TYPE_CHECKING:
+    from rcopterx.experiments.zoo.fault_flight import FaultFlight
+    from rcopterx.experiments.zoo.flying import FaultRange
+    from rcopterx.ground_station.fleet import Fleet
+
+READY_S = 30.0
+"""For a fleet that has just been started."""
+
+
+def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
+    """Rows of the table by their names, all of them without names.
+
+    Raises
+    ------
+    typer.BadParameter
+        An unknown name.
+    """
+    from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+
+    unknown = [name for name in names if name not in FAULT_FLIGHTS]
+    if unknown:
+        raise typer.BadParameter(
+            f"unknown fault flight {unknown[0]!r}; --faults --list names them all", param_hint="NAME"
+        )
+    return [row for row in FAULT_FLIGHTS.values() if not names or row.name in names]
+
+
+def list_faults() -> None:
+    """Print the table."""
+    for row in chosen_faults(()):
+        typer.echo(f"{row.name:32} {row.promise.value:18} {row.title}")
+
+
+class Hangar:
+    """Holds the fleet that flies; starts another one when it is asked for one and has none.
+
+    Parameters
+    ----------
+    path
+        Copy of the fleet file, to be broken; None flies the fleet `name`, which is up.
+    name
+        Fleet as the user named it.
+    record
+        Whether flight logs are written.
+    """
+
+    def __init__(self, path: Path | None, name: str | None, record: bool) -> None:
+        self._path = path
+        self._name = name
+        self._record = record
+        self._stack = ExitStack()
+        self._range: FaultRange | None = None
+        self.interrupts = Interrupts()
+
+    def fault_range(self, say: Callable[[str], None]) -> "FaultRange":
+        """The fleet, ready to take off or in the air."""
+        from rcopterx.experiments.zoo.bench import Bench
+        from rcopterx.experiments.zoo.flying import FaultRange
+
+        if self._range is None:
+            fleet = self._fleet()
+            fleet.wait_ready(timeout_s=READY_S)
+            self._range = FaultRange(Bench(fleet, say, self.wait, self._path))
+        return self._range
+
+    def _fleet(self) -> "Fleet":
+        if self._path is None:
+            return self._stack.enter_context(running_fleet(self._name))
+        fleet, self.interrupts = self._stack.enter_context(
+            interruptible(str(self._path), None, record=self._record)
+        )
+        return fleet
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass.
+
+        Raises
+        ------
+        StoppedError
+            The user has asked to stop.
+        """
+        from rcopterx.ground_station.waiting import StoppedError
+
+        if self.interrupts.wait(seconds):
+            raise StoppedError("interrupted")
+
+    def close(self) -> None:
+        """Land and stop the fleet; nothing happens to one that was up before."""
+        self._range = None
+        self._stack.close()
+
+
+@contextmanager
+def hangar(fleet: str | None, start: bool, record: bool) -> Iterator[Hangar]:
+    """Somebody who starts fleets, of a copy of the fleet file, and stops the last one."""
+    from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
+    from rcopterx.experiments.zoo.orders import obedient_processes
+    from rcopterx.experiments.zoo.own_fleet import copied_fleet
+
+    with ExitStack() as stack:
+        path = None
+        if start:
+            path = stack.enter_context(copied_fleet(fleet or DEFAULT_FLEET))
+            stack.enter_context(obedient_processes())
+        holder = Hangar(path, fleet, record)
+        stack.callback(holder.close)
+        yield holder
+
+
+def fly_faults(
+    names: Sequence[str], fleet: str | None, start: bool, report: Path | None, as_json: bool, record: bool
+) -> None:
+    """Fly rows of the table of faults, one fleet as long as it survives; exit code 1 if a promise broke."""
+    rows = chosen_faults(names)
+    reports: list[dict[str, Any]] = []
+    with user_errors(), hangar(fleet, start, record) as holder:
+        try:
+            for number, row in enumerate(rows, 1):
+                reports.append(_fly_row(row, holder, f"[{number}/{len(rows)}] {row.name}"))
+        finally:
+            _write(reports, report)
+    if as_json:
+        typer.echo(json.dumps(reports, indent=2))
+    else:
+        typer.echo("\n".join(map(_line, reports)))
+    if any(report["verdict"] == "failed" for report in reports):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def fly_chaos(
+    seconds: float,
+    seed: int,
+    fleet: str | None,
+    start: bool,
+    report: Path | None,
+    as_json: bool,
+    record: bool,
+) -> None:
+    """Let one thing after the other go wrong that all shall survive; exit code 1 if somebody did not."""
+    from rcopterx.experiments.zoo.chaos import Chaos
+    from rcopterx.ground_station.waiting import NotReachedError, StoppedError, stopped_by
+
+    def say(text: str) -> None:
+        typer.echo(f"chaos {seed}: {text}", err=True)
+
+    with user_errors(), hangar(fleet, start, record) as holder:
+        place = holder.fault_range(say)
+        if place.fleet.launcher is None:
+            raise NotReachedError("chaos ends processes: it flies a fleet that is started for it; add --up")
+        try:
+            with stopped_by(holder.interrupts.event):
+                result = Chaos(place, seed, seconds).fly()
+        except StoppedError:
+            raise NotReachedError("interrupted") from None
+    if report is not None:
+        path = report / f"chaos-{seed}.json"
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        typer.echo(f"report: {path}", err=True)
+    typer.echo(json.dumps(result, indent=2) if as_json else _chaos_lines(result))
+    if result["verdict"] != "passed":
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _chaos_lines(result: dict[str, Any]) -> str:
+    head = f"{result['verdict']}: chaos {result['seed']}, {result['seconds']} s, {result['faults']} faults"
+    lines = [head if result["problem"] is None else f"{head}: {result['problem']}"]
+    lines += [f"  {name}: {json.dumps(vehicle)}" for name, vehicle in result["vehicles"].items()]
+    return "\n".join(lines)
+
+
+def _fly_row(row: "FaultFlight", holder: Hangar, head: str) -> dict[str, Any]:
+    from rcopterx.experiments.zoo.flying import not_flown
+    from rcopterx.ground_station.waiting import NotReachedError, StoppedError, stopped_by
+
+    started_s = time.monotonic()
+
+    def say(text: str) -> None:
+        typer.echo(f"{head}: {time.monotonic() - started_s:5.1f} s  {text}", err=True)
+
+    try:
+        place = holder.fault_range(say)
+        if row.launched and place.fleet.launcher is None:
+            say("not flown: only by a fleet that is started for it: add --up")
+            return not_flown(row, "add --up")
+        with stopped_by(holder.interrupts.event):
+            report = place.saying(say).fly(row)
+    except StoppedError:
+        raise NotReachedError("interrupted") from None
+    say(report["verdict"])
+    if not place.survives(row, report):
+        holder.close()
+    return report
+
+
+def _write(reports: Sequence[dict[str, Any]], directory: Path | None) -> None:
+    from rcopterx.experiments.zoo.matrix import write_reports
+
+    flown = [report for report in reports if report["verdict"] != "not flown"]
+    if directory is not None and flown:
+        typer.echo(f"page: {write_reports(flown, directory)}", err=True)
+
+
+def _line(report: dict[str, Any]) -> str:
+    failed = [f"{check['name']}: {check['figure']}" for check in report["checks"] if not check["passed"]]
+    why = report["problem"] or "; ".join(failed) or report["seen"]
+    return f"{report['verdict']:9} {report['name']:32} {why}".rstrip()

@@ -1,0 +1,260 @@
+"""What goes wrong goes wrong with real processes, and is over when it shall be."""
+
+import errno
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from support.waiting import wait_for
+
+from rcopterx.experiments.zoo.bench import Bench
+from rcopterx.experiments.zoo.host_injectors import (
+    ClockStepped,
+    DiskFull,
+    FleetFileBroken,
+    LogsGone,
+    NoDescriptors,
+)
+from rcopterx.experiments.zoo.orders import VARIABLE, give_order, obedient_processes
+from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Killed, Slow, Spinning, Stopped
+from rcopterx.ground_station.waiting import NotReachedError
+
+LOOP = """
+import sys, time
+from rcopterx.bus.heartbeat import Heartbeat
+heartbeat = Heartbeat(bytearray(16))
+print("ready", flush=True)
+for line in sys.stdin:
+    before = time.monotonic()
+    heartbeat.beat()
+    print(time.monotonic() - before, time.time(), flush=True)
+"""
+
+
+class OneProcess:
+    """Stands for a supervisor: starts a process again as soon as it has ended."""
+
+    def __init__(self, command: list[str]) -> None:
+        self._command = command
+        self.processes = [self._started()]
+        self.kept = True
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def _run(self) -> None:
+        while not self._over.wait(0.002):
+            if self.processes[-1].poll() is not None:
+                self.processes.append(self._started())
+
+    def pid(self, name: str) -> int | None:
+        return self.processes[-1].pid if name == "it" else None
+
+    def running(self) -> list[str]:
+        return ["it"]
+
+    @property
+    def spare_pids(self) -> tuple[int, ...]:
+        return ()
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+        for process in self.processes:
+            process.kill()
+            process.wait(10)
+            for pipe in (process.stdin, process.stdout):
+                assert pipe is not None
+                pipe.close()
+
+
+Start = Callable[[list[str]], tuple[Bench, OneProcess]]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    with ExitStack() as stack:
+
+        def started(command: list[str]) -> tuple[Bench, OneProcess]:
+            supervisor = OneProcess(command)
+            stack.callback(supervisor.close)
+            launcher = SimpleNamespace(supervisor=supervisor, directory=tmp_path)
+            fleet = SimpleNamespace(launcher=launcher)
+            return Bench(fleet, lambda _: None, time.sleep, tmp_path / "lab.toml"), supervisor  # type: ignore[arg-type]  # only what is asked for
+
+        yield started
+
+
+SLEEPS = ["sleep", "60"]
+
+
+def state_of(pid: int) -> str:
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+
+
+def test_a_killed_process_is_gone(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    with Killed("it").active(bench):
+        wait_for(lambda: len(supervisor.processes) == 2, "it was not killed")
+
+
+def test_a_stopped_process_goes_on_after_its_time(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    pid = supervisor.processes[0].pid
+    started_s = time.monotonic()
+    with Stopped("it", 0.1).active(bench):
+        assert time.monotonic() - started_s >= 0.1
+        wait_for(lambda: state_of(pid) == "S", "it is still stopped")
+    assert len(supervisor.processes) == 1
+
+
+def test_a_stopped_process_that_is_replaced_is_waited_for_no_longer(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    killer = threading.Timer(0.05, supervisor.processes[0].kill)
+    killer.start()
+    started_s = time.monotonic()
+    with Stopped("it", 30.0).active(bench):
+        assert time.monotonic() - started_s < 10.0
+    killer.join()
+
+
+def test_a_number_of_successors_dies_at_its_start_and_the_next_one_lives(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    with DiesAtStart("it", 2).active(bench):
+        wait_for(lambda: len(supervisor.processes) == 4, "not as many were killed")
+        assert supervisor.processes[-1].poll() is None
+
+
+def test_every_successor_dies_until_the_crash_loop_ends(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    with DiesAtStart("it", None).active(bench):
+        wait_for(lambda: len(supervisor.processes) > 5, "somebody lives")
+    last = supervisor.processes[-1]
+    wait_for(lambda: supervisor.processes[-1].poll() is None, "nobody lives")
+    assert supervisor.processes.index(last) >= 4
+
+
+def ask(process: subprocess.Popen[bytes]) -> list[float]:
+    """Let the loop go round once: how long a beat took, and the wall clock."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(b"\n")
+    process.stdin.flush()
+    return [float(word) for word in process.stdout.readline().split()]
+
+
+@pytest.fixture
+def obedient(start: Start) -> Iterator[tuple[Bench, OneProcess]]:
+    with obedient_processes():
+        bench, supervisor = start([sys.executable, "-c", LOOP])
+        ready(supervisor)
+        yield bench, supervisor
+
+
+def ready(supervisor: OneProcess) -> None:
+    stdout = supervisor.processes[-1].stdout
+    assert stdout is not None
+    assert stdout.readline() == b"ready\n"
+
+
+def test_processes_get_slow_spin_and_show_another_time_from_inside(
+    obedient: tuple[Bench, OneProcess],
+) -> None:
+    bench, supervisor = obedient
+    process = supervisor.processes[0]
+    with ClockStepped(-3600.0).active(bench), Slow("it", 0.05, 0.1).active(bench):
+        wait_for(lambda: abs(ask(process)[1] + 3600.0 - time.time()) < 60.0, "the clock is right")
+    with Slow("it", 0.05, 0.0).active(bench):
+        wait_for(lambda: ask(process)[0] < 0.04, "it is slow for ever")
+    killer = threading.Timer(0.3, process.kill)
+    killer.start()
+    with Spinning("it").active(bench):
+        assert process.wait(10) < 0
+    killer.join()
+
+
+def test_a_slow_process_takes_longer_for_every_turn(obedient: tuple[Bench, OneProcess]) -> None:
+    _, supervisor = obedient
+    process = supervisor.processes[0]
+    assert ask(process)[0] < 0.03
+    give_order(process.pid, "slow", by_s=0.03, seconds=60.0)
+    wait_for(lambda: ask(process)[0] >= 0.03, "it is not slow")
+
+
+def test_a_process_that_takes_no_orders_is_not_ended_by_one(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    with pytest.raises(NotReachedError, match="takes no orders"), Spinning("it").active(bench):
+        pass
+    with obedient_processes(), pytest.raises(NotReachedError, match="takes no orders"):
+        give_order(supervisor.processes[0].pid, "spin", seconds=1.0)
+    assert supervisor.processes[0].poll() is None
+
+
+def test_the_environment_is_as_before_when_no_more_orders_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    with obedient_processes():
+        assert os.environ["PYTHONPATH"].endswith("inside")
+        assert Path(os.environ[VARIABLE]).is_dir()
+    assert VARIABLE not in os.environ
+    assert "PYTHONPATH" not in os.environ
+
+
+OPENS = """
+import sys
+for line in sys.stdin:
+    try:
+        with open(sys.argv[1], "a") as file:
+            file.write("x")
+        print("ok", flush=True)
+    except OSError as error:
+        print(error.errno, flush=True)
+"""
+
+
+def answer(supervisor: OneProcess) -> str:
+    """Let the process try to open and write its file."""
+    process = supervisor.processes[0]
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(b"\n")
+    process.stdin.flush()
+    return process.stdout.readline().decode().strip()
+
+
+def test_a_process_without_descriptors_can_open_nothing_until_it_is_over(
+    start: Start, tmp_path: Path
+) -> None:
+    bench, supervisor = start([sys.executable, "-c", OPENS, str(tmp_path / "file")])
+    assert answer(supervisor) == "ok"
+    with NoDescriptors("it").active(bench):
+        assert answer(supervisor) == str(errno.EMFILE)
+    assert answer(supervisor) == "ok"
+
+
+def test_on_a_full_disk_no_file_grows(start: Start, tmp_path: Path) -> None:
+    bench, supervisor = start([sys.executable, "-c", OPENS, str(tmp_path / "file")])
+    with DiskFull().active(bench):
+        assert answer(supervisor) == str(errno.EFBIG)
+    assert (tmp_path / "file").read_text() == ""
+
+
+def test_the_fleet_file_and_the_logs_are_as_before_afterwards(start: Start, tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text("name = 'lab'\n")
+    (tmp_path / "log").mkdir()
+    (tmp_path / "log" / "agent-h1.log").write_text("hello")
+    bench, _ = start(SLEEPS)
+    with FleetFileBroken().active(bench), LogsGone().active(bench):
+        assert (tmp_path / "lab.toml").read_text() == "name = [\n"
+        assert (tmp_path / "log").is_file()
+    assert (tmp_path / "lab.toml").read_text() == "name = 'lab'\n"
+    assert (tmp_path / "log" / "agent-h1.log").read_text() == "hello"

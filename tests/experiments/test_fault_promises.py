@@ -1,0 +1,113 @@
+"""Promises of fault flights are judged on the laboratory's truth."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle
+from rcopterx.experiments.zoo.observation import seen_of
+from rcopterx.experiments.zoo.promise import LIMITS, Limits, Promise, Seen, judged, outcome
+from rcopterx.ground_station.recorder import Record, Recording
+
+FLEW = Seen(100, 20.0, None, None, 40.0, ("armed",))
+LANDED = Seen(100, 1000.0, 100.0, 0.4, 2000.0, ("armed", "hold", "land", "cut"))
+ON = Promise.FLIES_ON
+
+
+def failed(promise: Promise, down: tuple[str, ...], seen: dict[str, Seen]) -> list[str]:
+    return [check["name"] for check in judged(promise, down, LIMITS[promise], seen) if not check["passed"]]
+
+
+def test_a_flight_in_which_nobody_leaves_its_place_keeps_the_promise_to_fly_on() -> None:
+    assert failed(ON, (), {"h1": FLEW, "h2": FLEW}) == []
+
+
+@pytest.mark.parametrize(
+    ("seen", "broken"),
+    [
+        (LANDED, "nobody comes down who shall fly on"),
+        (replace(FLEW, deviation_mm=151.0), "at most 150 mm from its place"),
+        (replace(FLEW, silence_ms=601.0), "at most 600 ms without a fresh command"),
+        (replace(FLEW, silence_ms=None), "at most 600 ms without a fresh command"),
+        (replace(FLEW, states=3), "the laboratory tells the truth about everybody"),
+    ],
+)
+def test_each_of_these_breaks_the_promise_to_fly_on(seen: Seen, broken: str) -> None:
+    assert broken in failed(ON, (), {"h1": FLEW, "h2": seen})
+
+
+@pytest.mark.parametrize(
+    ("seen", "broken"),
+    [
+        (FLEW, "h2 comes down"),
+        (replace(LANDED, drift_mm=301.0), "at most 300 mm from its place at touchdown"),
+        (replace(LANDED, touchdown_m_s=0.61), "at most 0.6 m/s at touchdown"),
+    ],
+)
+def test_each_of_these_breaks_the_promise_to_land_closed_loop(seen: Seen, broken: str) -> None:
+    assert failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": LANDED}) == []
+    assert broken in failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": seen})
+
+
+def test_nobody_else_may_come_down_where_one_vehicle_lands() -> None:
+    assert "nobody comes down who shall fly on" in failed(
+        Promise.LANDS, ("h2",), {"h1": LANDED, "h2": LANDED}
+    )
+
+
+def test_a_row_without_limits_still_wants_to_know_who_comes_down() -> None:
+    checks = judged(ON, (), Limits(None, None, None, None), {"h1": LANDED})
+    assert [check["passed"] for check in checks] == [True, False]
+
+
+def test_what_was_seen_is_told_in_words() -> None:
+    assert outcome(ON, {"h1": FLEW}) == "flies on"
+    assert outcome(Promise.LANDS, {"h1": FLEW, "h2": LANDED}) == "h2 down after LAND, the others fly on"
+    dropped = replace(LANDED, states_of_arbiter=("armed", "descend", "cut"))
+    assert outcome(Promise.LANDS_OPEN_LOOP, {"h2": dropped}) == "h2 down"
+    assert outcome(Promise.REFUSED, {"h1": LANDED}) == "refused"
+    assert outcome(Promise.LANDS, {"h1": FLEW}) == "everybody flies on"
+
+
+def truth(frame: int, x_m: float, **more: Any) -> Record:
+    vehicle = LaboratoryVehicle(
+        position_m=(x_m, 0.0, 1.0), yaw_rad=0.0, velocity_m_s=(0.0, 0.0, 0.0),
+        **{"on_floor": False, "outside": False, **more},
+    )  # fmt: skip
+    state = LaboratoryState(frame=frame, sent_s=0.02 * frame, vehicles={"h1": vehicle})
+    return Record(channels.SIMULATOR_UNIT, "laboratory", encode(state), 0.02 * frame)
+
+
+def written(at_s: float, state: str = "armed", fresh: bool = True) -> Record:
+    applied = Applied(
+        state=state, input=(0.0, 0.0, 0.5, 0.0), pulse_width_us=(1500.0,), epoch=1, frame=1, sequence=1,
+        fresh=fresh, written_s=at_s,
+    )  # fmt: skip
+    return Record("h1", "applied", encode(applied), at_s)
+
+
+def test_a_recording_shows_how_far_a_vehicle_was_from_its_place_and_for_how_long_nobody_commanded_it() -> (
+    None
+):
+    records = [truth(1, 0.0), truth(2, 0.03), truth(3, 0.01)]
+    records += [written(0.0), written(0.1, "hold", fresh=False), written(0.3)]
+    seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
+    assert seen == Seen(3, 30.0, None, None, 300.0, ("armed", "hold", "armed"))
+    assert not seen.down
+
+
+def test_the_hardest_touchdown_counts_and_where_the_vehicle_stands_in_the_end() -> None:
+    records = [
+        truth(1, 0.0, touchdowns=1, touchdown_speed_m_s=3.0),
+        truth(2, 0.1, touchdowns=2, touchdown_speed_m_s=0.7, on_floor=True),
+        truth(3, 0.2, touchdowns=3, touchdown_speed_m_s=0.1, on_floor=True),
+    ]
+    seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
+    assert (seen.touchdown_m_s, seen.drift_mm, seen.silence_ms) == (0.7, 200.0, None)
+
+
+def test_nothing_is_known_of_a_vehicle_that_nobody_heard_of() -> None:
+    assert seen_of(Recording([]), {"h1": (0.0, 0.0, 1.0)})["h1"].states == 0

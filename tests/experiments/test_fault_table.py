@@ -1,0 +1,55 @@
+"""The table of fault flights is complete, and every row of it can be flown."""
+
+from dataclasses import replace
+
+import pytest
+
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.deploy.processes import processes_of
+from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
+from rcopterx.experiments.zoo.fault_flight import FaultFlight
+from rcopterx.experiments.zoo.laboratory_injectors import Inject
+from rcopterx.experiments.zoo.promise import LIMITS, Promise
+from rcopterx.experiments.zoo.table import FAULT_FLIGHTS, PROCESSES, ROWS
+from rcopterx.ground_station.scenario import ScenarioError
+
+FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
+ENDINGS = (
+    "killed", "stopped-0.1-s", "stopped-0.5-s", "stopped-2-s", "stopped-30-s", "spins", "slow",
+    "dies-at-start", "crash-loop",
+)  # fmt: skip
+
+
+def test_there_are_at_least_sixty_faults_and_no_name_twice() -> None:
+    assert len(FAULT_FLIGHTS) == len(ROWS) >= 60
+
+
+@pytest.mark.parametrize("what", PROCESSES)
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_everything_happens_to_every_kind_of_process(what: str, ending: str) -> None:
+    assert FAULT_FLIGHTS[f"{what}-{ending}"].launched
+
+
+def test_the_processes_of_the_table_are_those_of_the_fleet() -> None:
+    names = {spec.name for spec in processes_of(FLEET, "main")}
+    assert set(PROCESSES.values()) == names - {"simulator", "agent-h3"}
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_faults_of_the_laboratory_are_ones_that_it_knows(row: FaultFlight) -> None:
+    faults = [fault.fault(FLEET) for fault in row.faults if isinstance(fault, Inject)]
+    assert len(faults) == sum(isinstance(fault, Inject) for fault in row.faults)
+    assert row.allowed == (row.limits or LIMITS[row.promise])
+
+
+def test_a_fault_that_the_laboratory_does_not_know_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="unknown fault 'explode'"):
+        replace(Inject("occlude", "h2"), kind="explode").fault(FLEET)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_somebody_comes_down_exactly_where_that_is_promised(row: FaultFlight) -> None:
+    assert set(row.down) <= set(FLEET.vehicles)
+    assert bool(row.down) == (row.promise not in (Promise.FLIES_ON, Promise.REFUSED))
+    assert not (row.chaos and row.down)

@@ -1,0 +1,81 @@
+"""Faults of the table, flown by the command on fleets of real processes: every promise is kept."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from integration_support import fleet_text, free_port
+
+from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+
+pytestmark = pytest.mark.integration
+
+DEPENDS_ON_THE_MACHINE = "ms without a fresh command"
+QUICK = ("vicon-gateway-stopped-30-s", "transmitter-gateway-killed", "router-spins", "pose-jumps-100-ms")
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "lab.toml"
+    path.write_text(
+        fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, simulator='conditions = "helicopter"')
+    )
+    return path
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
+    # A short path, because the router's socket lives in it.
+    with TemporaryDirectory(prefix="rcopterx-") as run:
+        yield os.environ | {"RCOPTERX_RUN": run, "RCOPTERX_FLIGHTS": str(tmp_path / "flights")}
+
+
+def fly(path: Path, environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rcopterx", "fly", *arguments, "--up", "--fleet", str(path)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+def assert_promises_kept(names: tuple[str, ...], out: Path, done: subprocess.CompletedProcess[str]) -> None:
+    reports = json.loads((out / "faults.json").read_text())
+    assert {report["name"] for report in reports} == set(names), done.stderr
+    broken = {
+        report["name"]: report["problem"] or failed
+        for report in reports
+        if (failed := [
+            (check["name"], check["figure"])
+            for check in report["checks"]
+            if not check["passed"] and DEPENDS_ON_THE_MACHINE not in check["name"]
+        ]) or report["problem"]
+    }  # fmt: skip
+    assert not broken
+    assert "<h1>Flown faults" in (out / "index.html").read_text()
+
+
+@pytest.mark.timeout(240)
+def test_everybody_flies_on_whichever_of_these_goes_wrong(
+    path: Path, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    done = fly(path, environment, "--faults", *QUICK, "--no-record", "--report", str(tmp_path / "out"))
+    assert_promises_kept(QUICK, tmp_path / "out", done)
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(5400)
+def test_every_promise_of_the_table_is_kept(path: Path, tmp_path: Path, environment: dict[str, str]) -> None:
+    done = fly(path, environment, "--faults", "--report", str(tmp_path / "out"))
+    assert_promises_kept(tuple(FAULT_FLIGHTS), tmp_path / "out", done)
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("seed", range(3))
+def test_nobody_comes_down_in_chaos(path: Path, seed: int, environment: dict[str, str]) -> None:
+    done = fly(path, environment, "chaos", "--seconds", "180", "--seed", str(seed), "--json", "--no-record")
+    assert json.loads(done.stdout)["verdict"] == "passed", done.stderr
