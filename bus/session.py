@@ -112,10 +112,15 @@ class Heard(NamedTuple):
     number: int
 
 
-def _opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
-    """Client of the router at the first endpoint that answers.
+def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
+    """Zenoh client of the router at the first endpoint that answers.
 
     Zenoh spends its whole time-out on the first endpoint of a list, so they are tried in turn.
+
+    Raises
+    ------
+    BusUnreachableError
+        No router answered within the time-out.
     """
     give_up_s = time.monotonic() + timeout_s
     attempt_s = FIRST_ATTEMPT_S
@@ -171,7 +176,7 @@ class Session:
         self._taps: list[zenoh.Subscriber[None]] = []
         self._tokens: list[zenoh.LivelinessToken] = []
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
-        self._zenoh = _opened(address, timeout_s)
+        self._zenoh = opened(address, timeout_s)
         # A session that is still open when the interpreter ends waits for callbacks that cannot run any more.
         self._close = weakref.finalize(self, self._zenoh.close)
 

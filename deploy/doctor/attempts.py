@@ -1,0 +1,138 @@
+"""Tries on a running fleet what its routers must refuse; nothing of it would be obeyed if it got through.
+
+Whatever is sent has no content, so that whoever receives it rejects and counts it.
+"""
+
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from datetime import datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import zenoh
+from zenoh.handlers import Callback
+
+from rcopterx.bus.access import Seat, asked_keys, published_keys
+from rcopterx.bus.endpoints import Credentials, client_config
+from rcopterx.bus.keys import ROOT, request_key
+from rcopterx.bus.session import BusAddress, opened
+from rcopterx.deploy.certificates.files import credentials, readable
+from rcopterx.deploy.certificates.issuing import issue, new_authority
+from rcopterx.deploy.certificates.names import host_seats, operator_seats, subjects
+from rcopterx.deploy.doctor.examination import Result
+from rcopterx.deploy.fleet_file.schema import FleetFile
+
+REFUSED_S: Final = 0.5
+"""For a connection that must not come about."""
+ANSWER_S: Final = 2.0
+
+
+def strangers(fleet: FleetFile, host: str, directory: Path, now: datetime) -> Iterator[Result]:
+    """Connect to the router of a host as nobody should be able to.
+
+    Parameters
+    ----------
+    fleet, host
+        The fleet file, and whose router is tried.
+    directory
+        Of the certificates.
+    now
+        Present time, with its zone.
+    """
+    endpoint = fleet.endpoint(host)
+    plain = endpoint.replace("tls/", "tcp/", 1)
+    yield _refused(plain, None, f"router of {host}: a connection without encryption")
+    with TemporaryDirectory(prefix="rcopterx-doctor-") as name:
+        place = Path(name)
+        issue(new_authority(fleet.name, place, now), place, "operator.stranger", [], now, days=1)
+        stranger = credentials(place, "operator.stranger")
+        trusting = Credentials(
+            credentials(directory, "authority").authority, stranger.certificate, stranger.private_key
+        )
+        yield _refused(endpoint, trusting, f"router of {host}: a certificate of another authority")
+
+
+def members(fleet: FleetFile, address: BusAddress, here: str, directory: Path) -> Iterator[Result]:
+    """Say and ask, with every certificate that is here, what it does not entitle to.
+
+    Parameters
+    ----------
+    fleet
+        The fleet file.
+    address
+        Where the router of this computer is.
+    here
+        Which host this computer is.
+    directory
+        Of the certificates.
+    """
+    everybody = [seat for host in fleet.hosts for seat in host_seats(fleet, host)]
+    everybody += operator_seats(fleet)
+    with closing(opened(address, ANSWER_S)) as listener:
+        for subject in subjects(fleet, here):
+            if subject.certificate is None:
+                rogue = opened(address, ANSWER_S)
+            elif readable(directory, subject.certificate):
+                shown = credentials(directory, subject.certificate)
+                endpoint = BusAddress((fleet.endpoint(here),), fleet.name, address.namespace, "", shown)
+                rogue = opened(endpoint, ANSWER_S)
+            else:
+                continue
+            with closing(rogue):
+                yield from _tried(fleet.name, subject.name, subject.seats, everybody, rogue, listener)
+
+
+def _tried(
+    fleet: str,
+    name: str,
+    own: Sequence[Seat],
+    everybody: Sequence[Seat],
+    rogue: zenoh.Session,
+    listener: zenoh.Session,
+) -> Iterator[Result]:
+    forbidden = sorted(published_keys(fleet, everybody) - published_keys(fleet, own))
+    passed = _published(forbidden, rogue, listener)
+    yield from (Result(False, f"{name}: may publish {key}, which is not its own") for key in passed)
+    if not passed:
+        yield Result(True, f"{name}: {len(forbidden)} keys that are not its own refused")
+    forbidden = sorted(asked_keys(fleet, everybody) - asked_keys(fleet, own))
+    answered = [key for key in forbidden if list(rogue.get(key, timeout=ANSWER_S))]
+    yield from (Result(False, f"{name}: may ask {key}, which it must not") for key in answered)
+    if not answered:
+        yield Result(True, f"{name}: {len(forbidden)} requests that it must not make refused")
+
+
+def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Session) -> list[str]:
+    """Which of these keys get through."""
+    heard: set[str] = set()
+    lock = threading.Lock()
+
+    def hear(sample: zenoh.Sample) -> None:
+        if not sample.payload.to_bytes():
+            with lock:
+                heard.add(str(sample.key_expr))
+
+    subscriber = listener.declare_subscriber(f"{ROOT}/**", Callback(hear, indirect=False))
+    _round_trip(listener)
+    for key in keys:
+        rogue.put(key, b"")
+    # A router answers after it has passed on what came before; then it answers the listener behind that.
+    _round_trip(rogue)
+    _round_trip(listener)
+    subscriber.undeclare()
+    with lock:
+        return sorted(heard & set(keys))
+
+
+def _round_trip(session: zenoh.Session) -> None:
+    list(session.get(request_key("*", "*", "identify"), timeout=ANSWER_S, target=zenoh.QueryTarget.ALL))
+
+
+def _refused(endpoint: str, shown: Credentials | None, what: str) -> Result:
+    try:
+        zenoh.open(client_config([endpoint], None, REFUSED_S, shown)).close()
+    except zenoh.ZError:
+        return Result(True, f"{what} is refused")
+    return Result(False, f"{what} is let in")

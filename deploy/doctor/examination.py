@@ -1,0 +1,110 @@
+"""Looks at this computer before a fleet flies from it: every finding says what to do about it."""
+
+import os
+import resource
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, readable
+from rcopterx.deploy.certificates.names import certificate_names, host_name
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.deploy.run_directory import run_directory
+
+CAP_SYS_NICE: Final = 23
+"""Number of the capability to raise priorities."""
+
+
+class Result(NamedTuple):
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    good
+        False for a finding.
+    text
+        What was found, and what to do about it.
+    """
+
+    good: bool
+    text: str
+
+
+def examine(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
+    """Look at everything that needs no running fleet.
+
+    Parameters
+    ----------
+    fleet, host
+        The fleet file, and which host this computer is.
+    now
+        Present time, with its zone.
+    """
+    yield real_time(
+        max(priority.of(fleet) for priority in Priority),
+        resource.getrlimit(resource.RLIMIT_RTPRIO)[0],
+        _capabilities(),
+    )
+    try:
+        yield Result(True, f"run directory {run_directory(fleet.name, fleet.bus.namespace)} is yours alone")
+    except OSError as error:
+        yield Result(False, str(error))
+    yield from certificates(fleet, host, now)
+
+
+def real_time(priority: int, limit: int, capabilities: int) -> Result:
+    """Whether processes may take their real-time priorities.
+
+    Parameters
+    ----------
+    priority
+        Highest SCHED_FIFO priority the fleet asks for; 0 for none.
+    limit
+        `RLIMIT_RTPRIO`; -1 for none.
+    capabilities
+        Effective capabilities of this process, one bit for each.
+    """
+    if priority == 0:
+        return Result(True, "the fleet file asks for no real-time priority")
+    if limit == resource.RLIM_INFINITY or limit >= priority or capabilities >> CAP_SYS_NICE & 1:
+        return Result(True, f"real-time priorities up to {priority} are permitted")
+    return Result(
+        False,
+        f"real-time priorities up to {priority} are not permitted (limit {limit}): "
+        f"echo '@dialout - rtprio {max(40, priority)}' | sudo tee /etc/security/limits.d/rcopterx.conf; "
+        "sudo usermod -a -G dialout $USER; then log in again",
+    )
+
+
+def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
+    """Whether the certificates that are here can be used, and whether they are needed."""
+    directory = directory_of(fleet)
+    if directory is None:
+        if fleet.security.insecure:
+            yield Result(
+                False, "security.insecure: whoever reaches a host can steer the fleet; rcopterx certs helps"
+            )
+        else:
+            yield Result(True, "no certificates: only this computer reaches the fleet")
+        return
+    # The library takes its time to import, and fleets on one computer do without.
+    from rcopterx.deploy.certificates.inspection import expiry_warning, problem
+
+    for name in certificate_names(fleet):
+        if name != host_name(host) and not readable(directory, name):
+            continue
+        wrong = problem(directory, name, now)
+        warning = wrong or expiry_warning(directory, name, now)
+        yield Result(warning is None, warning or f"certificate {name} is valid")
+    key = directory / f"{AUTHORITY}.key"
+    if key.exists() and len(fleet.hosts) > 1:
+        yield Result(True, f"{key} can issue certificates; it needs to be on one computer only")
+
+
+def _capabilities() -> int:
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("CapEff:"):
+            return int(line.split()[1], 16)
+    return (1 << CAP_SYS_NICE) if os.geteuid() == 0 else 0

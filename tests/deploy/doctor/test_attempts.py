@@ -1,0 +1,58 @@
+"""What a router must refuse is tried on real ones: those that do, and those that do not."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+
+import pytest
+from msgspec import structs
+from support.bus import router
+from support.secured import SecuredBus, secured_bus
+
+from rcopterx.bus.channels import FLEET_UNIT, KILL, key
+from rcopterx.bus.session import BusAddress
+from rcopterx.deploy.doctor import attempts
+from rcopterx.deploy.fleet_file.schema import HostConfig
+
+
+@pytest.fixture(scope="module")
+def bus() -> Iterator[SecuredBus]:
+    with secured_bus() as made:
+        yield made
+
+
+def results(bus: SecuredBus, host: str) -> list[attempts.Result]:
+    directory = bus.directory / "certificates"
+    address = BusAddress((bus.socket(host),), "lab")
+    return [
+        *attempts.strangers(bus.fleet, host, directory, datetime.now(UTC)),
+        *attempts.members(bus.fleet, address, host, directory),
+    ]
+
+
+@pytest.mark.parametrize("host", ["main", "second"])
+def test_a_fleet_with_certificates_has_no_findings(bus: SecuredBus, host: str) -> None:
+    found = results(bus, host)
+    assert [result.text for result in found if not result.good] == []
+    assert len(found) > 10
+
+
+def test_routers_that_let_through_more_than_the_fleet_file_says_are_found(bus: SecuredBus) -> None:
+    hosts = {name: structs.replace(host, steering=False) for name, host in bus.fleet.hosts.items()}
+    stricter = structs.replace(bus.fleet, hosts=hosts)
+    directory = bus.directory / "certificates"
+    address = BusAddress((bus.socket("main"),), "lab")
+    findings = [one.text for one in attempts.members(stricter, address, "main", directory) if not one.good]
+    for name in ("local", "host.main"):
+        kill = key("lab", FLEET_UNIT, KILL.topic)
+        assert f"{name}: may publish {kill}, which is not its own" in findings
+
+
+def test_a_router_without_certificates_is_found(bus: SecuredBus) -> None:
+    directory = bus.directory / "certificates"
+    with router() as address:
+        port = int(address.endpoints[0].rpartition(":")[2])
+        hosts = {"main": HostConfig(router_port=port)}
+        fleet = structs.replace(bus.fleet, hosts=hosts)
+        plain, _ = attempts.strangers(fleet, "main", directory, datetime.now(UTC))
+    assert not plain.good
+    assert plain.text == "router of main: a connection without encryption is let in"

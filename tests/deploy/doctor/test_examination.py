@@ -1,0 +1,54 @@
+"""What is said of this computer, and how to mend it."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from support.fleets import PAIR
+
+from rcopterx.deploy.certificates.fleet_certificates import make_certificates
+from rcopterx.deploy.doctor.examination import CAP_SYS_NICE, certificates, real_time
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+
+NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("priority", "limit", "capabilities", "good"),
+    [
+        (0, 0, 0, True), (28, 0, 0, False), (28, 27, 0, False), (28, 28, 0, True), (28, 40, 0, True),
+        (28, -1, 0, True), (28, 0, 1 << CAP_SYS_NICE, True), (28, 0, ~(1 << CAP_SYS_NICE), False),
+    ],
+)  # fmt: skip
+def test_real_time_priorities_need_a_limit_or_a_capability(
+    priority: int, limit: int, capabilities: int, good: bool
+) -> None:
+    result = real_time(priority, limit, capabilities)
+    assert result.good is good
+    assert good or "sudo tee /etc/security/limits.d/rcopterx.conf" in result.text
+
+
+def test_a_fleet_that_only_this_computer_reaches_needs_no_certificates() -> None:
+    assert [result.good for result in certificates(parse_fleet(PAIR), "main", NOW)] == [True]
+
+
+def test_a_fleet_that_everybody_may_steer_is_a_finding() -> None:
+    fleet = parse_fleet(f"{PAIR}[security]\ninsecure = true")
+    assert [result.good for result in certificates(fleet, "main", NOW)] == [False]
+
+
+def test_every_certificate_that_is_here_is_looked_at(tmp_path: Path) -> None:
+    fleet = parse_fleet(f'{PAIR}[security]\ncertificates = "{tmp_path}"')
+    (missing,) = certificates(fleet, "main", NOW)
+    assert not missing.good
+    assert "No such file" in missing.text
+    make_certificates(fleet, NOW, 20)
+    names = ["host.main", "agent.h1", "agent.h2", "operator.lab", "watcher.lab"]
+    found = list(certificates(fleet, "main", NOW))
+    assert [(result.good, result.text) for result in found] == [
+        (True, f"certificate {name} is valid") for name in names
+    ]
+    later = list(certificates(fleet, "main", NOW + timedelta(days=10)))
+    assert all("expires in 10 days" in result.text and not result.good for result in later)
+    (tmp_path / "agent.h2.key").unlink()
+    assert len(list(certificates(fleet, "main", NOW))) == len(names) - 1
