@@ -115,7 +115,7 @@ def run(options: Options, tell: Tell) -> Result:
         )
         for name, seed in cases
     ]
-    flights = run_all(works, options.processes, tell)
+    flights = run_all(works, options, tell)
     document = {
         name: figures(links, [errors for (own, _), errors in zip(cases, flights, strict=True) if own == name])
         for name, links in formations.items()

@@ -235,7 +235,7 @@ def run(options: Options, tell: Tell) -> Result:
         for level, seed in cases
     ]
     flown: dict[Level, dict[int, Flown]] = {level: {} for level in LEVELS}
-    for (level, seed), figures in zip(cases, run_all(works, options.processes, tell), strict=True):
+    for (level, seed), figures in zip(cases, run_all(works, options, tell), strict=True):
         flown[level][seed] = figures
     document: dict[str, dict[str, Any]] = {}
     for level, vehicles in flown.items():

@@ -72,7 +72,7 @@ def run(options: Options, tell: Tell) -> Result:
         for level, seed in cases
     ]
     fleets: dict[str, dict[int, Flown]] = {level: {} for level in LEVELS}
-    for (level, seed), flown in zip(cases, run_all(works, options.processes, tell), strict=True):
+    for (level, seed), flown in zip(cases, run_all(works, options, tell), strict=True):
         fleets[level][seed] = flown
     document = {level: figures(flown) for level, flown in fleets.items()}
     return Result(document, partial(draw_fleets, document, options.preset))

@@ -213,7 +213,7 @@ def run(options: Options, tell: Tell) -> Result:
     shown = [Case(scheme.name, options.preset, options.seeds[0]) for scheme in (PAPER, CASCADE)]
     works = [
         Work(
-            f"{case.scheme}, {case.condition}, seed {case.seed}",
+            f"{case.scheme}, {case.condition}, seed {case.seed}" + (", recorded" if case in shown else ""),
             partial(
                 fly_formation,
                 schemes[case.scheme],
@@ -225,7 +225,7 @@ def run(options: Options, tell: Tell) -> Result:
         )
         for case in cases
     ]
-    flights = dict(zip(cases, run_all(works, options.processes, tell), strict=True))
+    flights = dict(zip(cases, run_all(works, options, tell), strict=True))
     records = {
         schemes[case.scheme].title: record for case in shown if (record := flights[case].record) is not None
     }

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -96,7 +96,7 @@ def run(options: Options, tell: Tell) -> Result:
         )
         for scheme, horizon, seed in cases
     ]
-    flights = run_all(works, 1, tell)
+    flights = run_all(works, replace(options, processes=1), tell)
     table: dict[str, dict[str, dict[str, float]]] = {}
     for horizon in horizons:
         table[str(horizon)] = {}

@@ -88,7 +88,7 @@ def run(options: Options, tell: Tell) -> Result:
         )
         for setting, seed in cases
     ]
-    flights = run_all(works, options.processes, tell)
+    flights = run_all(works, options, tell)
     document = {}
     for setting in settings:
         own = [errors for (other, _), errors in zip(cases, flights, strict=True) if other is setting]

@@ -127,7 +127,7 @@ def run(options: Options, tell: Tell) -> Result:
         )
         for condition, setting, seed in cases
     ]
-    flights = run_all(works, options.processes, tell)
+    flights = run_all(works, options, tell)
     groups: dict[str, dict[str, list[Flown]]] = {condition: {} for condition in options.beside_ideal}
     for (condition, setting, _), flight in zip(cases, flights, strict=True):
         groups[condition].setdefault(setting.name, []).append(flight)

@@ -4,8 +4,10 @@ import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic, TypeVar
 
+from rcopterx.experiments.kept import KeptFlights
 from rcopterx.experiments.knowledge import flies_helicopters
 from rcopterx.experiments.rig import Progress
 from rcopterx.simulator.conditions import PRESETS, Conditions
@@ -30,12 +32,15 @@ class Options:
         Processor cores to use. Flights do not depend on it, measured computing times do.
     preset
         Name of the laboratory's conditions, of `rcopterx.simulator.conditions.PRESETS`.
+    kept
+        Flights that need not be flown again, and where those that are flown are kept.
     """
 
     seeds: tuple[int, ...]
     quick: bool = False
     processes: int = 1
     preset: str = "laboratory"
+    kept: KeptFlights | None = None
 
     @property
     def conditions(self) -> Conditions:
@@ -72,21 +77,21 @@ class Result:
 
 @dataclass(frozen=True)
 class Work(Generic[T]):
-    """One flight: a label and a function that another process can be sent."""
+    """One flight: a label, and a function that another process can be sent, given how to tell the progress."""
 
     label: str
-    run: Callable[[Progress | None], T]
+    run: "partial[T]"
 
 
-def run_all(works: Sequence[Work[T]], processes: int, tell: Tell) -> list[T]:
-    """Do all work.
+def run_all(works: Sequence[Work[T]], options: Options, tell: Tell) -> list[T]:
+    """Do all work that is not kept.
 
     Parameters
     ----------
     works
-        Independent of each other.
-    processes
-        Processes to use; 1 stays in this one.
+        Independent of each other; no two labels are the same.
+    options
+        Processes to use, of which one stays in this one, and kept flights.
     tell
         Progress; within a flight only if it stays in this process.
 
@@ -94,18 +99,35 @@ def run_all(works: Sequence[Work[T]], processes: int, tell: Tell) -> list[T]:
     -------
     list
         Results in the order of the works.
+
+    Raises
+    ------
+    KeptFlightsError
+        A kept flight is not what this experiment keeps.
     """
-    if processes == 1:
-        return [_run_here(work, done, len(works), tell) for done, work in enumerate(works)]
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        futures = {pool.submit(work.run, None): work for work in works}
-        for done, future in enumerate(as_completed(futures), 1):
-            future.result()
-            tell(futures[future].label, done / len(works))
-        return [future.result() for future in futures]
+    kept = options.kept
+    results: dict[str, T] = {}
+    if kept is not None:
+        results |= {work.label: kept.result(work.label, work.run) for work in works if work.label in kept}
+    todo = [work for work in works if work.label not in results]
+
+    def finished(work: Work[T], result: T) -> None:
+        results[work.label] = result
+        if kept is not None:
+            kept.add(work.label, result)
+        tell(work.label, len(results) / len(works))
+
+    if options.processes == 1:
+        for work in todo:
+            done = len(results)
+            finished(work, work.run(_within(work.label, done, len(works), tell)))
+    else:
+        with ProcessPoolExecutor(options.processes, multiprocessing.get_context("spawn")) as pool:
+            futures = {pool.submit(work.run, None): work for work in todo}
+            for future in as_completed(futures):
+                finished(futures[future], future.result())
+    return [results[work.label] for work in works]
 
 
-def _run_here(work: Work[T], done: int, total: int, tell: Tell) -> T:
-    result = work.run(lambda fraction: tell(work.label, (done + fraction) / total))
-    tell(work.label, (done + 1) / total)
-    return result
+def _within(label: str, done: int, total: int, tell: Tell) -> Progress:
+    return lambda fraction: tell(label, (done + fraction) / total)

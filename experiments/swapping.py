@@ -159,7 +159,7 @@ def run(options: Options, tell: Tell) -> Result:
         Work(f"{case}, seed {seed}", partial(fly_swap, case, options.conditions, seed, options.quick))
         for case, seed in flights
     ]
-    swaps = dict(zip(flights, run_all(works, options.processes, tell), strict=True))
+    swaps = dict(zip(flights, run_all(works, options, tell), strict=True))
     document: dict[str, Any] = {
         "vehicles": QUICK_VEHICLES if options.quick else VEHICLES,
         "hard_distance_m": HARD_M,

@@ -123,7 +123,7 @@ def run(options: Options, tell: Tell) -> Result:
         for row, factors, seed in cases
     ]
     errors: dict[str, dict[Factors, list[float]]] = {row.scheme.name: {} for row in ROWS}
-    for (row, factors, _), error_mm in zip(cases, run_all(works, options.processes, tell), strict=True):
+    for (row, factors, _), error_mm in zip(cases, run_all(works, options, tell), strict=True):
         errors[row.scheme.name].setdefault(factors, []).append(error_mm)
     document = {row.scheme.name: judged(row, errors[row.scheme.name]) for row in ROWS}
     return Result(document, partial(draw_tuning, document))

@@ -94,7 +94,7 @@ def run(options: Options, tell: Tell) -> Result:
         )
         for condition, arm_m, seed in cases
     ]
-    flights = run_all(works, options.processes, tell)
+    flights = run_all(works, options, tell)
     document: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
     for condition in options.beside_ideal:
         document[condition] = {}

@@ -47,10 +47,18 @@ def experiment(
             help=f"Conditions of the laboratory: {', '.join(PRESETS)}. Without it the experiment's own.",
         ),
     ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Keep every finished flight in this file, and do not fly again what it has of the same code.",
+        ),
+    ] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
 ) -> None:
     """Fly an experiment of the paper in simulation, faster than real time, and tell its figures."""
     from rcopterx.experiments.catalogue import EXPERIMENTS, save_figure
+    from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
     from rcopterx.experiments.runner import Options
 
     if show_list:
@@ -71,8 +79,13 @@ def experiment(
     check_plot(plot)
     documents = {}
     for preset in presets:
-        options = Options(numbers or chosen.seeds(preset, seed), quick, processes, preset)
-        result = chosen.run(options, ProgressLine(name))
+        try:
+            context = {"experiment": name, "conditions": preset, "quick": quick}
+            kept = None if resume is None else KeptFlights(resume, context)
+            options = Options(numbers or chosen.seeds(preset, seed), quick, processes, preset, kept)
+            result = chosen.run(options, ProgressLine(name))
+        except KeptFlightsError as error:
+            raise typer.BadParameter(str(error), param_hint="--resume") from None
         documents[preset] = result.document
         if plot is not None:
             path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")

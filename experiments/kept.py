@@ -1,0 +1,125 @@
+"""Flights of an experiment that are kept in a file, so that an experiment that was interrupted goes on.
+
+One line of JSON per flight. A flight comes out the same only while the code and what is asked for are the same,
+so a line also says which code, conditions and length it was flown with; lines of others are left alone.
+"""
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, Final, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+
+from rcopterx import agents, bus, experiments, simulator, vehicles
+
+FLOWN_BY: Final = (agents, bus, experiments, simulator, vehicles)
+"""Packages whose code decides how a flight comes out."""
+
+
+class KeptFlightsError(ValueError):
+    """The file cannot be used; says why."""
+
+
+class KeptFlights:
+    """Results of flights by label, in a file that grows with every one of them.
+
+    Parameters
+    ----------
+    path
+        The file; made if there is none.
+    context
+        What besides label and code a flight depends on, as JSON.
+
+    Raises
+    ------
+    KeptFlightsError
+        A line that is no kept flight, or a file that cannot be read or written.
+    """
+
+    def __init__(self, path: Path, context: Mapping[str, object]) -> None:
+        self._path = path
+        self._context = {**context, "code": code_digest()}
+        self._found: dict[str, object] = {}
+        try:
+            self._load()
+        except OSError as error:
+            raise KeptFlightsError(f"{path}: {error.strerror}") from error
+
+    def __len__(self) -> int:
+        """Number of flights that need not be flown again."""
+        return len(self._found)
+
+    def __contains__(self, label: str) -> bool:
+        """Whether a flight is kept."""
+        return label in self._found
+
+    def result(self, label: str, flight: partial[Any]) -> Any:
+        """Result of a kept flight.
+
+        Parameters
+        ----------
+        label
+            Of the flight.
+        flight
+            The function that would fly it; the type that it returns is that of the result.
+
+        Raises
+        ------
+        KeptFlightsError
+            What is kept is not of this type.
+        """
+        kind = get_type_hints(flight.func)["return"]
+        try:
+            return msgspec.convert(self._found[label], kind, dec_hook=_array)
+        except msgspec.ValidationError as error:
+            raise KeptFlightsError(f"{self._path}: {label}: {error}") from error
+
+    def add(self, label: str, result: object) -> None:
+        """Keep a flight that was just flown."""
+        plain = msgspec.to_builtins(result, enc_hook=_plain)
+        self._found[label] = plain
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({**self._context, "flight": label, "result": plain}) + "\n")
+
+    def _load(self) -> None:
+        text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
+        whole = text[: text.rfind("\n") + 1]
+        if whole != text or not self._path.exists():
+            # The last line of an experiment that was killed in the middle of writing it.
+            self._path.write_text(whole, encoding="utf-8")
+        for number, line in enumerate(whole.splitlines(), 1):
+            try:
+                row = json.loads(line)
+                label, result = row.pop("flight"), row.pop("result")
+            except (ValueError, AttributeError, KeyError, TypeError) as error:
+                raise KeptFlightsError(f"{self._path}, line {number}: not a kept flight") from error
+            if row == self._context:
+                self._found[label] = result
+
+
+@lru_cache(maxsize=1)
+def code_digest() -> str:
+    """Digest of the source files that decide how a flight comes out."""
+    digest = hashlib.sha256()
+    for package in FLOWN_BY:
+        for file in sorted(Path(package.__path__[0]).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray):
+        little = np.ascontiguousarray(value, dtype="<f8")
+        return {"shape": value.shape, "float64": base64.b64encode(little.tobytes()).decode()}
+    raise NotImplementedError(f"{type(value).__name__} cannot be kept")
+
+
+def _array(kind: Any, value: Any) -> object:
+    if get_origin(kind) is not np.ndarray:
+        raise NotImplementedError(f"{kind} cannot be kept")
+    return np.frombuffer(base64.b64decode(value["float64"]), "<f8").reshape(value["shape"]).copy()
