@@ -40,6 +40,8 @@ class Experiment:
         Runs it.
     first_seed
         Where none is given; None leaves it to the conditions.
+    compares_knowledge
+        Whether it flies at every level of `Options.knowledge`.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Experiment:
     flights: Mapping[str, int]
     run: Callable[[Options, Tell], Result]
     first_seed: int | None = None
+    compares_knowledge: bool = False
 
     def seeds(self, preset: str, first: int | None = None) -> tuple[int, ...]:
         """Seeds in some conditions, from the first one on."""
@@ -107,9 +110,14 @@ EXPERIMENTS: Final = MappingProxyType(
                 "Fifty drawn helicopters hover, step, turn and fly an eight",
                 {"helicopters": 50},
                 family.run,
+                compares_knowledge=True,
             ),
             Experiment(
-                "fleets", "Formations of ten fleets of drawn helicopters", {"helicopters": 10}, fleets.run
+                "fleets",
+                "Formations of ten fleets of drawn helicopters",
+                {"helicopters": 10},
+                fleets.run,
+                compares_knowledge=True,
             ),
             Experiment(
                 "tuning",

@@ -97,8 +97,9 @@ class Level:
         )
 
 
-KNOWLEDGE: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
-LEVELS: Final = tuple(Level(knowledge, tilt) for knowledge, tilt in product(KNOWLEDGE, (True, False)))
+def levels_of(knowledge: Sequence[Knowledge]) -> tuple[Level, ...]:
+    """Every level of knowledge with the tilt measured and without."""
+    return tuple(Level(known, tilt) for known, tilt in product(knowledge, (True, False)))
 
 
 @dataclass(frozen=True)
@@ -226,7 +227,8 @@ def run(options: Options, tell: Tell) -> Result:
     """
     seeds = options.seeds[:QUICK_VEHICLES] if options.quick else options.seeds
     programme = QUICK_PROGRAMME if options.quick else PROGRAMME
-    cases = list(product(LEVELS, seeds))
+    levels = levels_of(options.knowledge)
+    cases = list(product(levels, seeds))
     works = [
         Work(
             f"{level.title}, seed {seed}",
@@ -234,7 +236,7 @@ def run(options: Options, tell: Tell) -> Result:
         )
         for level, seed in cases
     ]
-    flown: dict[Level, dict[int, Flown]] = {level: {} for level in LEVELS}
+    flown: dict[Level, dict[int, Flown]] = {level: {} for level in levels}
     for (level, seed), figures in zip(cases, run_all(works, options, tell), strict=True):
         flown[level][seed] = figures
     document: dict[str, dict[str, Any]] = {}

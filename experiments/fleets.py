@@ -20,7 +20,6 @@ from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 
-LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
     {"default": (45.0, 220.0), "identified": (22.0, 100.0), "exact": (16.0, 70.0)}
 )
@@ -66,12 +65,12 @@ def run(options: Options, tell: Tell) -> Result:
     Result
         Document: knowledge -> figures over the fleets, and `per_fleet`.
     """
-    cases = list(product(LEVELS, options.seeds))
+    cases = list(product(options.knowledge, options.seeds))
     works = [
         Work(f"{level}, seed {seed}", partial(fly_fleet, level, options.conditions, seed, options.quick))
         for level, seed in cases
     ]
-    fleets: dict[str, dict[int, Flown]] = {level: {} for level in LEVELS}
+    fleets: dict[str, dict[int, Flown]] = {level: {} for level in options.knowledge}
     for (level, seed), flown in zip(cases, run_all(works, options, tell), strict=True):
         fleets[level][seed] = flown
     document = {level: figures(flown) for level, flown in fleets.items()}

@@ -87,11 +87,9 @@ class KeptFlights:
             file.write(json.dumps({**self._context, "flight": label, "result": plain}) + "\n")
 
     def _load(self) -> None:
-        text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
+        there = self._path.exists()
+        text = self._path.read_text(encoding="utf-8") if there else ""
         whole = text[: text.rfind("\n") + 1]
-        if whole != text or not self._path.exists():
-            # The last line of an experiment that was killed in the middle of writing it.
-            self._path.write_text(whole, encoding="utf-8")
         for number, line in enumerate(whole.splitlines(), 1):
             try:
                 row = json.loads(line)
@@ -100,6 +98,9 @@ class KeptFlights:
                 raise KeptFlightsError(f"{self._path}, line {number}: not a kept flight") from error
             if row == self._context:
                 self._found[label] = result
+        if whole != text or not there:
+            # What is cut off is the last line of an experiment that was killed while it wrote it.
+            self._path.write_text(whole, encoding="utf-8")
 
 
 @lru_cache(maxsize=1)

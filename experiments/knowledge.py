@@ -21,6 +21,8 @@ Knowledge = Literal["default", "identified", "exact", "lag", "late"]
 the fit was refused. `exact`: the true parameters. `lag`: the type, but first-order lags in place of the tilt.
 `late`: the type, and a transport delay one period shorter than it is."""
 
+LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
+"""Levels of knowledge that a laboratory may have of its vehicles; the others are for comparisons."""
 LATE_S: Final = 0.02
 
 

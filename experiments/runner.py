@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 from rcopterx.experiments.kept import KeptFlights
-from rcopterx.experiments.knowledge import flies_helicopters
+from rcopterx.experiments.knowledge import LEVELS, Knowledge, flies_helicopters
 from rcopterx.experiments.rig import Progress
 from rcopterx.simulator.conditions import PRESETS, Conditions
 
@@ -34,6 +34,8 @@ class Options:
         Name of the laboratory's conditions, of `rcopterx.simulator.conditions.PRESETS`.
     kept
         Flights that need not be flown again, and where those that are flown are kept.
+    knowledge
+        What pilots know of their vehicles, for experiments that compare that.
     """
 
     seeds: tuple[int, ...]
@@ -41,6 +43,7 @@ class Options:
     processes: int = 1
     preset: str = "laboratory"
     kept: KeptFlights | None = None
+    knowledge: tuple[Knowledge, ...] = LEVELS
 
     @property
     def conditions(self) -> Conditions:

@@ -5,12 +5,16 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rcopterx.commands.numbers import different_numbers
 from rcopterx.simulator.conditions import PRESETS
+
+if TYPE_CHECKING:
+    from rcopterx.experiments.catalogue import Experiment
+    from rcopterx.experiments.knowledge import Knowledge
 
 QUICK_HELP = "Short flights, to see that it works; the figures mean little."
 
@@ -47,11 +51,18 @@ def experiment(
             help=f"Conditions of the laboratory: {', '.join(PRESETS)}. Without it the experiment's own.",
         ),
     ] = None,
+    knowledge: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LEVEL,...",
+            help="What pilots know of their vehicles, of default, identified, exact; all of them without it.",
+        ),
+    ] = None,
     resume: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Keep every finished flight in this file, and do not fly again what it has of the same code.",
+            help="Keep finished flights in this file, and do not fly again what it has of the same code.",
         ),
     ] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
@@ -76,13 +87,15 @@ def experiment(
     chosen = EXPERIMENTS[name]
     presets = list(chosen.flights) if conditions is None else [conditions]
     numbers = None if seeds is None else different_numbers(seeds, "--seeds")
+    levels = knowledge_levels(knowledge, chosen)
     check_plot(plot)
     documents = {}
     for preset in presets:
         try:
             context = {"experiment": name, "conditions": preset, "quick": quick}
             kept = None if resume is None else KeptFlights(resume, context)
-            options = Options(numbers or chosen.seeds(preset, seed), quick, processes, preset, kept)
+            flown = numbers or chosen.seeds(preset, seed)
+            options = Options(flown, quick, processes, preset, kept, levels)
             result = chosen.run(options, ProgressLine(name))
         except KeptFlightsError as error:
             raise typer.BadParameter(str(error), param_hint="--resume") from None
@@ -93,6 +106,21 @@ def experiment(
             typer.echo(f"figure: {path}", err=True)
     document = documents if len(presets) > 1 else documents[presets[0]]
     typer.echo(json.dumps(document, indent=2) if as_json else readable(document))
+
+
+def knowledge_levels(chosen: str | None, row: "Experiment") -> "tuple[Knowledge, ...]":
+    """Levels of knowledge that the command names, in the usual order; all without a word."""
+    from rcopterx.experiments.knowledge import LEVELS
+
+    if chosen is None:
+        return LEVELS
+    if not row.compares_knowledge:
+        raise typer.BadParameter(f"{row.name} does not compare it", param_hint="--knowledge")
+    names = [name.strip() for name in chosen.split(",")]
+    if unknown := [name for name in names if name not in LEVELS]:
+        known = ", ".join(LEVELS)
+        raise typer.BadParameter(f"unknown {unknown[0]!r}, known are {known}", param_hint="--knowledge")
+    return tuple(level for level in LEVELS if level in names)
 
 
 class ProgressLine:

@@ -9,8 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
+from rcopterx.experiments.family import Flown
 from rcopterx.experiments.runner import Options, Work, run_all
-from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.experiments.schemes import Scheme
+from rcopterx.simulator.conditions import HELICOPTERS, Conditions
 
 runner = CliRunner()
 
@@ -138,6 +140,9 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
         (["tea"], "known are hover, horizon, formation, preview, chain"),
         (["hover", "--seeds", "1,x"], "different whole numbers"),
         (["hover", "--seeds", "1,1"], "different whole numbers"),
+        (["family", "--knowledge", "default,guessed"], "unknown 'guessed', known are default, identified"),
+        (["hover", "--knowledge", "exact"], "hover does not compare it"),
+        (["family", "--resume", "/nowhere/flights.jsonl"], "No such file or directory"),
         (["hover", "--plot", "figure.doc"], "allowed endings"),
         (["hover", "--plot", "/nowhere/figure.png"], "cannot be written"),
     ],
@@ -148,11 +153,35 @@ def test_mistakes_are_refused_before_anything_flies(arguments: list[str], messag
     assert message in " ".join(result.stderr.replace("│", " ").split())
 
 
+def test_interrupted_experiment_flies_only_what_its_file_lacks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[int] = []
+
+    def fly(scheme: Scheme, conditions: Conditions, seed: int, *_: object) -> Flown:
+        flown.append(seed)
+        if seed == 101 and len(flown) == 2:
+            raise KeyboardInterrupt
+        return Flown(float(seed), 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, False, False, 0)
+
+    monkeypatch.setattr("rcopterx.experiments.family.fly_member", fly)
+    flights = tmp_path / "flights.jsonl"
+    arguments = ["family", "--seeds", "100,101", "--knowledge", "exact", "--resume", str(flights), "--json"]
+    assert runner.invoke(app, ["experiment", *arguments]).exit_code != 0
+    result = runner.invoke(app, ["experiment", *arguments])
+    assert result.exit_code == 0, result.output
+    assert flown == [100, 101, 101, 100, 101]
+    table = json.loads(result.stdout)
+    assert list(table) == ["exact"]
+    assert table["exact"]["tilt measured"]["hover_mm"]["worst"] == 101.0
+
+
 def test_work_on_several_cores_returns_in_order() -> None:
     told: list[float] = []
     works = [Work(str(index), partial(_square, index)) for index in range(4)]
     for processes in (1, 2):
-        assert run_all(works, processes, lambda _, fraction: told.append(fraction)) == [0, 1, 4, 9]
+        options = Options((0,), processes=processes)
+        assert run_all(works, options, lambda _, fraction: told.append(fraction)) == [0, 1, 4, 9]
         assert told[-1] == 1.0
 
 

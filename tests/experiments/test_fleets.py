@@ -6,8 +6,9 @@ import pytest
 
 from rcopterx.experiments import fleets
 from rcopterx.experiments.catalogue import save_figure
-from rcopterx.experiments.fleets import LEVELS, Flown, figures, fly_fleet
+from rcopterx.experiments.fleets import Flown, figures, fly_fleet
 from rcopterx.experiments.formation import SLOTS
+from rcopterx.experiments.knowledge import LEVELS
 from rcopterx.experiments.runner import Options
 from rcopterx.simulator.conditions import HELICOPTERS
 
