@@ -1,6 +1,6 @@
-"""Flights of an experiment that are kept in a file, so that an experiment that was interrupted goes on.
+"""Flights of an experiment that are kept in a file, so that an interrupted experiment goes on.
 
-One line of JSON per flight. A flight comes out the same only while the code and what is asked for are the same,
+One line of JSON per flight. A flight comes out the same only while the code and what is asked for do,
 so a line also says which code, conditions and length it was flown with; lines of others are left alone.
 """
 

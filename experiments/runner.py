@@ -80,7 +80,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Work(Generic[T]):
-    """One flight: a label, and a function that another process can be sent, given how to tell the progress."""
+    """One flight: a label, and a function of how to tell the progress, which another process can be sent."""
 
     label: str
     run: "partial[T]"

@@ -36,7 +36,7 @@ COAXIAL: Final = replace(
     thrust_coupling=2.4,
     tilt=TiltModel(
         frequency_rad_s=12.7,
-        damping_ratio=0.25,
+        damping_ratio=0.1,
         bar_time_constant_s=1.25,
         upper_phase_rad=-0.112,
         lower_phase_rad=0.297,
@@ -47,7 +47,9 @@ COAXIAL: Final = replace(
     uncertainty=UNIDENTIFIED,
 )
 """A coaxial helicopter with stabilizer bar of which nothing else is known: gains and limits of the mCX2, tilt
-of the Skybotix CoaX shrunk to between the mCX2 and itself (helicopter.md sections 2, 3)."""
+of the Skybotix CoaX shrunk to between the mCX2 and itself (helicopter.md sections 2, 3). Its damping is the
+least that such a vehicle is taken to have: damping that is assumed and not there makes the loop unstable,
+damping that is there and not assumed costs nothing."""
 
 TYPES: Final = MappingProxyType({model.kind: model for model in (COAXIAL, COAXIAL_LAG, QUADROTOR)})
 """Vehicle types by name."""

@@ -12,8 +12,10 @@ from rcopterx.agents.controllers.cascade.weights import (
     default_state_weights,
 )
 from rcopterx.agents.margins.axes import lag_loop, tilt_loop
+from rcopterx.agents.margins.loop import Perturbation
 from rcopterx.agents.margins.search import bears, shortfalls
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
+from rcopterx.vehicles.state import U_THRUST, U_YAW
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
 
@@ -97,7 +99,7 @@ def test_a_stick_of_twice_the_gain_has_four_times_the_weight() -> None:
     twice = replace(COAXIAL, input_gain=(4.0, 4.2, 18.0, 111.0))
     light, heavy = (default_input_weights(model, PERIOD_S) for model in (COAXIAL, twice))
     assert heavy[:2] == pytest.approx([4 * weight for weight in light[:2]])
-    assert light[0] == pytest.approx(DEMAND_FLOOR * 4.0)
+    assert light[0] == pytest.approx(DEMAND_FLOOR.of(COAXIAL) * 4.0)
 
 
 def test_a_slow_lightly_damped_vehicle_with_a_long_delay_is_flown_softer() -> None:
@@ -106,6 +108,36 @@ def test_a_slow_lightly_damped_vehicle_with_a_long_delay_is_flown_softer() -> No
     hard = replace(COAXIAL, tilt=slow, delay_s=0.05)
     floor = default_input_weights(COAXIAL, PERIOD_S)[0]
     assert default_input_weights(hard, PERIOD_S)[0] > 1.4 * floor
+
+
+@pytest.mark.parametrize("frequency_rad_s", [9.0, 13.0, 18.0])
+@pytest.mark.parametrize("damping_ratio", [0.1, 0.5])
+def test_type_bears_any_tilt_of_its_family_with_a_period_more_delay(
+    frequency_rad_s: float, damping_ratio: float
+) -> None:
+    assert COAXIAL.tilt is not None
+    tilt = replace(COAXIAL.tilt, frequency_rad_s=frequency_rad_s, damping_ratio=damping_ratio)
+    weights = (100.0, 100.0, DEMAND_FLOOR.of(COAXIAL))
+    flown = tilt_loop(COAXIAL, PERIOD_S, weights)
+    true = tilt_loop(replace(COAXIAL, tilt=tilt), PERIOD_S, weights)
+    assert replace(flown, plant_step=true.plant_step).stable(Perturbation(delay_s=0.02))
+
+
+@pytest.mark.parametrize("axis", [U_THRUST, U_YAW])
+def test_type_bears_slow_rotors_large_gain_and_delay_together(axis: int) -> None:
+    states, efforts = default_state_weights(COAXIAL), default_input_weights(COAXIAL, PERIOD_S)
+    weights = (states[axis], states[4 + axis], efforts[axis])
+    slow = replace(COAXIAL, lag_s=(0.12, 0.12, *(1.3 * lag_s for lag_s in COAXIAL.lag_s[2:])))
+    flown, true = (lag_loop(model, PERIOD_S, axis, weights) for model in (COAXIAL, slow))
+    assert replace(flown, plant_step=true.plant_step).stable(Perturbation(gain=1.3, delay_s=0.02))
+
+
+def test_type_bears_a_gyro_that_hardly_damps() -> None:
+    states, efforts = default_state_weights(COAXIAL), default_input_weights(COAXIAL, PERIOD_S)
+    weights = (states[U_YAW], states[4 + U_YAW], efforts[U_YAW])
+    weak = replace(COAXIAL, damping=(-0.5, -0.4, 0.0, -0.5))
+    flown, true = (lag_loop(model, PERIOD_S, U_YAW, weights) for model in (COAXIAL, weak))
+    assert replace(flown, plant_step=true.plant_step).stable()
 
 
 @pytest.mark.parametrize("model", [COAXIAL_LAG, QUADROTOR])
