@@ -35,7 +35,7 @@ class Floor:
     def of(self, model: Model) -> float:
         """For what the gain of this model may be wrong."""
         wrong = (model.uncertainty.gain_factor - 1.0) / (UNIDENTIFIED.gain_factor - 1.0)
-        return max(self.unidentified * wrong**GAIN_EXPONENT, self.least)
+        return float(max(self.unidentified * wrong**GAIN_EXPONENT, self.least))
 
 
 GAIN_EXPONENT: Final = 2.7
