@@ -2,7 +2,7 @@
 
 import os
 import resource
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -23,11 +23,12 @@ class _OfHost:
         return True
 
 
-def _processes(bench: Bench) -> list[int]:
-    """Process ids of all processes of the fleet, the spare one as well."""
+def _processes(bench: Bench, without: Collection[str] = ()) -> list[int]:
+    """Process ids of all processes of the fleet but those of some roles, the spare ones as well."""
     supervisor = bench.supervisor
-    pids = [supervisor.pid(name) for name in supervisor.running()]
-    return [pid for pid in (*pids, *supervisor.spare_pids) if pid is not None]
+    names = [name for name, child in supervisor.children.items() if child.spec.role not in without]
+    pids = (*map(supervisor.pid, names), *supervisor.spare_pids)
+    return [pid for pid in pids if pid is not None]
 
 
 class DiskFull(_OfHost):
@@ -91,7 +92,8 @@ class ClockStepped(_OfHost):
     def active(self, bench: Bench) -> Iterator[None]:
         """See `Injector.active`."""
         bench.say(f"wall clock: {self.offset_s:+g} s")
-        for pid in _processes(bench):
+        # The router uses no wall clock, and every signal that it handles ends it.
+        for pid in _processes(bench, without=("router",)):
             give_order(pid, "step_clock", offset_s=self.offset_s)
         yield
 

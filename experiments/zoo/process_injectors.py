@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -91,10 +92,46 @@ class Slow(_OfProcess):
 
 
 @dataclass(frozen=True)
+class Halting(_OfProcess):
+    """Is stopped for a moment again and again: all of its threads get slow, its working loop with them."""
+
+    by_s: float = 0.01
+    every_s: float = 0.03
+    seconds: float = 2.0
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        pid = bench.pid(self.process)
+        bench.say(f"{self.process}: stopped for {1000 * self.by_s:g} of {1000 * self.every_s:g} ms")
+        until_s = time.monotonic() + self.seconds
+        try:
+            while time.monotonic() < until_s and bench.supervisor.pid(self.process) == pid:
+                os.kill(pid, signal.SIGSTOP)
+                bench.wait(self.by_s)
+                os.kill(pid, signal.SIGCONT)
+                bench.wait(self.every_s - self.by_s)
+        finally:
+            if bench.supervisor.pid(self.process) == pid:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGCONT)
+        yield
+
+
+@dataclass(frozen=True)
 class DiesAtStart(_OfProcess):
-    """Is killed, and so are its next successors as soon as they are there; None for all of them."""
+    """Is killed, and so are its next successors as soon as they are there.
+
+    Attributes
+    ----------
+    successors
+        How many; None for all of them.
+    seconds
+        How long that lasts without a number; None until the flight is over.
+    """
 
     successors: int | None = 1
+    seconds: float | None = None
 
     @contextmanager
     def active(self, bench: Bench) -> Iterator[None]:
@@ -107,6 +144,9 @@ class DiesAtStart(_OfProcess):
         try:
             if self.successors is not None:
                 bench.wait_for(lambda: not killer.is_alive(), REPLACED_S)
+            elif self.seconds is not None:
+                bench.wait(self.seconds)
+                over.set()
             yield
         finally:
             over.set()

@@ -13,7 +13,7 @@ from rcopterx.experiments.zoo.host_injectors import (
     NoDescriptors,
 )
 from rcopterx.experiments.zoo.laboratory_injectors import Inject
-from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Killed, Slow, Spinning, Stopped
+from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Halting, Killed, Slow, Spinning, Stopped
 from rcopterx.experiments.zoo.promise import Limits, Promise
 
 EVERYBODY: Final = ("h1", "h2", "h3")
@@ -30,7 +30,6 @@ PROCESSES: Final = {
 REPLACED: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
 COLD_START: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
 """Dead and its spare process dead as well: vehicles are held, and sink meanwhile."""
-SLOW: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
 FAULTY_AXIS: Final = Limits(deviation_mm=None, touchdown_m_s=1.0, silence_ms=None)
 """A vehicle drifts whose stick is held at rest."""
 
@@ -58,13 +57,7 @@ def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
             limits=REPLACED,
             chaos=what != "recorder",
         ),
-        FaultFlight(
-            f"{what}-slow",
-            f"Every turn of the loop of {process} takes 10 ms longer",
-            (Slow(process),),
-            limits=SLOW,
-            chaos=True,
-        ),
+        _slow(what, process),
         FaultFlight(
             f"{what}-dies-at-start",
             f"SIGKILL of {process}, and of its successor as soon as it is there",
@@ -74,17 +67,25 @@ def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
     )
 
 
+def _slow(what: str, process: str) -> FaultFlight:
+    """Row of a process that gets slow; the router as a whole, because messages do not pass its loop."""
+    title = f"Every turn of the loop of {process} takes 10 ms longer"
+    if process == "router":
+        title = f"{process} is stopped for 10 of 30 ms"
+        return FaultFlight(f"{what}-slow", title, (Halting(process),), limits=REPLACED, chaos=True)
+    return FaultFlight(f"{what}-slow", title, (Slow(process),), limits=REPLACED, chaos=True)
+
+
 def _crash_loop(
-    what: str, promise: Promise, down: tuple[str, ...], limits: Limits | None = None
+    what: str, promise: Promise, down: tuple[str, ...], seconds: float | None = None
 ) -> FaultFlight:
-    """Row of a process that never comes back."""
+    """Row of a process that does not come back, or only after so many seconds."""
     return FaultFlight(
         f"{what}-crash-loop",
         f"{PROCESSES[what]} dies, and every successor as soon as it is there",
-        (DiesAtStart(PROCESSES[what], None),),
+        (DiesAtStart(PROCESSES[what], None, seconds),),
         promise,
         down,
-        limits,
     )
 
 
@@ -94,7 +95,8 @@ PROCESS_ROWS: Final = (
     _crash_loop("follower", Promise.LANDS, ("h2",)),
     _crash_loop("vicon-gateway", Promise.LANDS_OPEN_LOOP, EVERYBODY),
     _crash_loop("transmitter-gateway", Promise.UNPROTECTED, EVERYBODY),
-    _crash_loop("router", Promise.LANDS_OPEN_LOOP, EVERYBODY),
+    # The laboratory's truth travels on the bus as well: it is heard again afterwards.
+    _crash_loop("router", Promise.LANDS_OPEN_LOOP, EVERYBODY, seconds=6.0),
     _crash_loop("recorder", Promise.FLIES_ON, ()),
 )
 

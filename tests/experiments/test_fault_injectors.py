@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,7 +24,7 @@ from rcopterx.experiments.zoo.host_injectors import (
     NoDescriptors,
 )
 from rcopterx.experiments.zoo.orders import VARIABLE, give_order, obedient_processes
-from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Killed, Slow, Spinning, Stopped
+from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Halting, Killed, Slow, Spinning, Stopped
 from rcopterx.ground_station.waiting import NotReachedError
 
 LOOP = """
@@ -60,8 +61,9 @@ class OneProcess:
     def pid(self, name: str) -> int | None:
         return self.processes[-1].pid if name == "it" else None
 
-    def running(self) -> list[str]:
-        return ["it"]
+    @property
+    def children(self) -> dict[str, SimpleNamespace]:
+        return {"it": SimpleNamespace(spec=SimpleNamespace(role="agent"))}
 
     @property
     def spare_pids(self) -> tuple[int, ...]:
@@ -126,6 +128,22 @@ def test_a_stopped_process_that_is_replaced_is_waited_for_no_longer(start: Start
     with Stopped("it", 30.0).active(bench):
         assert time.monotonic() - started_s < 10.0
     killer.join()
+
+
+def test_a_process_that_is_stopped_again_and_again_goes_on_afterwards(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    pid, states = supervisor.processes[0].pid, set()
+    looking = replace(bench, wait=lambda seconds: (states.add(state_of(pid)), time.sleep(seconds))[1])
+    with Halting("it", 0.005, 0.01, 0.1).active(looking):
+        wait_for(lambda: state_of(pid) == "S", "it is still stopped")
+    assert "T" in states
+
+
+def test_a_crash_loop_may_end_by_itself(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    with DiesAtStart("it", None, 0.1).active(bench):
+        wait_for(lambda: supervisor.processes[-1].poll() is None, "nobody lives")
+        assert len(supervisor.processes) > 2
 
 
 def test_a_number_of_successors_dies_at_its_start_and_the_next_one_lives(start: Start) -> None:
