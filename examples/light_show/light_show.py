@@ -75,8 +75,9 @@ def fly(fleet, drones, slower=1.0):
     end_s = max(drone.times_s[-1] for drone in drones)
     paths = {name: path_of(drone, begin_s, end_s, slower) for name, drone in zip(names, drones, strict=True)}
     fleet.take_off(names)
-    for name, drone in zip(names, drones, strict=True):
+    for name in names:
         fleet[name].lead()
+    for name, drone in zip(names, drones, strict=True):
         fleet[name].go_to(drone.positions_m[0])
     fleet.wait_for_arrival(names, timeout_s=60)
     for name, path in paths.items():

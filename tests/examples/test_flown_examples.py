@@ -4,14 +4,13 @@ import json
 import os
 import subprocess
 import sys
-import uuid
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from support.bus import free_port
+from examples_support import fleet_file
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -23,16 +22,6 @@ def run_directory() -> Iterator[str]:
     """A short path, because the router's socket lives in it."""
     with TemporaryDirectory(prefix="rcopterx-") as name:
         yield name
-
-
-def fleet_file(directory: Path, name: str) -> Path:
-    """A shipped fleet on ports of its own, with short horizons for slow computers."""
-    text = (ROOT / "deploy" / "fleets" / f"{name}.toml").read_text(encoding="utf-8")
-    bus = f'[bus]\nnamespace = "t{uuid.uuid4().hex[:8]}"\n[hosts.main]\nrouter_port = {free_port()}\n'
-    path = directory / f"{name}.toml"
-    text = text.replace("127.0.0.1:18801", f"127.0.0.1:{free_port()}").replace("horizon = 50", "horizon = 30")
-    path.write_text(f"{text}\n{bus}")
-    return path
 
 
 def flown(script: str, *arguments: str | Path, run_directory: str) -> str:
