@@ -1,0 +1,135 @@
+"""Let a program in any language fly a vehicle by plain HTTP: python http_bridge.py [FLEET [VEHICLE [PORT]]].
+
+    POST /take           take the vehicle over; it must fly. 409 and the reason if that is refused
+    GET  /task           wait for the next task; 503 if none comes any more
+    POST /answer         "number pitch roll thrust yaw" of the task answered; the reply is the next task
+    POST /release        give the vehicle back
+
+A task is plain text, one field per line: its name, then its numbers. Only this computer can connect.
+"""
+
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from external_control import ExternalControl
+
+FIELDS = ("motion", "disturbance", "hover_input", "input_gain", "input_min", "input_max")
+LONGEST_BODY = 1000
+
+
+def task_text(task):
+    """A task as lines of a name and numbers; of the reference only the first stage."""
+    lines = [f"number {task['number']}", _line("reference", task["reference"][0])]
+    return "".join(line + "\n" for line in [*lines, *(_line(name, task[name]) for name in FIELDS)])
+
+
+def _line(name, values):
+    return " ".join([name, *(repr(float(value)) for value in values)])
+
+
+def parsed_answer(text):
+    """Number of the task, and four inputs.
+
+    Raises
+    ------
+    ValueError
+        Something else.
+    """
+    number, *inputs = text.split()
+    if len(inputs) != 4:
+        raise ValueError(f"{len(inputs)} inputs, 4 are needed: pitch, roll, thrust, yaw")
+    return int(number), [float(value) for value in inputs]
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One client at a time flies the vehicle of the server."""
+
+    protocol_version = "HTTP/1.1"
+    disable_nagle_algorithm = True
+
+    def do_GET(self):
+        """Only the task can be read."""
+        if self.path == "/task":
+            self._reply_with(self._task)
+        else:
+            self._reply(404, "GET /task\n")
+
+    def do_POST(self):
+        """Take, answer, release."""
+        length = int(self.headers.get("Content-Length") or 0)
+        if not 0 <= length <= LONGEST_BODY:
+            self.close_connection = True
+            self._reply(413, f"at most {LONGEST_BODY} bytes\n")
+            return
+        body = self.rfile.read(length).decode("ascii", "replace")
+        actions = {"/take": self._take, "/answer": lambda: self._answer(body), "/release": self._release}
+        if self.path in actions:
+            self._reply_with(actions[self.path])
+        else:
+            self._reply(404, "POST /take, /answer or /release\n")
+
+    def log_message(self, *_):
+        """Fifty requests a second are not logged."""
+
+    def _take(self):
+        self.server.vehicle.take()
+        return self._task()
+
+    def _task(self):
+        return task_text(self.server.vehicle.next_task())
+
+    def _answer(self, body):
+        number, inputs = parsed_answer(body)
+        self.server.vehicle.answer({"number": number}, [inputs])
+        return self._task()
+
+    def _release(self):
+        self.server.vehicle.release()
+        return "released\n"
+
+    def _reply_with(self, action):
+        try:
+            with self.server.one_at_a_time:
+                text = action()
+        except ValueError as error:
+            self._reply(400, f"{error}\n")
+        except TimeoutError as error:
+            self._reply(503, f"{error}\n")
+        except RuntimeError as error:
+            self._reply(409, f"{error}\n")
+        else:
+            self._reply(200, text)
+
+    def _reply(self, status, text):
+        data = text.encode()
+        self.send_response(status)
+        self.send_header("Content-Type", "text/plain; charset=utf-8")
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
+
+
+class Bridge(ThreadingHTTPServer):
+    """HTTP server in front of a vehicle that `ExternalControl` flies."""
+
+    daemon_threads = True
+
+    def __init__(self, vehicle, port=8050):
+        super().__init__(("127.0.0.1", port), Handler)
+        self.vehicle = vehicle
+        self.one_at_a_time = threading.Lock()
+
+
+def main(fleet="trio", vehicle="h1", port="8050", **options):
+    """Serve until Ctrl-C."""
+    control = ExternalControl(fleet, vehicle, name="http_client", **options)
+    with Bridge(control, int(port)) as bridge:
+        try:
+            bridge.serve_forever()
+        except KeyboardInterrupt:
+            control.close()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
