@@ -14,6 +14,7 @@ import struct
 import threading
 import time
 import uuid
+from itertools import accumulate
 
 import msgpack
 import zenoh
@@ -24,6 +25,8 @@ FRAME_ID = "world"
 TOPICS = {"pose": PoseStamped, "plan": Path, "command": Joy}
 """Topic of the fleet's bus and message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
 NODE = "rcopterx"
+RESOLUTION = 1e-4
+"""Unit of positions [m] and headings [rad] in a plan."""
 BEST_EFFORT_KEEP_LAST_1 = "2::,1:,:,:,,"
 
 
@@ -40,15 +43,23 @@ def ros_plan(message, now_s):
 
     Times count from the arrival of the plan, which is some milliseconds after the capture that it means.
     """
-    rows, columns = message["trajectory"]["shape"]
-    values = struct.unpack(f"<{rows * columns}d", message["trajectory"]["data"])
-    stages = [values[row * columns : row * columns + 4] for row in range(rows)]
     poses = []
-    for number, (x, y, z, yaw_rad) in enumerate(stages):
+    for number, (x, y, z, yaw_rad) in enumerate(positions_and_headings(message["trajectory"])):
         header = Header(Time.at(now_s + message["start_s"] + number * message["period_s"]), FRAME_ID)
         orientation = Quaternion(0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
         poses.append(PoseStamped(header, Pose(Point(x, y, z), orientation)))
     return Path(Header(Time.at(now_s), FRAME_ID), poses)
+
+
+def positions_and_headings(trajectory):
+    """x, y, z [m] and yaw [rad] of every stage; whole differences between stages, by column, on the wire."""
+    stages, columns = trajectory["shape"]
+    differences = struct.unpack(f"<{stages * columns}i", trajectory["data"])
+    starts = range(0, 4 * stages, stages)
+    return zip(
+        *([RESOLUTION * count for count in accumulate(differences[i : i + stages])] for i in starts),
+        strict=True,
+    )
 
 
 def ros_command(message, now_s):

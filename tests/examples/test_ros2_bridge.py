@@ -20,6 +20,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.endpoints import client_config
+from rcopterx.bus.message import TrajectoryArray
 from rcopterx.bus.messages import Command, Plan, Pose
 from rcopterx.bus.session import BusAddress, Session
 
@@ -70,12 +71,13 @@ def test_an_occluded_pose_is_not_sent() -> None:
 @given(wire_maps(Plan))
 def test_a_plan_is_a_path_with_a_time_for_every_stage(plan: dict[str, Any]) -> None:
     path = decoded(ros2_bridge.ros_plan(plan, NOW_S))
-    stages = np.frombuffer(plan["trajectory"]["data"]).reshape(plan["trajectory"]["shape"])
+    stages = msgspec.convert(plan["trajectory"], TrajectoryArray).to_numpy()
     assert len(path.poses) == len(stages)
     for number, (pose, stage) in enumerate(zip(path.poses, stages, strict=True)):
         expected_s = NOW_S + plan["start_s"] + number * plan["period_s"]
         assert abs(seconds(pose.header.stamp) - expected_s) < 1e-6
-        assert (pose.pose.position.x, pose.pose.position.y, pose.pose.position.z) == tuple(stage[:3])
+        position = pose.pose.position
+        assert (position.x, position.y, position.z) == pytest.approx(tuple(stage[:3]), abs=1e-9)
         yaw_rad = 2.0 * np.arctan2(pose.pose.orientation.z, pose.pose.orientation.w)
         assert abs(np.exp(1j * yaw_rad) - np.exp(1j * stage[3])) < 1e-9
 
