@@ -13,6 +13,7 @@ from rcopterx.commands import (
     export,
     flights,
     fly,
+    foxglove,
     ground,
     identify,
     laboratory,
@@ -39,7 +40,9 @@ app = typer.Typer(
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.demo, fly.fly),
-    "Watch a running fleet": (watch.status, watch.check, logs.logs, watch.top, ground.ground),
+    "Watch a running fleet": (
+        watch.status, watch.check, logs.logs, watch.top, ground.ground, foxglove.foxglove,
+    ),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
         trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,

@@ -1,36 +1,27 @@
 """Reads what a report needs from a flight log."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
-from rcopterx.bus.codec import RejectedError, decode
-from rcopterx.bus.messages import AgentStatus
-from rcopterx.bus.requests import VERBS
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.flight_log.flight_writing import METADATA
 from rcopterx.flight_log.mcap_reading import Contents, FlightLogError, messages_of
 from rcopterx.flight_log.mcap_writing import LoggedMessage
-from rcopterx.ground_station.page.timeline import Event, changes
+from rcopterx.ground_station.event_feed import HEARD, EventFeed
+from rcopterx.ground_station.page.timeline import Event
 from rcopterx.ground_station.recorder import Record, Recording
 from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.state import VehicleState
 
 NANO: Final = 1e9
 NEEDED: Final[tuple[Channel[Any], ...]] = (
-    channels.POSE, channels.PLAN, channels.APPLIED, channels.AGENT_STATUS, channels.TRANSMITTER_STATUS,
-    channels.LABORATORY, channels.ROUTER_STATUS, channels.ANSWERED, channels.LAUNCHER_EVENT,
-    channels.KILL,
+    channels.POSE, channels.PLAN, channels.APPLIED, channels.LABORATORY, channels.ROUTER_STATUS, *HEARD,
 )  # fmt: skip
-QUIET_VERBS: Final = frozenset({"recall", "recall_transmitter", "prepare_leaders"})
-"""Asked by processes when they start, not by people."""
-KILL_PAUSE_S: Final = 1.0
-"""Kills are repeated while they are active; one after such a pause is another one."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +77,7 @@ def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
         fleet,
         contents.metadata.get(METADATA, {}),
         FlightFigures(recording, list(fleet.vehicles)),
-        tuple(events_of(recording, list(fleet.vehicles), started_s)),
+        tuple(events_of(recording, started_s)),
         started_s,
     )
 
@@ -96,70 +87,25 @@ def _record(message: LoggedMessage) -> Record:
     return Record(unit, topic, message.payload, message.time_ns / NANO)
 
 
-def events_of(recording: Recording, vehicles: Iterable[str], started_s: float) -> list[Event]:
+def events_of(recording: Recording, started_s: float) -> list[Event]:
     """What happened in a recorded flight, in order.
 
     Parameters
     ----------
     recording
         The flight.
-    vehicles
-        Names.
     started_s
         Time of the recording from which events count theirs [s].
     """
-    found = [event for name in vehicles for event in _vehicle_events(recording, name)]
-    for name in recording.units(channels.ANSWERED):
-        found += _requests(recording, name)
-    for host in recording.units(channels.LAUNCHER_EVENT):
-        told = recording.messages(channels.LAUNCHER_EVENT, host)
-        found += [Event(arrived_s, host, event.text) for event, arrived_s in told]
-    found += _kills(recording)
-    return sorted(
-        (Event(event.time_s - started_s, event.vehicle, event.text, event.alarming) for event in found),
-        key=attrgetter("time_s"),
-    )
-
-
-def _vehicle_events(recording: Recording, name: str) -> Iterator[Event]:
-    """Changes of what the agent and the transmitter gateway say of a vehicle."""
-    statuses: tuple[Channel[Any], ...] = (channels.AGENT_STATUS, channels.TRANSMITTER_STATUS)
-    told = [
-        (arrived_s, message)
-        for channel in statuses
-        for message, arrived_s in recording.messages(channel, name)
+    feed = EventFeed()
+    messages = [
+        (arrived_s, unit, message)
+        for channel in HEARD
+        for unit in recording.units(channel)
+        for message, arrived_s in recording.messages(channel, unit)
     ]
-    before = VehicleState(name, None, None, None, None, None)
-    for arrived_s, message in sorted(told, key=lambda item: item[0]):
-        agent, transmitter = before.agent, before.transmitter
-        if isinstance(message, AgentStatus):
-            agent = message
-        else:
-            transmitter = message
-        after = VehicleState(name, agent, transmitter, 0.0, 0.0, None)
-        if before.agent is not None and before.transmitter is not None:
-            yield from changes(arrived_s, before, after)
-        before = after
-
-
-def _requests(recording: Recording, name: str) -> Iterator[Event]:
-    for answered, arrived_s in recording.messages(channels.ANSWERED, name):
-        verb = VERBS.get(answered.verb)
-        if verb is None or answered.verb in QUIET_VERBS:
-            continue
-        try:
-            reply = decode(answered.reply, verb.reply)
-        except RejectedError:
-            continue
-        text = answered.verb if reply.accepted else f"{answered.verb} refused: {reply.reason}"
-        yield Event(arrived_s, name, text, not reply.accepted)
-
-
-def _kills(recording: Recording) -> Iterator[Event]:
-    last_s = float("-inf")
-    for unit in recording.units(channels.KILL):
-        for kill, arrived_s in recording.messages(channels.KILL, unit):
-            if arrived_s - last_s > KILL_PAUSE_S:
-                whom = ", ".join(kill.vehicles) or "everybody"
-                yield Event(arrived_s, kill.source, f"KILL {whom}: {kill.reason}", True)
-            last_s = arrived_s
+    return [
+        event
+        for arrived_s, unit, message in sorted(messages, key=itemgetter(0))
+        for event in feed.take(unit, message, arrived_s - started_s)
+    ]

@@ -1,12 +1,26 @@
 """Flight logs for other programs: `export`."""
 
+from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED
 from rcopterx.commands.replay import FlightArgument, chosen_flight
+
+
+class Format(StrEnum):
+    """What a flight log can be written as."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    FOXGLOVE = "foxglove"
+
+
+LIBRARIES: Final = {Format.PARQUET: "pyarrow", Format.FOXGLOVE: "foxglove"}
+"""What a format needs; the extra of rcopterx has the name of the format."""
 
 
 def export(
@@ -15,16 +29,44 @@ def export(
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Where to. Default: the flight's name."),
     ] = None,
+    to: Annotated[
+        Format,
+        typer.Option(
+            "--to", help="Tables as CSV or Parquet, or a file and a layout in Foxglove's standard schemas."
+        ),
+    ] = Format.CSV,
 ) -> None:
-    """Write a flight log as CSV tables: a file for every unit and channel, a row for every message."""
-    from rcopterx.flight_log.csv_export import export_csv
+    """Write a flight log for other programs.
+
+    Tables are a file for every unit and channel with a row for every message.
+    """
     from rcopterx.flight_log.mcap_reading import FlightLogError
 
+    library = LIBRARIES.get(to)
+    if library is not None and find_spec(library) is None:
+        typer.echo(f"error: {to} needs {library}: pip install 'rcopterx[{to}]'", err=True)
+        raise typer.Exit(EXIT_FAILED)
     found = chosen_flight(flight)
     directory = output or Path(found.name)
     try:
-        tables = export_csv(found.parts, directory)
+        files = _write(to, found.parts, directory)
     except (FlightLogError, OSError) as error:
         typer.echo(f"error: {error}", err=True)
         raise typer.Exit(EXIT_FAILED) from None
-    typer.echo(f"{len(tables)} tables in {directory}")
+    typer.echo(f"{len(files)} {'files' if to is Format.FOXGLOVE else 'tables'} in {directory}")
+
+
+def _write(to: Format, parts: tuple[Path, ...], directory: Path) -> list[Path]:
+    match to:
+        case Format.CSV:
+            from rcopterx.flight_log.csv_export import export_csv
+
+            return export_csv(parts, directory)
+        case Format.PARQUET:
+            from rcopterx.flight_log.parquet_export import export_parquet
+
+            return export_parquet(parts, directory)
+        case Format.FOXGLOVE:
+            from rcopterx.ground_station.foxglove.export import export_foxglove
+
+            return export_foxglove(parts, directory)

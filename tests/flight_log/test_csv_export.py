@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 from rcopterx.bus.codec import decode
 from rcopterx.bus.messages import Command
 from rcopterx.command_line import app
-from rcopterx.flight_log.csv_export import export_csv, flat
+from rcopterx.flight_log.csv_export import export_csv
 from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.flight_log.tables import flat
 
 FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
 

@@ -59,3 +59,19 @@ def test_what_cannot_be_mended_is_said(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["recover", str(tmp_path / "a.mcap")])
     assert result.exit_code == 1
     assert "not an MCAP file" in result.output
+
+
+@pytest.mark.parametrize(("form", "made"), [("parquet", "h1-pose.parquet"), ("foxglove", "layout.json")])
+def test_a_flight_is_exported_in_the_form_that_is_asked_for(tmp_path: Path, form: str, made: str) -> None:
+    pytest.importorskip({"parquet": "pyarrow", "foxglove": "foxglove"}[form])
+    flight = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
+    result = CliRunner().invoke(app, ["export", str(flight), "--to", form, "-o", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "out" / made).is_file()
+
+
+def test_a_library_that_an_export_needs_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("rcopterx.commands.export.find_spec", lambda _: None)
+    result = CliRunner().invoke(app, ["export", "x", "--to", "parquet"])
+    assert result.exit_code == 1
+    assert "pip install 'rcopterx[parquet]'" in result.output

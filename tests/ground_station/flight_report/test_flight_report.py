@@ -90,7 +90,7 @@ def test_events_are_told_in_order_whoever_saw_them() -> None:
         record(channels.TRANSMITTER_STATUS, "h1", transmitter("killed", "by page"), 104.05),
         record(channels.KILL, "fleet", kill, 120.0),
     ]  # fmt: skip
-    events = events_of(Recording(records), ["h1"], 100.0)
+    events = events_of(Recording(records), 100.0)
     assert [(round(event.time_s, 2), event.text) for event in events] == [
         (1.0, "take_off refused: too <high>"),
         (2.0, "take_off"),

@@ -1,0 +1,156 @@
+"""What is seen of vehicles, as Foxglove's standard messages."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from foxglove.messages import (
+    Color,
+    CubePrimitive,
+    CylinderPrimitive,
+    FrameTransform,
+    LinePrimitive,
+    LinePrimitiveLineType,
+    Point3,
+    Pose,
+    PoseInFrame,
+    Quaternion,
+    SceneEntity,
+    SpherePrimitive,
+    TextPrimitive,
+    Timestamp,
+    Vector3,
+)
+
+from rcopterx.bus import messages
+from rcopterx.vehicles.state import Array
+
+ROOM: Final = "room"
+"""Name of the inertial frame; that of a vehicle's frame is its name."""
+NANO: Final = 1_000_000_000
+COLOURS: Final = (
+    (0.12, 0.47, 0.71), (1.0, 0.5, 0.05), (0.17, 0.63, 0.17), (0.84, 0.15, 0.16), (0.58, 0.4, 0.74),
+    (0.55, 0.34, 0.29), (0.89, 0.47, 0.76),
+)  # fmt: skip
+PLAN_POINTS: Final = 25
+ROTOR_M: Final = 0.2
+Place = Sequence[float]
+
+
+def stamp(time_ns: int) -> Timestamp:
+    """Nanoseconds since 1970 as a time stamp."""
+    return Timestamp(*divmod(time_ns, NANO))
+
+
+def colour(number: int, alpha: float = 1.0) -> Color:
+    """Colour of a vehicle by its number in the fleet file."""
+    red, green, blue = COLOURS[number % len(COLOURS)]
+    return Color(r=red, g=green, b=blue, a=alpha)
+
+
+def transform(name: str, seen: messages.Pose, time_ns: int) -> FrameTransform | None:
+    """Where the frame of a vehicle is in the room; None while it is not seen."""
+    if seen.position_m is None or seen.quaternion_xyzw is None:
+        return None
+    return FrameTransform(
+        timestamp=stamp(time_ns),
+        parent_frame_id=ROOM,
+        child_frame_id=name,
+        translation=_vector(seen.position_m),
+        rotation=_quaternion(seen.quaternion_xyzw),
+    )
+
+
+def pose(seen: messages.Pose, time_ns: int) -> PoseInFrame | None:
+    """Pose of a vehicle in the room; None while it is not seen."""
+    if seen.position_m is None or seen.quaternion_xyzw is None:
+        return None
+    at = Pose(position=_vector(seen.position_m), orientation=_quaternion(seen.quaternion_xyzw))
+    return PoseInFrame(timestamp=stamp(time_ns), frame_id=ROOM, pose=at)
+
+
+def reference(plan: messages.Plan, time_ns: int) -> PoseInFrame | None:
+    """Reference of a plan in the room; None without one."""
+    if plan.reference is None:
+        return None
+    yaw_rad = plan.reference[3]
+    turned = (0.0, 0.0, float(np.sin(yaw_rad / 2)), float(np.cos(yaw_rad / 2)))
+    at = Pose(position=_vector(plan.reference), orientation=_quaternion(turned))
+    return PoseInFrame(timestamp=stamp(time_ns), frame_id=ROOM, pose=at)
+
+
+def vehicle(name: str, number: int, time_ns: int) -> SceneEntity:
+    """Rotor disc and name of a vehicle, in its own frame."""
+    above = Pose(position=_vector((0.0, 0.0, 0.05)), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
+    over = Pose(position=_vector((0.0, 0.0, 0.2)), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
+    nose = [Point3(), Point3(x=0.15)]
+    return SceneEntity(
+        timestamp=stamp(time_ns),
+        frame_id=name,
+        id=name,
+        frame_locked=True,
+        cylinders=[
+            CylinderPrimitive(
+                pose=above, size=Vector3(x=2 * ROTOR_M, y=2 * ROTOR_M, z=0.01), bottom_scale=1.0,
+                top_scale=1.0, color=colour(number, 0.5),
+            )
+        ],
+        lines=[_line(nose, number, 0.03)],
+        texts=[TextPrimitive(pose=over, billboard=True, font_size=0.1, color=colour(number), text=name)],
+    )  # fmt: skip
+
+
+def plan_entity(
+    name: str, number: int, plan: messages.Plan, leaders: Sequence[Place], time_ns: int
+) -> SceneEntity:
+    """Plan of a vehicle with its reference, and lines to those it follows, in the room.
+
+    Parameters
+    ----------
+    name, number
+        Of the vehicle.
+    plan
+        Its plan.
+    leaders
+        Places of the vehicles it follows [m].
+    time_ns
+        When it was heard.
+    """
+    places: Array = plan.trajectory.to_numpy()[:, :3]
+    shown = places[:: max(1, len(places) // PLAN_POINTS)].tolist()
+    lines = [_line([_point(place) for place in shown], number, 0.015)]
+    lines += [_line([_point(shown[0]), _point(place)], number, 0.005) for place in leaders]
+    balls = []
+    if plan.reference is not None:
+        at = Pose(position=_vector(plan.reference), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
+        balls.append(
+            SpherePrimitive(pose=at, size=Vector3(x=0.06, y=0.06, z=0.06), color=colour(number, 0.4))
+        )
+    return SceneEntity(timestamp=stamp(time_ns), frame_id=ROOM, id=f"{name} plan", lines=lines, spheres=balls)
+
+
+def volume(low_m: Place, high_m: Place, time_ns: int) -> SceneEntity:
+    """The flight volume as a faint box."""
+    middle = [(low + high) / 2 for low, high in zip(low_m, high_m, strict=True)]
+    size = [high - low for low, high in zip(low_m, high_m, strict=True)]
+    at = Pose(position=_vector(middle), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
+    box = CubePrimitive(pose=at, size=_vector(size), color=Color(r=0.5, g=0.5, b=0.5, a=0.06))
+    return SceneEntity(timestamp=stamp(time_ns), frame_id=ROOM, id="flight volume", cubes=[box])
+
+
+def _line(points: list[Point3], number: int, thickness: float) -> LinePrimitive:
+    return LinePrimitive(
+        type=LinePrimitiveLineType.LineStrip, thickness=thickness, points=points, color=colour(number)
+    )
+
+
+def _point(place: Place) -> Point3:
+    return Point3(x=place[0], y=place[1], z=place[2])
+
+
+def _vector(place: Place) -> Vector3:
+    return Vector3(x=place[0], y=place[1], z=place[2])
+
+
+def _quaternion(xyzw: Sequence[float]) -> Quaternion:
+    return Quaternion(x=xyzw[0], y=xyzw[1], z=xyzw[2], w=xyzw[3])

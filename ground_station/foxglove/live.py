@@ -1,0 +1,79 @@
+"""Serves a running fleet to Foxglove and PlotJuggler by their WebSocket protocol."""
+
+import time
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Final
+
+import foxglove
+
+from rcopterx.bus.session import Heard, Session
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.ground_station.foxglove.view import FoxgloveView
+
+HOST: Final = "127.0.0.1"
+NANO: Final = 1_000_000_000
+
+
+class FoxgloveServer:
+    """A server for viewers on this computer; it only listens to the bus.
+
+    Parameters
+    ----------
+    fleet
+        The fleet file.
+    session
+        Open session on its bus.
+    port
+        Where viewers connect; 0 for any free one.
+    wall_ns, clock
+        Wall clock [ns] and monotonic clock [s].
+
+    Raises
+    ------
+    OSError
+        The port is in use.
+    """
+
+    def __init__(
+        self,
+        fleet: FleetFile,
+        session: Session,
+        port: int,
+        wall_ns: Callable[[], int] = time.time_ns,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        context = foxglove.Context()
+        self._view = FoxgloveView(fleet, context)
+        self._heard: SimpleQueue[Heard] = SimpleQueue()
+        self._zero_ns = wall_ns() - round(clock() * NANO)
+        try:
+            self._server = foxglove.start_server(name=fleet.name, host=HOST, port=port, context=context)
+        except RuntimeError as error:
+            raise OSError(f"port {port}: {error}") from None
+        session.tap(self._heard.put)
+
+    @property
+    def address(self) -> str:
+        """What viewers are told to open."""
+        return f"ws://{HOST}:{self._server.port}"
+
+    def serve(self, wait_s: float) -> None:
+        """Hand on what was heard, and wait for more for at most a time."""
+        try:
+            heard = self._heard.get(timeout=wait_s)
+            while True:
+                time_ns = self._zero_ns + round(heard.arrived_s * NANO)
+                self._view.take(heard.unit, heard.topic, heard.payload, time_ns)
+                heard = self._heard.get_nowait()
+        except Empty:
+            return
+
+    def __enter__(self) -> "FoxgloveServer":
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self._server.stop()

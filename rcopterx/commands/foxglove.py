@@ -1,0 +1,51 @@
+"""A running fleet in Foxglove or PlotJuggler: `foxglove`."""
+
+import json
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet
+
+PORT: Final = 8765
+WAIT_S: Final = 0.1
+INSTALL: Final = "pip install 'rcopterx[foxglove]'"
+
+
+def foxglove(
+    port: Annotated[
+        int, typer.Option(metavar="PORT", min=1, max=65535, help="Port of the WebSocket server.")
+    ] = PORT,
+    layout: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a layout of Foxglove for this fleet, and end."),
+    ] = None,
+    fleet: RunningFleetOption = None,
+) -> None:
+    """Serve the fleet that is up to Foxglove or PlotJuggler on this computer until Ctrl-C."""
+    if find_spec("foxglove") is None:
+        typer.echo(f"error: this needs the SDK of Foxglove: {INSTALL}", err=True)
+        raise typer.Exit(EXIT_FAILED)
+    from rcopterx.ground_station.foxglove.layout import layout_of
+    from rcopterx.ground_station.foxglove.live import FoxgloveServer
+
+    with running_fleet(fleet) as running:
+        try:
+            if layout is not None:
+                layout.write_text(
+                    json.dumps(layout_of(list(running.file.vehicles)), indent=2), encoding="utf-8"
+                )
+                typer.echo(f"layout: {layout}")
+                return
+            with FoxgloveServer(running.file, running.session, port) as server, suppress(KeyboardInterrupt):
+                typer.echo(
+                    f"{server.address}  (open it in Foxglove; Ctrl-C ends the server, the fleet goes on)"
+                )
+                while True:
+                    server.serve(WAIT_S)
+        except OSError as error:
+            typer.echo(f"error: {error}", err=True)
+            raise typer.Exit(EXIT_FAILED) from None
