@@ -198,6 +198,26 @@ def links(
             )
 
 
+@app.command()
+def kill(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    presses: Annotated[int, typer.Option(metavar="N", min=1, help="How often each way is tried.")] = 20,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """KILL by a script and by the space bar of the page; how long until every radio gets throttle low?"""
+    from rcopterx.benchmarks.kill_times import run
+    from rcopterx.deploy.fleet_file.shipped import fleet_path
+
+    with user_errors():
+        document = run(fleet_path(fleet), presses, lambda text: typer.echo(f"bench kill: {text}", err=True))
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    for way, figures in document["low_ms"].items():
+        told = "-" if figures is None else "p50 {p50:.0f}, p99 {p99:.0f}, max {max:.0f} ms".format(**figures)
+        typer.echo(f"{way:8}{told}")
+
+
 def _readable(document: dict[str, Any]) -> str:
     """One line per horizon and solver."""
     lines = [f"{'N':>4}  {'solver':24}" + "".join(f"{column:>12}" for column in COLUMNS)]

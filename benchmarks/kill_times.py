@@ -1,0 +1,115 @@
+"""From the press of KILL to the first throttle-low frame that is written to the radio of every vehicle."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+from rcopterx.bus import channels
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.launched import launched
+from rcopterx.ground_station.statistics import percentiles
+
+LOW_S: Final = 2.0
+"""Within which every vehicle must be cut."""
+PAUSE_S: Final = 0.033
+"""Before a press, times the number of the press: presses meet every phase of the control period."""
+CHROMIUM: Final = ("chromium", "chromium-browser")
+BROWSER: Final = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader")
+PAGE_S: Final = 60.0
+
+Tell = Callable[[str], None]
+Press = Callable[[], object]
+
+
+def run(path: Path, presses: int, tell: Tell) -> dict[str, Any]:
+    """Measure on the fleet of a file, armed on the floor; the simulator stands for the radios.
+
+    Parameters
+    ----------
+    path
+        Fleet file.
+    presses
+        Of each way.
+    tell
+        Told what is going on.
+
+    Returns
+    -------
+    dict
+        `presses`, and `low_ms`: percentiles of the slowest vehicle of each press, by way: `script` calls
+        `Fleet.kill`, `page` presses the space bar in Chromium. `page` is null where Chromium or playwright
+        are missing.
+    """
+    with launched(path, record=False) as fleet:
+        written = {
+            name: fleet.session.subscribe(channels.APPLIED, name, depth=256) for name in fleet.file.vehicles
+        }
+
+        def timed(way: str, press: Press) -> dict[str, float] | None:
+            tell(f"{way}: {presses} presses")
+            return percentiles([_timed_ms(fleet, written, press, number) for number in range(presses)])
+
+        times = {"script": timed("script", lambda: fleet.kill(reason="benchmark")), "page": None}
+        browser = next(filter(None, map(shutil.which, CHROMIUM)), None)
+        if browser is None or find_spec("playwright") is None or find_spec("viser") is None:
+            tell("page: needs Chromium, playwright and viser")
+        else:
+            with _page(str(path), browser) as press:
+                times["page"] = timed("page", press)
+    return {"presses": presses, "vehicles": len(written), "low_ms": times}
+
+
+def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) -> float:
+    """Arm, press, and wait until every vehicle is cut; time of the last one."""
+    for vehicle in fleet:
+        if vehicle.state.transmitter_state == "killed":
+            vehicle.reset()
+    fleet.arm()
+    time.sleep(PAUSE_S * number % 0.5)
+    for inbox in written.values():
+        inbox.drain()
+    pressed_s = time.monotonic()
+    press()
+    low_s: dict[str, float] = {}
+    while len(low_s) < len(written):
+        if time.monotonic() > pressed_s + LOW_S:
+            raise TimeoutError(f"{sorted(set(written) - set(low_s))} not cut within {LOW_S:g} s")
+        for name, inbox in written.items():
+            for received in inbox.drain():
+                if received.message.state == "killed":
+                    low_s.setdefault(name, received.message.written_s)
+        time.sleep(0.001)
+    return 1000 * (max(low_s.values()) - pressed_s)
+
+
+@contextmanager
+def _page(fleet: str, browser: str) -> Iterator[Press]:
+    """The page of a fleet in a browser; yields what presses its space bar."""
+    from playwright.sync_api import sync_playwright
+
+    server = subprocess.Popen(
+        [sys.executable, "-u", "-m", "rcopterx", "ground", "-f", fleet],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"RCOPTERX_PARENT": str(os.getpid())},
+    )
+    try:
+        assert server.stdout is not None
+        # The web server greets its user on the same stream.
+        address = next(line.split()[0] for line in server.stdout if line.startswith("http"))
+        with sync_playwright() as playwright:
+            window = playwright.chromium.launch(executable_path=browser, args=list(BROWSER)).new_page()
+            window.goto(address)
+            window.get_by_role("button", name="KILL: cut").wait_for(state="visible", timeout=1000 * PAGE_S)
+            window.mouse.click(100, 400)
+            yield lambda: window.keyboard.press("Space")
+    finally:
+        server.terminate()
+        server.wait()
