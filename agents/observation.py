@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.telemetry import prefixed
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.subscription import Inbox, Received
+
+SEQUENCES_UNDER_WAY: Final = 64
+"""More commands of a predecessor than can be under way to the transmitter gateway."""
 
 
 class Observation:
@@ -24,6 +28,12 @@ class Observation:
         Filled by the bus.
     clock
         Monotonic clock [s].
+
+    Attributes
+    ----------
+    first_sequence
+        What the agent's command numbers are counted from: beyond all of its predecessor, by what the
+        transmitter gateway told before the first command. No clock of any host matters.
     """
 
     events: Mapping[str, int] = MappingProxyType({})
@@ -40,6 +50,7 @@ class Observation:
         self._pacing = pacing
         self._poses = poses
         self._applied = applied
+        self.first_sequence = 0
         self._clock = clock
         self.seen: Received[Pose] | None = None
         """Newest pose that the pilot took in."""
@@ -59,13 +70,14 @@ class Observation:
         """When the next pose counts as overdue [monotonic s]; None before the first."""
         return self._pacing.coast_at_s(self._pilot.clock.period_s)
 
-    def take_applied(self, first_sequence: int) -> None:
-        """Tell the pilot what was written to the radio; sequences count from the agent's first command."""
+    def take_applied(self) -> None:
+        """Tell the pilot what was written to the radio; its sequences count from the first command."""
         for applied in self._applied.drain():
             message = applied.message
-            self._pilot.note_applied(
-                message.state, message.sequence - first_sequence, np.array(message.input)
-            )
+            if self._pilot.sequence == 0:
+                self.first_sequence = message.sequence + SEQUENCES_UNDER_WAY
+            sequence = message.sequence - self.first_sequence
+            self._pilot.note_applied(message.state, sequence, np.array(message.input))
 
     def frames(self) -> Iterator[float]:
         """Tell the pilot each new frame, and one that is overdue; yields when it began [monotonic s]."""

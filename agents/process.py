@@ -52,8 +52,6 @@ class Agent:
         self._stopwatch = stopwatch
         self._parts = assemble(settings, pilot, bus, realtime)
         self._reporter = Reporter(settings, pilot, bus, self._parts)
-        # Sequences continue over restarts because they start from the wall clock.
-        self._first_sequence = bus.life
         self._control_by_s: float | None = None
         self._estimate: list[float] | None = None
         self._timing: CommandTiming | None = None
@@ -81,7 +79,7 @@ class Agent:
         if oriented and parts.requests.take(self._bus.pending()):
             self._reporter.soon()
         was_flying = guidance.rotor_on
-        parts.observation.take_applied(self._first_sequence)
+        parts.observation.take_applied()
         if not was_flying and guidance.rotor_on and parts.handover.resume():
             parts.changes.keep_leaders()
             parts.lost.expect()
@@ -142,7 +140,7 @@ class Agent:
             parts.traffic.tend(self._reporter.said, parts.peers.statuses())
 
     def _publish_command(self, output: ControlOutput) -> None:
-        sequence = self._first_sequence + self._pilot.sequence
+        sequence = self._parts.observation.first_sequence + self._pilot.sequence
         command = command_message(self._settings, self._pilot, output, sequence, self._timing)
         self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
 

@@ -77,8 +77,8 @@ _EXAMPLE: Final = """\
 Subscribe to `rcopterx/<fleet>/h1/pose`; for every pose put a command on `rcopterx/<fleet>/h1/command`. The
 transmitter gateway obeys it once the vehicle is armed for its source: request `arm` with `lease` equal to the
 command's `source`, after half a second of commands with thrust 0. `sequence` must grow with every command,
-also over restarts; a wall clock in milliseconds is a good start. `next_inputs` are played when commands are
-late. A command as a map:
+also over restarts: begin well above `sequence` of the newest `applied`. `next_inputs` are played when
+commands are late. A command as a map:
 
 ```
 {fields}

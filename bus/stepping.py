@@ -40,9 +40,6 @@ class Inboxes(Protocol[M]):
 class StepBus(Protocol):
     """What a process that works in steps needs of the bus; `Session` tells more of each."""
 
-    life: int
-    """Wall clock at the start of the process [ms]."""
-
     def clock(self) -> float:
         """Time at which the present step began [monotonic s]."""
         ...
@@ -111,7 +108,7 @@ class SteppedSession:
     """
 
     def __init__(self, session: Session) -> None:
-        self.life = time.time_ns() // 1_000_000
+        self._life = time.time_ns() // 1_000_000
         self._session = session
         self._now_s = self._began_s = session.clock()
         self._waiting: deque[_Input] = deque(maxlen=MOST_WAITING)
@@ -152,7 +149,7 @@ class SteppedSession:
         if estimate is None and len(self._times_s) < STEPS_TOLD:
             return
         steps = AgentSteps(
-            life=self.life,
+            life=self._life,
             began_s=self._began_s,
             number=self._told,
             times_s=tuple(self._times_s),

@@ -183,9 +183,10 @@ class Admission:
     def _follows(self, cause: Cause, stream: Stream, now_s: float) -> bool:
         """Whether a command comes after the last one of its source and epoch.
 
-        Sequence numbers may begin at a wall clock, and wall clocks are set back. So a source whose last
-        command is overdue may count from anywhere, with a newer frame; one that was only delayed has an older
-        frame, and an earlier process of a source that commands is refused.
+        An agent counts on from what the gateway told last; a source of somebody else's may begin at a wall
+        clock, and wall clocks are set back. So a source whose last command is overdue may count from
+        anywhere, with a newer frame; one that was only delayed has an older frame, and an earlier process of
+        a source that commands is refused.
         """
         last = stream.command.cause
         overdue = now_s >= stream.arrival_s + self._limits.hold_after_s

@@ -51,9 +51,9 @@ class AgentLife:
     replies
         To what the agent asked when it was made.
     commands
-        Encoded, by sequence.
+        Of all lives, encoded, by sequence: each life counts on from the one before.
     plans
-        Encoded, by the frame they were made for, in order.
+        Of all lives, encoded, by the frame they were made for, in order.
     lost_steps
         Messages about steps that are missing.
     """
@@ -173,20 +173,17 @@ def _lives(own: _Own, payloads: dict[tuple[str, int], bytes]) -> tuple[AgentLife
         life = lives.get(steps.life)
         if life is None:
             life = lives[steps.life] = AgentLife(
-                steps.life, steps.began_s, steps.number == 0, steps.replies, plans=own.plans
+                steps.life,
+                steps.began_s,
+                steps.number == 0,
+                steps.replies,
+                commands=own.commands,
+                plans=own.plans,
             )
         life.lost_steps += steps.number - numbers.get(steps.life, steps.number - 1) - 1
         numbers[steps.life] = steps.number
         life.steps += _steps_of(steps, payloads)
-    starts = sorted(lives)
-    for number, start in enumerate(starts):
-        end = starts[number + 1] if number + 1 < len(starts) else None
-        lives[start].commands = {
-            sequence: payload
-            for sequence, payload in own.commands.items()
-            if sequence > start and (end is None or sequence <= end)
-        }
-    return tuple(lives[start] for start in starts)
+    return tuple(lives.values())
 
 
 def _steps_of(steps: AgentSteps, payloads: dict[tuple[str, int], bytes]) -> list[AgentStep]:

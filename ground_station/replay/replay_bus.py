@@ -54,7 +54,6 @@ class ReplayBus:
     """
 
     def __init__(self, life: AgentLife, published: Callable[[Channel[Any], Message], None]) -> None:
-        self.life = life.life
         self.missing = 0
         self._published = published
         self._now_s = life.began_s

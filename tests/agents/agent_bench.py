@@ -89,23 +89,23 @@ class Bench:
 
         self.step_until(seen, f"frame {self.frame} does not arrive")
 
-    def apply(self, state: str, thrust: float = 0.0) -> None:
+    def apply(self, state: str, thrust: float = 0.0, sequence: int = 0) -> None:
         self.others.publish(
             channels.APPLIED,
             "h9",
             Applied(
                 state=state, input=(0.0, 0.0, thrust, 0.0), pulse_width_us=(1500.0,), epoch=0, frame=0,
-                sequence=0, fresh=False,
+                sequence=sequence, fresh=False,
             ),
         )  # fmt: skip
 
-    def start(self, state: str = "armed", thrust: float = 0.545) -> None:
+    def start(self, state: str = "armed", thrust: float = 0.545, sequence: int = 0) -> None:
         """The agent has seen its vehicle and knows its transmitter."""
 
         def informed() -> bool:
             self.frame += 1
             self.pose()
-            self.apply(state, thrust)
+            self.apply(state, thrust, sequence)
             return self.pilot.informed
 
         self.step_until(informed, "the agent does not start")

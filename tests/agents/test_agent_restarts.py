@@ -11,7 +11,6 @@ from agent_bench import FOLLOWING, Bench, Join
 from support.bus import answering
 from support.waiting import wait_for
 
-from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.process import Agent
 from rcopterx.bus import channels
 from rcopterx.bus.intent import Intent
@@ -20,14 +19,25 @@ from rcopterx.bus.requests import GoTo, RecallReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.stepping import SteppedSession
 
+FAR_AHEAD = 10**15
+"""Sequence that a predecessor counted from a wall clock which has been set back since."""
 
-def test_sequences_grow_over_restarts(bench: Bench, join: Join) -> None:
-    bench.start("disarmed", 0.0)
-    newest = bench.sent[-1].sequence
-    second = Agent(
-        bench.settings, build_pilot(bench.settings), SteppedSession(join(clock=bench.clock)), realtime=False
-    )
-    assert second._first_sequence > newest - 1000
+
+def test_an_agent_counts_on_from_the_last_command_that_the_transmitter_gateway_obeyed(bench: Bench) -> None:
+    bench.start(sequence=FAR_AHEAD)
+    sent = [command.sequence for command in bench.sent]
+    assert sent[0] > FAR_AHEAD
+    assert sent == list(range(sent[0], sent[0] + len(sent)))
+
+
+def test_what_is_told_of_other_sources_later_does_not_change_how_an_agent_counts(bench: Bench) -> None:
+    bench.start(sequence=5)
+    bench.apply("armed", 0.545, sequence=FAR_AHEAD)
+    bench.settle()
+    bench.settle()
+    sent = [command.sequence for command in bench.sent]
+    assert sent == list(range(sent[0], sent[0] + len(sent)))
+    assert sent[-1] < FAR_AHEAD
 
 
 def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench: Bench) -> None:

@@ -82,7 +82,7 @@ def test_steps_are_told_with_all_that_they_took_in(join: Join) -> None:
     # The first ones may have been told before the subscription was known everywhere.
     received = told.latest()
     assert received is not None
-    assert received.message.life == stepped.life
+    assert received.message.life == stepped._life
     assert list(received.message.estimate) == estimate
 
 
