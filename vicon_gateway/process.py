@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.bus.intent import Intent
 from rcopterx.bus.messages import Applied, Pose, SubjectState, TrackerStatus
 from rcopterx.bus.realtime import request_realtime, settle
 from rcopterx.bus.session import Session
@@ -27,8 +28,8 @@ STATUS_PERIOD_S = 0.2
 POSES_KEPT = 8
 STANDBY_S = 1.0
 """A gateway that stands by goes on when the other one has been silent for so long."""
-FLOWN_LIMIT_S = 1.0
-"""How long a gateway that starts listens to what vehicles fly by."""
+FLOWN_LIMIT_S = 3.0
+"""How long a gateway that starts listens to what vehicles fly by; agents tell it five times a second."""
 
 
 class TrackerGateway:
@@ -57,7 +58,10 @@ class TrackerGateway:
         # One vehicle's poses are enough: our own come back, another gateway's tell that it is there.
         vehicle = next(iter(settings.subjects.values()))
         self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False)
-        self._flown: UnitSubscriptions[Applied] | None = session.subscribe_all(channels.APPLIED, waking=False)
+        self._flown: tuple[UnitSubscriptions[Applied] | UnitSubscriptions[Intent], ...] = (
+            session.subscribe_all(channels.APPLIED, waking=False),
+            session.subscribe_all(channels.INTENT, waking=False),
+        )
         self._flown_until_s = session.clock() + FLOWN_LIMIT_S
         session.announce(channels.TRACKER_UNIT, "vicon_gateway")
 
@@ -84,16 +88,20 @@ class TrackerGateway:
                 self._session.publish(channels.POSE, vehicle, pose)
 
     def _notice_earlier_gateway(self, now_s: float) -> None:
-        """Begin a newer epoch than the one by which vehicles fly, though the wall clock was set back."""
-        if self._flown is None:
-            return
-        for inbox in list(self._flown.inboxes.values()):
-            applied = inbox.latest()
-            if applied is not None:
-                self._epochs.leave_behind(applied.message.epoch)
-        if now_s >= self._flown_until_s:
-            self._flown.close()
-            self._flown = None
+        """Begin a newer epoch than the one by which vehicles fly, though the wall clock was set back.
+
+        Transmitters tell it as long as they obey commands; agents tell the one they believe in also when
+        vehicles are held because poses were missing for too long.
+        """
+        for heard in self._flown:
+            for inbox in list(heard.inboxes.values()):
+                received = inbox.latest()
+                if received is not None:
+                    self._epochs.leave_behind(received.message.epoch)
+        if self._flown and now_s >= self._flown_until_s:
+            for heard in self._flown:
+                heard.close()
+            self._flown = ()
 
     def _notice_other_gateway(self, now_s: float) -> None:
         """Stand by while another gateway publishes: of two, the one that began later goes on.

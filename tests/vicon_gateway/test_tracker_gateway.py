@@ -4,12 +4,16 @@ import io
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import pytest
 from support.tracker import running_tracker
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import Applied, TrackerStatus
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.messages import Applied, SetPoint, TrackerStatus
 from rcopterx.bus.session import Session
 from rcopterx.vicon_gateway.client import DataStreamClient
 from rcopterx.vicon_gateway.process import TrackerGateway
@@ -86,17 +90,27 @@ def applied(epoch: int) -> Applied:
     )  # fmt: skip
 
 
-def test_restarted_gateway_leaves_the_epoch_behind_by_which_vehicles_fly(
-    join: Callable[..., Session], tmp_path: Path
+def intent(epoch: int) -> Intent:
+    return Intent(
+        phase="flying", epoch=epoch, frame=1, set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=0.0),
+        controller="cascade", estimator="extended_kalman",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("channel", [channels.APPLIED, channels.INTENT])
+def test_restarted_gateway_leaves_the_epoch_behind_by_which_vehicles_fly_or_are_held(
+    channel: Channel[Any], join: Callable[..., Session], tmp_path: Path
 ) -> None:
-    """The wall clock was set back by a century."""
+    """The wall clock was set back by a century; transmitters that hold their vehicles obey no command."""
     flown = int(time.time() * 1000) + 100 * 365 * 86_400_000
     with running_tracker("heli1", "heli2") as server:
         running = Running(join, server.address, None, tmp_path)
-        transmitter = join()
+        other = join()
 
         def heard() -> bool:
-            transmitter.publish(channels.APPLIED, "h2", applied(flown))
+            other.publish(channels.APPLIED, "h2", applied(flown if channel is channels.APPLIED else 0))
+            if channel is channels.INTENT:
+                other.publish(channels.INTENT, "h2", intent(flown))
             running.gateway.step()
             return any(received.message.epoch == flown + 1 for received in running.poses.drain())
 
