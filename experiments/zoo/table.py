@@ -290,6 +290,12 @@ HOST_ROWS: Final = (
         (ClockStepped(-3600.0), Killed("tracker")),
     ),
     FaultFlight(
+        "clock-set-back-and-bus-lost",
+        "The wall clock goes back by an hour, and the router and the Vicon gateway die",
+        (ClockStepped(-3600.0), Killed("router"), Killed("tracker")),
+        limits=COLD_START,
+    ),
+    FaultFlight(
         "clock-set-forward",
         "The wall clock goes forward by a day, and the Vicon gateway dies",
         (ClockStepped(86_400.0), Killed("tracker")),
