@@ -6,11 +6,11 @@ import signal
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.bus.intent import Intent
-from rcopterx.bus.messages import Applied, Pose, SubjectState, TrackerStatus
+from rcopterx.bus.messages import Pose, SubjectState, TrackerStatus
 from rcopterx.bus.realtime import request_realtime, settle
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import UnitSubscriptions
@@ -58,7 +58,7 @@ class TrackerGateway:
         # One vehicle's poses are enough: our own come back, another gateway's tell that it is there.
         vehicle = next(iter(settings.subjects.values()))
         self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False)
-        self._flown: tuple[UnitSubscriptions[Applied] | UnitSubscriptions[Intent], ...] = (
+        self._flown: tuple[UnitSubscriptions[Any], ...] = (
             session.subscribe_all(channels.APPLIED, waking=False),
             session.subscribe_all(channels.INTENT, waking=False),
         )

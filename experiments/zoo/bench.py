@@ -55,7 +55,8 @@ class Bench:
         NotReachedError
             It does not run.
         """
-        pid = self.supervisor.pid(process)
+        known = process in self.supervisor.children
+        pid = self.supervisor.pid(process) if known else None
         if pid is None:
             raise NotReachedError(f"{process} does not run")
         return pid

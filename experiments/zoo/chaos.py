@@ -43,7 +43,7 @@ class Chaos:
     happened
         Faults with the time since the beginning [s].
     missed
-        Faults that could not be, because what they concern was just being replaced.
+        Faults that could not be, because what they concern was just being replaced, or is not there.
     """
 
     place: FaultRange

@@ -135,6 +135,7 @@ class FaultRange:
         """Have everybody stand on the floor."""
         self.fleet.land()
         self.fleet.wait_ready()
+        self.bench.wait_for(lambda: self._truth.latest() is not None, FLOWN_AGAIN_S)
 
     def _wait_until_calm(self) -> None:
         """Nobody has been started just now, and there is a spare process."""
