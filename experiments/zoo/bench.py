@@ -63,10 +63,10 @@ class Bench:
 
     def wait_for(self, condition: Callable[[], bool], seconds: float) -> bool:
         """Wait until something holds, at most so long; whether it does."""
-        left = round(seconds / POLL_S)
-        while not condition() and left > 0:
+        for _ in range(round(seconds / POLL_S)):
+            if condition():
+                return True
             self.wait(POLL_S)
-            left -= 1
         return condition()
 
 

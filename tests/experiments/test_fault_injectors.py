@@ -104,6 +104,13 @@ def state_of(pid: int) -> str:
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
 
 
+def test_what_was_reached_for_a_moment_counts_as_reached(start: Start) -> None:
+    bench, _ = start(SLEEPS)
+    looks = iter([False, True])
+    assert bench.wait_for(lambda: next(looks), 10.0)
+    assert not bench.wait_for(lambda: False, 0.02)
+
+
 def test_a_killed_process_is_gone(start: Start) -> None:
     bench, supervisor = start(SLEEPS)
     with Killed("it").active(bench):
