@@ -5,7 +5,7 @@ changes otherwise, such as leaders or controllers, it puts back itself. A new fl
 """
 
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -75,18 +75,35 @@ def pytest_runtest_makereport(
     return report
 
 
-@pytest.fixture
-def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
-    """The fleet, in formation at `HOME_M` and at rest."""
+@contextmanager
+def closed_on_failure(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[None]:
+    """A fleet that cannot be prepared, or whose test failed, is not used again."""
     try:
-        flying, truth = hangar.fleet()
-        bring_up(flying, truth)
+        yield
     except BaseException:
         hangar.close()
         raise
-    yield flying
     if request.node.stash.get(FAILED, False):
         hangar.close()
+
+
+@pytest.fixture
+def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
+    """The fleet, in formation at `HOME_M` and at rest."""
+    with closed_on_failure(hangar, request):
+        flying, truth = hangar.fleet()
+        bring_up(flying, truth)
+        yield flying
+
+
+@pytest.fixture
+def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
+    """The fleet on the floor, for tests that start there: nobody has to take off for it."""
+    with closed_on_failure(hangar, request):
+        flying, _ = hangar.fleet()
+        restore(flying)
+        flying.fleet.land(timeout_s=30)
+        yield flying
 
 
 @pytest.fixture
@@ -95,8 +112,8 @@ def truth(flying: Flying, hangar: Hangar) -> Truth:
     return hangar.fleet()[1]
 
 
-def bring_up(flying: Flying, truth: Truth) -> None:
-    """Let everybody fly in formation, whoever was on the floor before."""
+def restore(flying: Flying) -> None:
+    """Undo what a test left: faults, processes that were stopped, kills, vehicles between two states."""
     fleet = flying.fleet
     inject_faults(fleet.session, Recover())
     for launcher in flying.launchers.values():
@@ -107,6 +124,12 @@ def bring_up(flying: Flying, truth: Truth) -> None:
         fleet.wait_until(lambda name=name: not_killed(flying, name), 15, "not reset", [name])  # type: ignore[misc]
     fleet.wait_ready(timeout_s=30)
     fleet.wait_until(lambda: all(settled(flying, name) for name in NAMES), 30, "not settled", NAMES)
+
+
+def bring_up(flying: Flying, truth: Truth) -> None:
+    """Let everybody fly in formation, whoever was on the floor before."""
+    restore(flying)
+    fleet = flying.fleet
     grounded = [name for name in NAMES if not fleet.state_of(name).airborne]
     if grounded:
         fleet.take_off(grounded, height_m=HEIGHT_M, timeout_s=30)

@@ -74,55 +74,6 @@ def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
     flying.fleet.wait_until(lambda: all(truth.height_m(name) > 0.4 for name in NAMES), 10, "not flying again")
 
 
-def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(flying: Flying, truth: Truth) -> None:
-    log, restarts = RadioLog(flying), flying.restarts("transmitters")
-    terminated_s = time.monotonic()
-    os.kill(flying.pid("transmitters"), signal.SIGTERM)
-    flying.fleet.wait_until(
-        lambda: (
-            all(landed_gently(truth, name) for name in NAMES)
-            and all_states(flying, "disarmed")
-            and flying.restarts("transmitters") == restarts + 1
-        ),
-        20,
-        "not landed",
-        NAMES,
-    )
-    for name in NAMES:
-        last = log.throttles(name, terminated_s, flying.started_s("transmitters"))[-25:]
-        assert [round(throttle) for throttle in last] == [THROTTLE_LOW_US] * 25
-
-
-@pytest.mark.campaign
-def test_exception_in_the_gateway_brings_everybody_down_and_ends_on_throttle_low(
-    flying: Flying, truth: Truth, tmp_path: Path
-) -> None:
-    log, program = RadioLog(flying), Path(__file__).with_name("failing_gateway.py")
-    flying.fleet.land()
-    stop_supervised_gateway(flying)
-    with (
-        (tmp_path / "gateway.log").open("w+") as said,
-        subprocess.Popen([sys.executable, program, flying.path], stderr=said) as gateway,
-    ):
-        try:
-            flying.fleet.take_off(height_m=0.5, timeout_s=40)
-            gateway.send_signal(signal.SIGUSR2)
-            assert gateway.wait(20) == 1
-        finally:
-            gateway.kill()
-        said.seek(0)
-        assert FAULT in said.read()
-    flying.fleet.wait_until(lambda: all(landed_gently(truth, name) for name in NAMES), 10, "not landed")
-    for name in NAMES:
-        flying.fleet.wait_until(
-            lambda name=name: (  # type: ignore[misc]
-                [round(throttle) for _, throttle in log.frames(name)[-25:]] == [THROTTLE_LOW_US] * 25
-            ),
-            5,
-            f"{name} does not end on throttle low",
-        )
-
-
 def test_sigusr1_kills_all_vehicles_of_the_gateway_and_latches(flying: Flying) -> None:
     restarts = flying.restarts("transmitters")
     os.kill(flying.pid("transmitters"), signal.SIGUSR1)
@@ -174,16 +125,66 @@ def read_until(terminal: int, wanted: str, timeout_s: float = 20.0) -> None:
         text += os.read(terminal, 4096).decode()
 
 
-def test_key_on_the_gateways_terminal_kills_and_is_explained(flying: Flying) -> None:
-    flying.fleet.land()
+def test_key_on_the_gateways_terminal_kills_and_is_explained(grounded: Flying) -> None:
+    flying = grounded
     with gateway_on_a_terminal(flying) as (terminal, process):
         read_until(terminal, "space or k")
+        flying.fleet.wait_ready(timeout_s=30)
         flying.fleet.take_off(["h1"], height_m=0.3, timeout_s=40)
         os.write(terminal, b"x")
         os.write(terminal, b" ")
         flying.fleet.wait_until(lambda: all_states(flying, "killed"), 5, "not killed", NAMES)
         os.write(terminal, b"\x03")
         assert process.wait(20) == 0
+
+
+def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(flying: Flying, truth: Truth) -> None:
+    log, restarts = RadioLog(flying), flying.restarts("transmitters")
+    terminated_s = time.monotonic()
+    os.kill(flying.pid("transmitters"), signal.SIGTERM)
+    flying.fleet.wait_until(
+        lambda: (
+            all(landed_gently(truth, name) for name in NAMES)
+            and all_states(flying, "disarmed")
+            and flying.restarts("transmitters") == restarts + 1
+        ),
+        20,
+        "not landed",
+        NAMES,
+    )
+    for name in NAMES:
+        last = log.throttles(name, terminated_s, flying.started_s("transmitters"))[-25:]
+        assert [round(throttle) for throttle in last] == [THROTTLE_LOW_US] * 25
+
+
+@pytest.mark.campaign
+def test_exception_in_the_gateway_brings_everybody_down_and_ends_on_throttle_low(
+    flying: Flying, truth: Truth, tmp_path: Path
+) -> None:
+    log, program = RadioLog(flying), Path(__file__).with_name("failing_gateway.py")
+    flying.fleet.land()
+    stop_supervised_gateway(flying)
+    with (
+        (tmp_path / "gateway.log").open("w+") as said,
+        subprocess.Popen([sys.executable, program, flying.path], stderr=said) as gateway,
+    ):
+        try:
+            flying.fleet.take_off(height_m=0.5, timeout_s=40)
+            gateway.send_signal(signal.SIGUSR2)
+            assert gateway.wait(20) == 1
+        finally:
+            gateway.kill()
+        said.seek(0)
+        assert FAULT in said.read()
+    flying.fleet.wait_until(lambda: all(landed_gently(truth, name) for name in NAMES), 10, "not landed")
+    for name in NAMES:
+        flying.fleet.wait_until(
+            lambda name=name: (  # type: ignore[misc]
+                [round(throttle) for _, throttle in log.frames(name)[-25:]] == [THROTTLE_LOW_US] * 25
+            ),
+            5,
+            f"{name} does not end on throttle low",
+        )
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.campaign)])

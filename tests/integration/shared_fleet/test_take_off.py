@@ -15,7 +15,7 @@ def test_a_climb_without_frames_for_a_moment_ends_at_the_height_that_was_asked_f
     flying: Flying, truth: Truth
 ) -> None:
     fleet = flying.fleet
-    fleet.land()
+    fleet.land(["h1"])
     held = counter(flying, "h1", "entered HOLD")
     interrupted: list[float] = []
 
