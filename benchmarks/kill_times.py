@@ -11,11 +11,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
+from rcopterx.agents.phases import Phase
 from rcopterx.bus import channels
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.launched import launched
 from rcopterx.ground_station.statistics import percentiles
+from rcopterx.ground_station.vehicle import Vehicle
 
+READY_S: Final = 5.0
 LOW_S: Final = 2.0
 """Within which every vehicle must be cut."""
 PAUSE_S: Final = 0.033
@@ -71,6 +74,8 @@ def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) 
     for vehicle in fleet:
         if vehicle.state.transmitter_state == "killed":
             vehicle.reset()
+    # An agent that has not heard of the kill yet still says that it is armed.
+    fleet.wait_until(lambda: all(map(_at_rest, fleet)), READY_S, "not disarmed on the floor", written)
     fleet.arm()
     time.sleep(PAUSE_S * number % 0.5)
     for inbox in written.values():
@@ -87,6 +92,10 @@ def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) 
                     low_s.setdefault(name, received.message.written_s)
         time.sleep(0.001)
     return 1000 * (max(low_s.values()) - pressed_s)
+
+
+def _at_rest(vehicle: Vehicle) -> bool:
+    return vehicle.state.phase == Phase.GROUND and vehicle.state.transmitter_state == "disarmed"
 
 
 @contextmanager

@@ -34,7 +34,9 @@ class Recording:
 
     def units(self, channel: Channel[Any]) -> list[str]:
         """Units that sent something on a channel."""
-        return sorted(unit for topic, unit in self._records if topic == channel.topic)
+        # The Tracker and the vehicles have a status each, of different types.
+        others = {row.unit for row in CHANNELS if row.topic == channel.topic and row.unit != channel.unit}
+        return sorted(unit for topic, unit in self._records if topic == channel.topic and unit not in others)
 
     def messages(self, channel: Channel[M], unit: str) -> list[tuple[M, float]]:
         """Valid messages of a channel and unit with their arrival times, in order."""

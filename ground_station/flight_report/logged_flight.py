@@ -42,6 +42,8 @@ class LoggedFlight:
         What happened, in order; times count from `started_s`.
     started_s
         Arrival of the first pose or state of the laboratory on the clock of the recording [s].
+    rejected
+        Messages that this version does not understand, by topic and reason: the report lacks them.
     """
 
     name: str
@@ -50,6 +52,7 @@ class LoggedFlight:
     figures: FlightFigures
     events: tuple[Event, ...]
     started_s: float
+    rejected: dict[str, int]
 
 
 def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
@@ -72,14 +75,10 @@ def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
     if started_s is None:
         raise FlightLogError(f"{name}: the motion capture saw nothing in this flight")
     fleet, recording = fleet_of(parts), Recording(records)
-    return LoggedFlight(
-        name,
-        fleet,
-        contents.metadata.get(METADATA, {}),
-        FlightFigures(recording, list(fleet.vehicles)),
-        tuple(events_of(recording, started_s)),
-        started_s,
-    )
+    figures = FlightFigures(recording, list(fleet.vehicles))
+    events = tuple(events_of(recording, started_s))
+    metadata = contents.metadata.get(METADATA, {})
+    return LoggedFlight(name, fleet, metadata, figures, events, started_s, dict(recording.rejected))
 
 
 def _record(message: LoggedMessage) -> Record:

@@ -108,8 +108,11 @@ def _identification(flight: LoggedFlight) -> Html:
 
 def _provenance(flight: LoggedFlight) -> Html:
     page = provenance()
-    rows = [
+    rows: list[tuple[object, ...]] = [
         *flight.metadata.items(),
         ("report made by", f"rcopterx {page['rcopterx']} {page['commit']}".strip()),
     ]
+    if flight.rejected:
+        told = ", ".join(f"{kind} {count}" for kind, count in flight.rejected.items())
+        rows.append(("messages of another version, left out", (told, "failed")))
     return table(("", ""), rows)

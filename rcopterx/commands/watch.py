@@ -19,6 +19,9 @@ from rcopterx.commands.steer import Vehicles, known_vehicles
 if TYPE_CHECKING:
     from rich.console import Group
 
+GATHER_S = 1.0
+"""A single picture of latencies is one of the commands of this time."""
+LATENCY_COLUMN = "-ms"
 HUNG_UP = b"\x04"
 QUIT_KEYS = b"qQ" + HUNG_UP
 """q and Ctrl-D; Ctrl-C comes as a signal."""
@@ -92,9 +95,11 @@ def top(
         raise typer.BadParameter(str(error), param_hint="--columns") from None
     console = Console()
     with running_fleet(fleet) as running:
-        running.wait_for_status()
         running.watch_latency()
+        running.wait_for_status()
         if not console.is_terminal:
+            if chosen and any(column.name.endswith(LATENCY_COLUMN) for column in chosen):
+                time.sleep(GATHER_S)
             width = table_width(running, chosen) if chosen else console.width
             Console(width=width).print(fleet_view(running, width, columns=chosen or None))
             return

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,11 @@ def test_a_report_is_whole_and_refers_to_nothing_outside_itself(flight: LoggedFl
     assert flight.metadata["digest"] in page
     assert not re.findall(r"(?:src|href)=[\"'](?!#)", page)
     assert not re.findall(r"@import|url\((?!#)", page)
+
+
+def test_a_report_tells_what_it_could_not_read(flight: LoggedFlight) -> None:
+    assert "left out" not in report_page(flight)
+    assert "plan.type 7" in report_page(replace(flight, rejected={"plan.type": 7}))
 
 
 def test_two_flights_stand_side_by_side(flight: LoggedFlight) -> None:
