@@ -98,7 +98,8 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
     vehicle, clock = settings.vehicle, bus.clock
     pacing, solve = Pacing(settings.period_s), SolveTimer()
     poses = bus.subscribe(channels.POSE, vehicle, depth=16)
-    applied = bus.subscribe(channels.APPLIED, vehicle, depth=16)
+    # What was written counts from the next pose on; to wake up for it would double the steps of a leader.
+    applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
     observation = Observation(pilot, pacing, poses, applied, clock)
     plans = LeaderPlans(vehicle, lambda name: bus.subscribe(channels.PLAN, name))
     plans.keep(link.leader for link in settings.following)

@@ -17,7 +17,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.benchmarks.namespaces import Network, network
-from rcopterx.bus.endpoints import client_config
+from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.spare_process import child_environment
 
@@ -159,7 +159,7 @@ def linked_hosts() -> Iterator[tuple[Network, dict[str, Stream]]]:
             stack.enter_context(_process(net.python(host, "-c", ROUTER, settings)))
         for host in HOSTS:
             Session(BusAddress((sockets[host],), "bench"), timeout_s=20.0).close()
-        clients = {host: zenoh.open(client_config([sockets[host]], None, 5.0)) for host in HOSTS}
+        clients = {host: open_session(client_config([sockets[host]], None, 5.0)) for host in HOSTS}
         for client in clients.values():
             stack.callback(client.close)
         streams = {

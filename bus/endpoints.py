@@ -1,6 +1,7 @@
 """Zenoh configurations of routers and clients (zenoh_bus.md section 7.2)."""
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +13,9 @@ TLS: Final = "tls/"
 """Beginning of an endpoint whose both ends show a certificate."""
 QUEUE_SIZE = 16
 LEASE_MS = 1000
+_THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app))"
+"""Environment variable that Zenoh reads when its first session opens. The thread that reads sockets also
+handles what arrives and writes what is sent; by default each message passes three threads."""
 _SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
 
 
@@ -46,6 +50,18 @@ class Protection:
 
     credentials: Credentials
     access_control: Mapping[str, object]
+
+
+def open_session(config: zenoh.Config) -> zenoh.Session:
+    """Open a session; all sessions of a process are opened here, because they share their threads.
+
+    Raises
+    ------
+    zenoh.ZError
+        No router answers, or none can be one here.
+    """
+    os.environ.setdefault(*_THREADS)
+    return zenoh.open(config)
 
 
 def router_config(

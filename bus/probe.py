@@ -6,11 +6,11 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from rcopterx.bus.endpoints import Credentials, client_config
+from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.keys import probe_key
 
-PERIOD_S: Final = LONGEST_WAIT_S / 2
+PERIOD_S: Final = LONGEST_WAIT_S
 OPENING_LIMIT_S: Final = 10.0
 """How long the router may take to accept its own process."""
 
@@ -69,7 +69,7 @@ def probe_until(
         For an endpoint that asks for a certificate.
     """
     config = client_config([endpoint], namespace, OPENING_LIMIT_S, credentials)
-    sender, receiver = (zenoh.open(config) for _ in range(2))
+    sender, receiver = (open_session(config) for _ in range(2))
     with sender, receiver:
         probe, heartbeat = Probe(sender, receiver, probe_key(fleet, host)), own_heartbeat()
         while not select.select([ended], [], [], PERIOD_S)[0]:

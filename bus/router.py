@@ -11,7 +11,7 @@ from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.endpoints import Protection, reason_of, router_config
+from rcopterx.bus.endpoints import Protection, open_session, reason_of, router_config
 from rcopterx.bus.links import LinkService
 from rcopterx.bus.probe import probe_until
 from rcopterx.bus.realtime import request_realtime
@@ -64,7 +64,7 @@ def run_router(
     if protection is not None:
         zenoh.init_log_from_env_or(REFUSALS)
     try:
-        session = zenoh.open(router_config(listen, connect, namespace, protection))
+        session = open_session(router_config(listen, connect, namespace, protection))
     except zenoh.ZError as error:
         raise OSError(f"router cannot listen on {', '.join(listen)}: {reason_of(error)}") from None
     credentials = None if protection is None else protection.credentials

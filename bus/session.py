@@ -16,7 +16,7 @@ from zenoh.handlers import Callback
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import RejectedError, decode, encode
-from rcopterx.bus.endpoints import Credentials, client_config, reason_of
+from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
@@ -130,7 +130,9 @@ def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
             left_s = max(0.0, give_up_s - time.monotonic())
             limit_s = min(attempt_s, left_s)
             try:
-                return zenoh.open(client_config([endpoint], address.namespace, limit_s, address.credentials))
+                return open_session(
+                    client_config([endpoint], address.namespace, limit_s, address.credentials)
+                )
             except zenoh.ZError as error:
                 reason = reason_of(error)
         if time.monotonic() >= give_up_s:

@@ -15,7 +15,7 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from rcopterx.bus.endpoints import Credentials, client_config
+from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT, KILL_TOPIC, ROOT, TRANSMITTER_TOPIC, key
 from rcopterx.deploy.running import RunningFleet, running_fleets
 
@@ -196,7 +196,7 @@ class Router:
         while not self._stop.is_set():
             for endpoint in self._endpoints:
                 try:
-                    return zenoh.open(
+                    return open_session(
                         client_config([endpoint], self._namespace, ATTEMPT_S, self._credentials)
                     )
                 except zenoh.ZError:

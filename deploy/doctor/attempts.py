@@ -15,7 +15,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.bus.access import Seat, asked_keys, published_keys
-from rcopterx.bus.endpoints import Credentials, client_config
+from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import ROOT, request_key
 from rcopterx.bus.session import BusAddress, opened
 from rcopterx.deploy.certificates.files import credentials, readable
@@ -132,7 +132,7 @@ def _round_trip(session: zenoh.Session) -> None:
 
 def _refused(endpoint: str, shown: Credentials | None, what: str) -> Result:
     try:
-        zenoh.open(client_config([endpoint], None, REFUSED_S, shown)).close()
+        open_session(client_config([endpoint], None, REFUSED_S, shown)).close()
     except zenoh.ZError:
         return Result(True, f"{what} is refused")
     return Result(False, f"{what} is let in")

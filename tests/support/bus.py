@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from rcopterx.bus.endpoints import client_config, router_config
+from rcopterx.bus.endpoints import client_config, open_session, router_config
 from rcopterx.bus.requests import Reply, Request
 from rcopterx.bus.session import BusAddress, BusUnreachableError, Session
 
@@ -35,7 +35,7 @@ def own_address() -> BusAddress:
 def router() -> Iterator[BusAddress]:
     """A router in this process, for tests in which it stays up."""
     address = own_address()
-    session = zenoh.open(router_config(list(address.endpoints), [], address.namespace))
+    session = open_session(router_config(list(address.endpoints), [], address.namespace))
     try:
         yield address
     finally:
@@ -118,7 +118,7 @@ def raw_put(address: BusAddress, key: str, payload: bytes) -> None:
 @contextmanager
 def raw_session(address: BusAddress) -> Iterator[zenoh.Session]:
     """A Zenoh client without any of our checks."""
-    session = zenoh.open(client_config(list(address.endpoints), address.namespace, 5.0))
+    session = open_session(client_config(list(address.endpoints), address.namespace, 5.0))
     try:
         yield session
     finally:
