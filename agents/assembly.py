@@ -13,6 +13,7 @@ from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.formation.limit_scaling import LimitScaling
 from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.handover import Handover
+from rcopterx.agents.load_relief import LoadRelief
 from rcopterx.agents.observation import Observation
 from rcopterx.agents.pacing import Pacing, SolveTimer
 from rcopterx.agents.pilot import Pilot
@@ -47,6 +48,7 @@ class AgentParts:
     tuning: Tuning
     external: ExternalControl
     guard: OscillationGuard
+    relief: LoadRelief
     pacing: Pacing
     solve: SolveTimer
     diagnostics: DiagnosticsCollector
@@ -125,7 +127,8 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
     requests = RequestHandler(
         settings, pilot, room, changes, peers, tuning, external, lambda: bus.note(TRAJECTORY_CHECKED)
     )
-    counted = (pilot, observation, plans, traffic, external, lost, changes, guard, requests)
+    relief = LoadRelief(bus, settings.period_s, pacing, traffic)
+    counted = (pilot, observation, plans, traffic, external, lost, changes, guard, requests, relief)
     return AgentParts(
         observation=observation,
         handover=Handover(bus, vehicle, pilot, tuning),
@@ -139,7 +142,8 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
         tuning=tuning,
         external=external,
         guard=guard,
+        relief=relief,
         pacing=pacing,
         solve=solve,
-        diagnostics=DiagnosticsCollector(pilot, tuning, pacing, solve, counted, realtime),
+        diagnostics=DiagnosticsCollector(pilot, tuning, pacing, solve, relief, counted, realtime),
     )

@@ -25,6 +25,8 @@ class Pacing:
         self._last_control_frame: int | None = None
         self._last_arrival_s: float | None = None
         self._coasts = 0
+        self.every = 1
+        """Only every so many control periods are computed; the others fly the input planned for them."""
 
     def frames_per_tick(self, frame_period_s: float) -> int:
         """Frames in one control period."""
@@ -55,7 +57,7 @@ class Pacing:
         Every n-th frame by number, so that leaders and followers take the same ones; after a gap at once.
         Control periods that passed without a command while flying are counted as missed.
         """
-        per_tick = self.frames_per_tick(frame_period_s)
+        per_tick = self.every * self.frames_per_tick(frame_period_s)
         last = self._last_control_frame
         if last is not None and 0 < frame - last < per_tick and frame % per_tick != 0:
             return False
@@ -64,6 +66,10 @@ class Pacing:
         self._last_control_frame = frame
         self.ticks += 1
         return True
+
+    def left_out(self, frame: int, frame_period_s: float) -> bool:
+        """Whether a control period that is not due would begin with this frame at full rate."""
+        return self.every > 1 and frame % self.frames_per_tick(frame_period_s) == 0
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ class Agent:
         self._parts = assemble(settings, pilot, bus, realtime)
         self._reporter = Reporter(settings, pilot, bus, self._parts)
         self._control_by_s: float | None = None
+        self._began_s = self._step_s = 0.0
         self._estimate: list[float] | None = None
         self._timing: CommandTiming | None = None
         # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
@@ -63,6 +64,7 @@ class Agent:
     def step(self) -> None:
         """Everything that is due now: read, decide, control, publish."""
         self._bus.begin_step()
+        self._step_s = self._stopwatch()
         self._estimate = None
         self._read()
         self._decide()
@@ -91,7 +93,8 @@ class Agent:
         leaders_settled = self._parts.changes.settle()
         tuned = self._bus.noted(TUNED) and self._parts.requests.settle_tuning()
         flown = self._bus.noted(TRAJECTORY_CHECKED) and self._parts.requests.trajectories.settle()
-        if leaders_settled or tuned or flown or self._parts.tuning.note_replaced():
+        relieved = self._parts.relief.settle()
+        if leaders_settled or tuned or flown or relieved or self._parts.tuning.note_replaced():
             self._reporter.soon()
 
     def _begin_period(self, now_s: float) -> None:
@@ -99,10 +102,15 @@ class Agent:
         parts, clock, guidance = self._parts, self._pilot.clock, self._pilot.guidance
         parts.changes.begin_due()
         flying = guidance.rotor_on
-        if self._pilot.informed and parts.pacing.control_due(clock.current_frame, clock.period_s, flying):
+        if not self._pilot.informed:
+            return
+        if parts.pacing.control_due(clock.current_frame, clock.period_s, flying):
             if self._control_by_s is not None and flying:
                 parts.pacing.on_overtaken()
+            self._began_s = now_s
             self._control_by_s = now_s + (self._settings.leader_wait_s if guidance.follows else 0)
+        elif parts.pacing.left_out(clock.current_frame, clock.period_s):
+            self._pilot.fly_as_planned()
 
     def _plans_are_here(self) -> bool:
         followed = [link.leader for link in self._pilot.guidance.followed]
@@ -134,8 +142,13 @@ class Agent:
             first, then = then, first
         first(output)
         then(output)
+        # Until the step began by the clock that stands still in it, and since then.
+        waited_s = self._clock() - self._began_s
+        parts.relief.watch(waited_s + self._stopwatch() - self._step_s, self._pilot.guidance.rotor_on)
         parts.external.after_control()
-        parts.guard.watch(output, flown_by_own=not parts.external.client)
+        if parts.pacing.every == 1:
+            # At another rate an oscillation would look like a slower one.
+            parts.guard.watch(output, flown_by_own=not parts.external.client)
         if self._reporter.said is not None and parts.traffic.due():
             parts.traffic.tend(self._reporter.said, parts.peers.statuses())
 

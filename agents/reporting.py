@@ -4,6 +4,7 @@ import logging
 from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
+from rcopterx.agents.overload import Relief
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.telemetry import status_message
@@ -14,6 +15,8 @@ from rcopterx.bus.stepping import StepBus
 _LOG = logging.getLogger(__name__)
 
 REPORT_PERIOD_S: Final = 0.2
+SPARSE: Final = 2
+"""Factor of the period while the computer cannot keep up; a status counts for a second."""
 
 
 class Reporter:
@@ -49,7 +52,8 @@ class Reporter:
     def report(self) -> None:
         """Publish status and intent; between them leaders are given the limits their followers leave them."""
         now_s, pilot, parts = self._bus.clock(), self._pilot, self._parts
-        self.due_s = now_s + REPORT_PERIOD_S
+        slower = SPARSE if parts.relief.relief >= Relief.STATUSES else 1
+        self.due_s = now_s + slower * REPORT_PERIOD_S
         links = {name: status.following for name, status in parts.peers.statuses().items()}
         controller, chosen = pilot.controller, parts.tuning.configuration.controller_settings
         pilot.step_guard.tell(controller, lambda: parts.limit_scaling.tend(controller, chosen, links))

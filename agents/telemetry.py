@@ -9,6 +9,7 @@ import msgspec
 
 from rcopterx.agents.following.leader_plans import LeaderPlans
 from rcopterx.agents.following.links import present_link, target_link
+from rcopterx.agents.load_relief import LoadRelief
 from rcopterx.agents.pacing import Pacing, SolveTimer
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
@@ -145,7 +146,7 @@ class DiagnosticsCollector:
 
     Parameters
     ----------
-    pilot, tuning, pacing, solve
+    pilot, tuning, pacing, solve, relief
         The agent's own.
     sources
         All parts of the agent that count what happens to them.
@@ -159,6 +160,7 @@ class DiagnosticsCollector:
         tuning: Tuning,
         pacing: Pacing,
         solve: SolveTimer,
+        relief: LoadRelief,
         sources: Sequence[Source],
         realtime: bool,
     ) -> None:
@@ -166,6 +168,7 @@ class DiagnosticsCollector:
         self._tuning = tuning
         self._pacing = pacing
         self._solve = solve
+        self._relief = relief
         self._sources = sources
         self._realtime = realtime
 
@@ -195,7 +198,8 @@ class DiagnosticsCollector:
             closest_plan_m=pilot.avoidance.closest_m,
             realtime=self._realtime,
             process=os.getpid(),
-            remarks=pilot.remarks + ((self._tuning.remark,) if self._tuning.remark else ()),
+            remarks=(*pilot.remarks, *filter(None, (self._tuning.remark, self._relief.remark))),
+            processor_share=self._relief.processor_share(),
         )
 
 

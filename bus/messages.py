@@ -238,6 +238,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Process id."""
     remarks: Annotated[tuple[Text, ...], Meta(max_length=MAX_REMARKS)] = ()
     """What people should know of the vehicle: what failed, and what takes its place."""
+    processor_share: Seconds = 0.0
+    """Share of one processor that the agent has used since the status before."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):

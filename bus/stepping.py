@@ -52,6 +52,10 @@ class StepBus(Protocol):
         """Tell what the step took in; with an estimate after a control period."""
         ...
 
+    def tell_steps(self, wanted: bool) -> None:
+        """Whether steps are told from now on; those that are not leave a gap in their numbers."""
+        ...
+
     def note(self, word: str) -> None:
         """Have something that happened inside the process, in any thread, take effect with the next step."""
         ...
@@ -120,6 +124,7 @@ class SteppedSession:
         self._counts: list[int] = []
         self._inputs: list[_Input] = []
         self._replies: list[bytes] = []
+        self._telling = True
 
     def clock(self) -> float:
         """See `StepBus.clock`."""
@@ -148,6 +153,15 @@ class SteppedSession:
         """See `StepBus.end_step`."""
         if estimate is None and len(self._times_s) < STEPS_TOLD:
             return
+        if self._telling:
+            self._tell(vehicle, () if estimate is None else tuple(estimate))
+        self._told += 1
+        self._times_s.clear()
+        self._counts.clear()
+        self._inputs.clear()
+        self._replies.clear()
+
+    def _tell(self, vehicle: str, estimate: tuple[float, ...]) -> None:
         steps = AgentSteps(
             life=self._life,
             began_s=self._began_s,
@@ -159,14 +173,13 @@ class SteppedSession:
             checksums=tuple(zlib.crc32(item.payload) for item in self._inputs),
             arrivals_s=tuple(item.arrived_s for item in self._inputs),
             replies=tuple(self._replies),
-            estimate=() if estimate is None else tuple(estimate),
+            estimate=estimate,
         )
-        self._told += 1
-        self._times_s.clear()
-        self._counts.clear()
-        self._inputs.clear()
-        self._replies.clear()
         self._session.publish(channels.AGENT_STEPS, vehicle, steps)
+
+    def tell_steps(self, wanted: bool) -> None:
+        """See `StepBus.tell_steps`."""
+        self._telling = wanted
 
     def note(self, word: str) -> None:
         """See `StepBus.note`."""

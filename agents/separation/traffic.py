@@ -69,6 +69,8 @@ class Traffic:
         self._scales: dict[str, float] = {}
         self._looks: dict[str, int] = {}
         self._ticks = 0
+        self.most = MOST
+        """Plans heard at the same time; fewer while the computer cannot keep up."""
         self._rejected: Counter[str] = Counter()
 
     def due(self) -> bool:
@@ -113,7 +115,7 @@ class Traffic:
                 distance = float(self._ellipsoid.normalised(ahead[:, None] - way(status)).min())
                 if distance < MEET:
                     wanted[name] = distance
-        self._hear(sorted(wanted, key=lambda name: wanted[name])[:MOST])
+        self._hear(sorted(wanted, key=lambda name: wanted[name])[: self.most])
 
     def _hear(self, wanted: list[str]) -> None:
         for name in tuple(self._looks):

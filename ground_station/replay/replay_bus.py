@@ -99,6 +99,9 @@ class ReplayBus:
         """See `StepBus.end_step`."""
         self.estimate = estimate
 
+    def tell_steps(self, wanted: bool) -> None:
+        """See `StepBus.tell_steps`; a replay tells nobody."""
+
     def note(self, word: str) -> None:
         """See `StepBus.note`; the flight log tells when it took effect."""
 

@@ -98,3 +98,15 @@ def test_solver_times_are_percentiles_of_the_recent_steps_in_milliseconds() -> N
     for _ in range(500):
         timer.add(0.001)
     assert timer.times().maximum == pytest.approx(1.0)
+
+
+def test_at_half_rate_every_second_period_is_left_out_and_none_is_missed() -> None:
+    pacing = Pacing(0.02)
+    due(pacing, [100], 0.01)
+    pacing.every = 2
+    assert due(pacing, range(101, 121), 0.01) == [104, 108, 112, 116, 120]
+    assert [frame for frame in range(101, 105) if pacing.left_out(frame, 0.01)] == [102, 104]
+    assert pacing.missed_ticks == 0
+    pacing.every = 1
+    assert not pacing.left_out(122, 0.01)
+    assert due(pacing, range(121, 127), 0.01) == [122, 124, 126]

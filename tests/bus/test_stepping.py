@@ -122,6 +122,33 @@ def test_a_process_that_controls_nothing_tells_its_steps_now_and_then(join: Join
     assert [message.number for message in sent] == [0, 1]
 
 
+def test_steps_that_are_not_told_leave_a_gap_in_the_numbers(join: Join) -> None:
+    told = join().subscribe(channels.AGENT_STEPS, "h1", depth=8)
+    stepped = SteppedSession(join())
+    numbers: list[int] = []
+
+    def heard(number: int) -> bool:
+        numbers.extend(received.message.number for received in told.drain())
+        return number in numbers
+
+    def step() -> None:
+        stepped.begin_step()
+        stepped.end_step("h1", [0.0])
+
+    def told_again() -> bool:
+        step()
+        return heard(stepped._told - 1)
+
+    wait_for(told_again, "no steps")
+    stepped.tell_steps(False)
+    silent = stepped._told
+    step()
+    stepped.tell_steps(True)
+    wait_for(told_again, "no steps after the gap")
+    assert silent not in numbers
+    assert max(numbers) > silent
+
+
 def test_requests_are_inputs_and_replies_are_told(join: Join) -> None:
     stepped, other, sent = SteppedSession(join()), join(), []
     other.serve("h1", ["recall"])

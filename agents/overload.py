@@ -1,0 +1,114 @@
+"""What an agent leaves out while its computer cannot keep up, and in which order.
+
+Poses, commands and the arbiter are never among it. A shorter horizon is not, either: half the stages save a
+tenth of a control step. No bus, no clock, no logging.
+"""
+
+from collections import deque
+from enum import IntEnum
+from typing import Final
+
+LATE_PERIODS: Final = 0.9
+"""A command that leaves so many control periods after its pose arrived is late."""
+WINDOW_S: Final = 1.0
+LATE_SHARE: Final = 0.3
+"""More of the control periods of a window than this late, or missed: something is left out."""
+EASE_AFTER_S: Final = 10.0
+"""Without that for so long: the newest of what is left out is done again."""
+LONGEST_EASE_AFTER_S: Final = 160.0
+"""It doubles up to here each time when what was done again had to be left out at once."""
+
+
+class Relief(IntEnum):
+    """What is left out; each kind includes all that stand before it."""
+
+    NONE = 0
+    STATUSES = 1
+    """Statuses and intents go out half as often."""
+    TELEMETRY = 2
+    """What a replay needs is not told: the flight log has a gap there."""
+    FAR_PLANS = 3
+    """Only the plans of the nearest vehicles are heard for avoidance."""
+    HALF_RATE = 4
+    """Every second control period flies the input that was planned for it."""
+
+    @property
+    def words(self) -> str:
+        """For people; empty for none."""
+        return _WORDS[self]
+
+
+_WORDS: Final = {
+    Relief.NONE: "",
+    Relief.STATUSES: "fewer statuses",
+    Relief.TELEMETRY: "fewer statuses, no replay",
+    Relief.FAR_PLANS: "fewer statuses, no replay, only the nearest plans heard",
+    Relief.HALF_RATE: "fewer statuses, no replay, only the nearest plans heard, control at half rate",
+}
+
+
+class Overload:
+    """Decides what an agent leaves out.
+
+    Parameters
+    ----------
+    period_s
+        Control period.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self.relief = Relief.NONE
+        self._period_s = period_s
+        self._late: deque[bool] = deque(maxlen=max(1, round(WINDOW_S / period_s)))
+        self._calm_s = 0.0
+        self._ease_after_s = EASE_AFTER_S
+        self._eased = False
+
+    def observe(self, late_s: float, missed: bool) -> bool:
+        """Take in a control period.
+
+        Parameters
+        ----------
+        late_s
+            From the arrival of its pose until its command was sent.
+        missed
+            Whether the period before it was missed.
+
+        Returns
+        -------
+        bool
+            Whether `relief` has changed, by one step.
+        """
+        period_s = self._period_s * (2 if self.relief is Relief.HALF_RATE else 1)
+        self._late.append(missed or late_s > LATE_PERIODS * period_s)
+        self._calm_s += period_s
+        if sum(self._late) > LATE_SHARE * (self._late.maxlen or 1):
+            return self._leave_out()
+        return self._calm_s >= self._ease_after_s and self._do_again()
+
+    def forget(self) -> bool:
+        """The vehicle does not fly: do everything again; True if something was left out."""
+        changed, self.relief = self.relief is not Relief.NONE, Relief.NONE
+        self._late.clear()
+        self._calm_s, self._ease_after_s, self._eased = 0.0, EASE_AFTER_S, False
+        return changed
+
+    def _leave_out(self) -> bool:
+        if self._eased:
+            self._ease_after_s = min(2 * self._ease_after_s, LONGEST_EASE_AFTER_S)
+        self._late.clear()
+        self._calm_s, self._eased = 0.0, False
+        if self.relief is Relief.HALF_RATE:
+            return False
+        self.relief = Relief(self.relief + 1)
+        return True
+
+    def _do_again(self) -> bool:
+        # Calm for long after something was done again: that was right.
+        if self.relief is Relief.NONE:
+            self._ease_after_s, self._calm_s, self._eased = EASE_AFTER_S, 0.0, False
+            return False
+        self._late.clear()
+        self._calm_s, self._eased = 0.0, True
+        self.relief = Relief(self.relief - 1)
+        return True
