@@ -146,7 +146,7 @@ def _measured_or_failed(
 
 def _measured(path: Path, vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
     tell(f"{vehicles} vehicles: starting")
-    with launched(path) as fleet:
+    with launched(path, record=False) as fleet:
         launcher = fleet.launcher
         if launcher is None:
             raise NotReachedError("the fleet was not started here")

@@ -167,6 +167,35 @@ def scale(
 
 
 @app.command()
+def cost(
+    against: Annotated[Path, typer.Option(metavar="DIRECTORY", help="Checkout to compare this one with.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    vehicles: Annotated[int, typer.Option(metavar="N", min=1, max=63, help="Vehicles to fly.")] = 3,
+    horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=1, max=3600, help="How long each flight is measured.")
+    ] = 20.0,
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Flights of each checkout.")] = 3,
+) -> None:
+    """What a fleet costs, here and in another checkout, in alternating flights: load, latency, memory."""
+    from rcopterx.benchmarks.cost import FIGURES, CostError, run
+
+    tell = partial(typer.echo, err=True)
+    try:
+        document = run(against, vehicles, horizon, seconds, rounds, lambda text: tell(f"bench cost: {text}"))
+    except CostError as error:
+        tell(f"error: {error}")
+        raise typer.Exit(EXIT_FAILED) from None
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    typer.echo(f"{'':14}{'here':>10}{'there':>10}{'ratio':>8}")
+    for name in FIGURES:
+        here, there, ratio = (document[column][name] for column in ("here", "there", "ratio"))
+        typer.echo(f"{name:14}{here:>10.3f}{there:>10.3f}{'-' if ratio is None else f'{ratio:.2f}':>8}")
+
+
+@app.command()
 def links(
     as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Cuts of each length.")] = 5,

@@ -68,7 +68,8 @@ def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(
 
 def test_a_fleet_that_was_not_started_here_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
-    def elsewhere(_: Path) -> Iterator[Any]:
+    def elsewhere(_: Path, *, record: bool) -> Iterator[Any]:
+        assert not record
         yield type("Fleet", (), {"launcher": None})
 
     monkeypatch.setattr(scale, "launched", elsewhere)
