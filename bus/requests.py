@@ -177,6 +177,17 @@ class StopVehicle(Request, frozen=True, kw_only=True):
     """Let a vehicle that stands on the floor leave: end its agent."""
 
 
+class StartHost(Request, frozen=True, kw_only=True):
+    """Start what the fleet file lets run on a host; its daemon is there already."""
+
+    without: Annotated[tuple[Name, ...], Meta(max_length=64)] = ()
+    """Vehicles that do not take part at first."""
+
+
+class StopHost(Request, frozen=True, kw_only=True):
+    """End what runs on a host, but for its router and its daemon; refused while vehicles are in the air."""
+
+
 class Recall(Request, frozen=True, kw_only=True):
     """What did the agent of this vehicle mean to do? Asked by an agent that restarts."""
 
@@ -228,6 +239,8 @@ class IdentifyReply(Reply, frozen=True, kw_only=True):
     digest: Text
     """Digest of the fleet file; two programs with the same one mean the same fleet."""
     vehicles: Annotated[tuple[Name, ...], Meta(max_length=64)] = ()
+    version: Text = ""
+    """Of the software on this host."""
 
 
 class Inject(Request, frozen=True, kw_only=True):
@@ -279,6 +292,8 @@ VERBS: Final = {
         Verb("withdraw_leaders", "agent", WithdrawLeaders, "forget the prepared leaders"),
         Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part"),
         Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave"),
+        Verb("start_host", "launcher", StartHost, "start the processes of a host", unit="host"),
+        Verb("stop_host", "launcher", StopHost, "end the processes of a host", unit="host"),
         Verb(
             "recall", "launcher", Recall, "last intent of the vehicle's previous agent", RecallReply, "agent"
         ),

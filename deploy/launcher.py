@@ -20,7 +20,7 @@ from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
 from rcopterx.deploy.membership import MembershipService
 from rcopterx.deploy.process_log import append
-from rcopterx.deploy.processes import RECORDER, processes_of
+from rcopterx.deploy.processes import RECORDER, ROUTER, processes_of
 from rcopterx.deploy.recall import RecallService
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
@@ -154,6 +154,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         False lets processes be, however long they make no progress: for debugging.
     record
         Whether this host, if it is the one that records, writes a flight log.
+    idle
+        Whether only the router runs until somebody asks for the rest: the daemon of a host.
 
     Raises
     ------
@@ -170,6 +172,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         *,
         watchdog: bool = True,
         record: bool = False,
+        idle: bool = False,
     ) -> None:
         directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
@@ -178,11 +181,14 @@ class Launcher(AbstractContextManager["Launcher"]):
         check_certificate(fleet, host)
         missing = check_resources(fleet, host, directory, without)
         self.directory = directory
-        agents = {f"agent-{name}" for name in without}
+        absent = {f"agent-{name}" for name in without}
+        if idle:
+            absent = {spec.name for spec in specs if spec.role != ROUTER}
+        self._idle = idle
         self._snapshot = snapshot_path(host, directory)
         limits = watchdog_limits(fleet) if watchdog else None
         self.supervisor = Supervisor(
-            specs, self._snapshot, directory / "log", without=agents, watchdog=limits
+            specs, self._snapshot, directory / "log", without=absent, watchdog=limits
         )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._news: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
@@ -195,8 +201,7 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def __enter__(self) -> "Launcher":
         write_snapshot(self._fleet, self._snapshot)
-        flight = flight_name(self._fleet.name, time.time())
-        flight_path(self._host, self.directory).write_text(flight, encoding="utf-8")
+        self._begin_flight()
         self._thread.start()
         vehicles = self._fleet.vehicles.items()
         agents = [name for name, vehicle in vehicles if vehicle.host == self._host]
@@ -211,7 +216,8 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._recall = RecallService(
                 address, agents, transmitters, lambda vehicle: deaths(f"agent-{vehicle}")
             )
-            self._membership = MembershipService(address, self._host, self.supervisor, self._news)
+            begin = self._begin_flight if self._idle else None
+            self._membership = MembershipService(address, self._host, self.supervisor, self._news, begin)
         except BusUnreachableError:
             self.stop()
             raise
@@ -219,6 +225,11 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def __exit__(self, *_: object) -> None:
         self.stop()
+
+    def _begin_flight(self) -> None:
+        """Name the flight log that recorders write from now on."""
+        flight = flight_name(self._fleet.name, time.time())
+        flight_path(self._host, self.directory).write_text(flight, encoding="utf-8")
 
     def _run(self) -> None:
         request_realtime(Priority.SUPERVISOR.of(self._fleet), children=False)

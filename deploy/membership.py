@@ -1,15 +1,16 @@
-"""Lets vehicles of a host take part or leave while the others fly; tells who does, and what processes do."""
+"""Starts and stops a host and lets its vehicles take part or leave, by request; tells what processes do."""
 
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import LauncherStatus
-from rcopterx.bus.requests import Reply, StartVehicle, StopVehicle
+from rcopterx.bus.requests import Reply, StartHost, StartVehicle, StopHost, StopVehicle
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.processes import ROUTER
 from rcopterx.deploy.supervisor import Child, Supervisor
 
 REPORT_PERIOD_S = 0.5
@@ -18,6 +19,8 @@ MAX_TEXT = 400
 
 class MembershipService:
     """Answers `start_vehicle` and `stop_vehicle` for the vehicles of a host in a thread of its own.
+
+    For a host with a daemon, `start_host` and `stop_host` as well.
 
     Parameters
     ----------
@@ -29,10 +32,20 @@ class MembershipService:
         Keeps the agents running.
     news
         What happened to processes; it is published and removed.
+    begin
+        Called before the processes of a host with a daemon are started; None for a host without one.
     """
 
-    def __init__(self, address: BusAddress, host: str, supervisor: Supervisor, news: deque[str]) -> None:
+    def __init__(
+        self,
+        address: BusAddress,
+        host: str,
+        supervisor: Supervisor,
+        news: deque[str],
+        begin: Callable[[], None] | None = None,
+    ) -> None:
         self._news = news
+        self._begin = begin
         self._supervisor = supervisor
         self._agents: Mapping[str, Child] = {
             child.spec.unit: child for child in supervisor.children.values() if child.spec.role == "agent"
@@ -44,6 +57,8 @@ class MembershipService:
         self._statuses = self._session.subscribe_all(channels.AGENT_STATUS, waking=False)
         for vehicle in self._agents:
             self._session.serve(vehicle, ["start_vehicle", "stop_vehicle"])
+        if begin is not None:
+            self._session.serve(host, ["start_host", "stop_host"])
         self._thread = threading.Thread(target=self._run, name="membership", daemon=True)
         self._thread.start()
 
@@ -65,7 +80,32 @@ class MembershipService:
             event = LauncherEvent(text=self._news.popleft()[:MAX_TEXT])
             self._session.publish(channels.LAUNCHER_EVENT, self._host, event)
 
-    def _answer(self, vehicle: str, request: object) -> Reply:
+    def _answer(self, unit: str, request: object) -> Reply:
+        if isinstance(request, StartHost):
+            return self._start_host(request.without)
+        if isinstance(request, StopHost):
+            return self._stop_host()
+        return self._answer_for_vehicle(unit, request)
+
+    def _start_host(self, without: Collection[str]) -> Reply:
+        idle = [child for child in self._supervisor.children.values() if child.spec.role != ROUTER]
+        if any(child.wanted for child in idle):
+            return Reply(accepted=True, reason=f"{self._host} runs already")
+        if self._begin is not None:
+            self._begin()
+        for child in idle:
+            child.wanted = not (child.spec.role == "agent" and child.spec.unit in without)
+        return Reply(accepted=True, reason=f"{self._host} is started")
+
+    def _stop_host(self) -> Reply:
+        flying = [vehicle for vehicle in tuple(self._statuses.inboxes) if self._phase(vehicle) in AIRBORNE]
+        if flying:
+            return Reply(accepted=False, reason=f"{', '.join(sorted(flying))} in the air; land first")
+        for child in self._supervisor.children.values():
+            child.wanted = child.spec.role == ROUTER
+        return Reply(accepted=True, reason=f"{self._host} stops")
+
+    def _answer_for_vehicle(self, vehicle: str, request: object) -> Reply:
         child = self._agents[vehicle]
         if isinstance(request, StartVehicle):
             news = f"{vehicle} takes part already" if child.wanted else f"{vehicle} is started"

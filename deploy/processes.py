@@ -7,6 +7,8 @@ from typing import Final
 
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 
+ROUTER: Final = "router"
+"""Name and role of the process that routes messages."""
 RECORDER: Final = "recorder"
 """Name and role of the process that writes the flight log."""
 
@@ -52,7 +54,7 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """
     if host not in fleet.hosts:
         raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
-    specs = [ProcessSpec("router", "router", host, 5)]
+    specs = [ProcessSpec(ROUTER, ROUTER, host, 5)]
     if host == recording_host(fleet):
         # Started before those whose first words it shall hear, stopped after them.
         specs.append(ProcessSpec(RECORDER, RECORDER, host, 4))

@@ -236,8 +236,14 @@ class Supervisor:
         return lines
 
     def _start_and_stop(self) -> list[str]:
-        """Start what is wanted and was not, end what is not wanted any more."""
+        """Start what is wanted and was not, end what is not wanted any more, in stopping order."""
         lines = []
+        leaving = [
+            child.spec.stop_order
+            for child in self.children.values()
+            if not child.wanted and child.process is not None
+        ]
+        first = min(leaving, default=0)
         for name, child in self.children.items():
             if child.wanted and child.process is None and not child.restart_at_s:
                 child.quick_deaths = 0
@@ -246,7 +252,8 @@ class Supervisor:
                     lines.append(f"{name}: started")
             elif not child.wanted:
                 child.restart_at_s = 0.0
-                self._end_gently(child)
+                if child.spec.stop_order == first:
+                    self._end_gently(child)
         return lines
 
     def _end_gently(self, child: Child) -> None:

@@ -26,6 +26,16 @@ def host_notes(statuses: Mapping[str, RouterStatus], here: str) -> list[str]:
     return [f"hosts {first} and {second} are not linked" for first, second in sorted(missing)] + lines
 
 
+def clock_differences(statuses: Mapping[str, RouterStatus], here: str, limit_s: float) -> list[str]:
+    """A line for every host whose clock differs from that of `here` by more than a limit [s]."""
+    links = statuses[here].links if here in statuses else {}
+    return [
+        f"host {other}: {_clock(state, here)}; set the clocks, for instance by chrony"
+        for other, state in sorted(links.items())
+        if state.clock_offset_s is not None and abs(state.clock_offset_s) > limit_s
+    ]
+
+
 def _clock(state: LinkState, here: str) -> str:
     if state.clock_offset_s is None or state.round_trip_s is None:
         return "linked"

@@ -16,7 +16,7 @@ from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Inbox
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.ground_station.hosts import host_notes
+from rcopterx.ground_station.hosts import clock_differences, host_notes
 from rcopterx.ground_station.joining import WrongFleetError, check_identity
 from rcopterx.ground_station.latency import LatencyWatch, clock_offset
 from rcopterx.ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
@@ -156,6 +156,10 @@ class Observer:
         ]
         tracker = _newest(self.tracker, self.session.clock())[0]
         return tracker_notes(tracker) + self._host_notes() + self._log_notes() + launchers + lowered + told
+
+    def clock_differences(self, limit_s: float) -> list[str]:
+        """A line for every host whose clock differs from that of the host used here by more than a limit."""
+        return clock_differences(self._routers_heard(), self._host, limit_s)
 
     def _host_notes(self) -> list[str]:
         """Links and clocks of hosts."""

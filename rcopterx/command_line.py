@@ -39,7 +39,7 @@ app = typer.Typer(
 )
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Fly": (launch.up, launch.demo, fly.fly),
+    "Fly": (launch.up, launch.host, launch.demo, fly.fly),
     "Watch a running fleet": (
         watch.status, watch.check, logs.logs, watch.top, ground.ground, foxglove.foxglove,
     ),

@@ -1,5 +1,7 @@
 """The role of the bus router of a host; it needs no numerical library."""
 
+from importlib.metadata import version
+
 from rcopterx.bus.access import access_control
 from rcopterx.bus.endpoints import Protection
 from rcopterx.bus.requests import IdentifyReply
@@ -35,7 +37,12 @@ def run(fleet: FleetFile, host: str) -> None:
         credentials=shown(fleet, host),
     )
     identity = IdentifyReply(
-        accepted=True, fleet=fleet.name, host=host, digest=digest, vehicles=tuple(fleet.vehicles)
+        accepted=True,
+        fleet=fleet.name,
+        host=host,
+        digest=digest,
+        vehicles=tuple(fleet.vehicles),
+        version=version("rcopterx"),
     )
     # Routers link to those of the hosts before them in the file; one link between two is enough.
     earlier = [fleet.endpoint(other) for other in hosts[: hosts.index(host)]]

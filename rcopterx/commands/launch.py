@@ -5,7 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -53,6 +53,14 @@ class Interrupts:
         return self.event.wait(seconds)
 
 
+def _interrupts() -> Interrupts:
+    """Count what asks this program to end, from now on."""
+    interrupts = Interrupts()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, interrupts)
+    return interrupts
+
+
 @contextmanager
 def interruptible(
     name: str, host: str | None, without: Sequence[str] = (), *, watchdog: bool = True, record: bool = True
@@ -62,9 +70,7 @@ def interruptible(
 
     file = fleet_file(name)
     this_host = chosen_host(file, host)
-    interrupts = Interrupts()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, interrupts)
+    interrupts = _interrupts()
     with processes_up(file, this_host, without, watchdog=watchdog, record=record) as fleet:
         try:
             yield fleet, interrupts
@@ -161,9 +167,16 @@ def up(
         ),
     ] = True,
 ) -> None:
-    """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors."""
+    """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors.
+
+    Where the daemons of its hosts run (rcopterx host), it is started through them, from any computer; without
+    --host it then goes on if this program dies.
+    """
     from rcopterx.ground_station.margins import configured_warnings
 
+    with user_errors():
+        if host is None and _by_daemons(fleet, without or ()):
+            return
     with (
         user_errors(),
         interruptible(fleet, host, without or (), watchdog=watchdog, record=record) as (running, interrupts),
@@ -172,6 +185,65 @@ def up(
             typer.echo(f"warning: {line}", err=True)
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
         Watch(running, interrupts).until(lambda: False)
+
+
+def _by_daemons(name: str, without: Sequence[str]) -> bool:
+    """Start a fleet through the daemons of its hosts and show it; False if there are none."""
+    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.deploy.running import running_fleets
+    from rcopterx.ground_station.daemons import Daemons, joined_fleet
+
+    file = fleet_file(name)
+    here = any(running.fleet == file.name for running in running_fleets())
+    if len(file.hosts) == 1 and not here:
+        return False
+    fleet = joined_fleet(file)
+    if fleet is None:
+        if len(file.hosts) > 1:
+            raise FleetError(
+                "no host of the fleet answers: keep each ready by rcopterx host, "
+                f"or start its part by --host, one of {', '.join(file.hosts)}"
+            )
+        return False
+    with closing(fleet):
+        interrupts = _interrupts()
+        daemons = Daemons(fleet)
+        warnings = daemons.find()
+        told = daemons.start(without)
+        if not told:
+            return False
+        for line in warnings:
+            typer.echo(f"warning: {line}", err=True)
+        typer.echo("; ".join(told), err=True)
+        Watch(fleet, interrupts).until(lambda: False)
+        _bring_down(fleet, interrupts)
+        for line in daemons.stop():
+            typer.echo(f"error: {line}", err=True)
+    return True
+
+
+def host(
+    fleet: FleetArgument,
+    this: Annotated[
+        str | None, typer.Option("--host", metavar="HOST", help="Which host of the fleet file this is.")
+    ] = None,
+    record: RecordOption = True,
+) -> None:
+    """Keep a host ready: its router runs, and the rest as soon as somebody starts the fleet (rcopterx up).
+
+    Ends by Ctrl-C or SIGTERM; what flies from here is brought down by the transmitter gateways.
+    """
+    from rcopterx.deploy.launcher import Launcher
+
+    with user_errors():
+        file = fleet_file(fleet)
+        name = chosen_host(file, this)
+        interrupts = _interrupts()
+        with Launcher(file, name, record=record, idle=True) as launcher:
+            typer.echo(f"host {name} of fleet {file.name} is ready; rcopterx up starts the fleet", err=True)
+            while not interrupts.wait(PLAIN_REFRESH_S):
+                while launcher.events:
+                    typer.echo(launcher.events.popleft())
 
 
 def demo(

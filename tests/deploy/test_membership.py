@@ -10,8 +10,8 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LauncherStatus
-from rcopterx.bus.requests import StartVehicle, StopVehicle
-from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.requests import StartHost, StartVehicle, StopHost, StopVehicle
+from rcopterx.bus.session import BusAddress, NobodyServesError, Session
 from rcopterx.deploy.membership import MembershipService
 from rcopterx.deploy.processes import ProcessSpec
 from rcopterx.deploy.supervisor import Supervisor
@@ -62,6 +62,58 @@ def test_the_launcher_says_what_hung(
     supervisor.children["agent-h1"].hung = 2
     supervisor.spares_hung = 1
     assert told(join(), lambda status: bool(status.hung)).hung == {"agent-h1": 2, "spare": 1}
+
+
+@pytest.fixture
+def begun() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def daemon(bus_address: BusAddress, supervisor: Supervisor, begun: list[str]) -> Iterator[MembershipService]:
+    """The service of a host with a daemon, on which only the router runs at first."""
+    for name, child in supervisor.children.items():
+        child.wanted = name == "router"
+    service = MembershipService(bus_address, "main", supervisor, deque(), lambda: begun.append("flight"))
+    yield service
+    service.close()
+
+
+def wanted(supervisor: Supervisor) -> set[str]:
+    return {name for name, child in supervisor.children.items() if child.wanted}
+
+
+def test_a_host_is_started_and_stopped_by_request(
+    daemon: MembershipService, supervisor: Supervisor, begun: list[str], join: Join
+) -> None:
+    session = join()
+    reply = session.request("main", StartHost(without=("h2",)))
+    assert (reply.accepted, reply.reason) == (True, "main is started")
+    assert (wanted(supervisor), begun) == ({"router", "agent-h1"}, ["flight"])
+    again = session.request("main", StartHost())
+    assert (again.accepted, again.reason) == (True, "main runs already")
+    assert (wanted(supervisor), begun) == ({"router", "agent-h1"}, ["flight"])
+    assert session.request("main", StopHost()).accepted
+    assert wanted(supervisor) == {"router"}
+
+
+def test_a_host_does_not_stop_while_vehicles_are_in_the_air(
+    daemon: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session = join()
+    session.request("main", StartHost())
+    session.publish(channels.AGENT_STATUS, "h7", flying_status())
+
+    def refused() -> bool:
+        reply = session.request("main", StopHost())
+        return not reply.accepted and reply.reason == "h7 in the air; land first"
+
+    wait_for(refused, "the host stops although h7, an agent of another host, flies")
+
+
+def test_a_host_without_a_daemon_is_not_started_by_request(membership: MembershipService, join: Join) -> None:
+    with pytest.raises(NobodyServesError):
+        join().request("main", StartHost())
 
 
 def test_a_vehicle_takes_part_and_leaves_by_request(

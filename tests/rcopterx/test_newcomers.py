@@ -197,3 +197,14 @@ def test_a_set_point_outside_of_the_volume(up: str, vehicles: Vehicles) -> None:
     vehicles["h1"].refusals["go_to"] = "x: 9 m is outside the flight volume -1.2 .. 1.2 m"
     line = told(run("goto", "h1", "9", "0", "1", "-f", up))
     assert line.strip() == "error: h1: x: 9 m is outside the flight volume -1.2 .. 1.2 m"
+
+
+def test_a_fleet_of_several_hosts_without_daemons_says_how_to_start_it(lab: Path) -> None:
+    port = own_address().endpoints[0].rpartition(":")[2]
+    places = (
+        f'[hosts.main]\nrouter_port = {port}\n[hosts.second]\naddress = "127.0.0.2"\nrouter_port = {port}\n'
+    )
+    lab.write_text(PAIR + places)
+    line = told(run("up", str(lab)))
+    assert "no host of the fleet answers: keep each ready by rcopterx host" in line
+    assert "start its part by --host, one of main, second" in line
