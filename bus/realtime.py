@@ -5,8 +5,13 @@ The scheduling class has to be set before `zenoh.open`, whose threads inherit it
 
 import gc
 import os
+import resource
 import sys
+from typing import Final
 
+SPIN_LIMIT_S: Final = 5.0
+"""Processor time of a real-time thread without any sleep after which the kernel ends its process (SIGXCPU,
+then SIGKILL): the last resort where no launcher looks, or where it gets no processor."""
 SWITCH_INTERVAL_S = 0.0005
 
 
@@ -33,7 +38,16 @@ def request_realtime(priority: int, *, children: bool = True) -> bool:
         os.sched_setscheduler(0, policy, os.sched_param(priority))
     except OSError:
         return False
+    _limit_spinning()
     return True
+
+
+def _limit_spinning() -> None:
+    """Have the kernel end this process, and the ones it starts, if one of their real-time threads spins."""
+    limit_us = round(1e6 * SPIN_LIMIT_S)
+    _, most_us = resource.getrlimit(resource.RLIMIT_RTTIME)
+    hard_us = 2 * limit_us if most_us == resource.RLIM_INFINITY else min(2 * limit_us, most_us)
+    resource.setrlimit(resource.RLIMIT_RTTIME, (min(limit_us, hard_us), hard_us))
 
 
 def settle() -> None:
