@@ -28,10 +28,10 @@ PROCESSES: Final = {
 }
 """Processes by what they are; the simulator is the laboratory and not one of ours."""
 REPLACED: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
-COLD_START: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
-"""Dead and its spare process dead as well: vehicles are held, and sink meanwhile."""
-FAULTY_AXIS: Final = Limits(deviation_mm=None, touchdown_m_s=1.0, silence_ms=None)
-"""A vehicle drifts whose stick is held at rest."""
+BLIND: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
+"""Poses and commands are away together: vehicles are held, and sink meanwhile."""
+WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silence_ms=None)
+"""A vehicle that lands with all the thrust that it has."""
 
 
 def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
@@ -62,7 +62,7 @@ def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
             f"{what}-dies-at-start",
             f"SIGKILL of {process}, and of its successor as soon as it is there",
             (DiesAtStart(process),),
-            limits=COLD_START,
+            limits=REPLACED,
         ),
     )
 
@@ -251,23 +251,21 @@ VEHICLE_ROWS: Final = (
         (Inject("break_vehicle", "h2", (("thrust_factor", 0.65),)),),
         Promise.LANDS,
         ("h2",),
-        FAULTY_AXIS,
+        WEAK,
     ),
     FaultFlight(
         "vehicle-reversed-pitch",
         "The pitch stick of h2 acts the wrong way round",
         (Inject("break_vehicle", "h2", (("reversed", "pitch"),)),),
-        Promise.LANDS,
+        Promise.UNPROTECTED,
         ("h2",),
-        FAULTY_AXIS,
     ),
     FaultFlight(
         "vehicle-stuck-roll",
         "The roll stick of h2 is stuck",
         (Inject("break_vehicle", "h2", (("stuck", "roll"),)),),
-        Promise.LANDS,
+        Promise.UNPROTECTED,
         ("h2",),
-        FAULTY_AXIS,
     ),
     FaultFlight(
         "vehicle-trim",
@@ -293,7 +291,7 @@ HOST_ROWS: Final = (
         "clock-set-back-and-bus-lost",
         "The wall clock goes back by an hour, and the router and the Vicon gateway die",
         (ClockStepped(-3600.0), Killed("router"), Killed("tracker")),
-        limits=COLD_START,
+        limits=BLIND,
     ),
     FaultFlight(
         "clock-set-forward",
