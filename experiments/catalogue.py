@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Final
 
 from rcopterx.experiments import (
+    beyond,
     chain,
     family,
     fleets,
@@ -118,6 +119,13 @@ EXPERIMENTS: Final = MappingProxyType(
                 {"helicopters": 10},
                 fleets.run,
                 compares_knowledge=True,
+            ),
+            Experiment(
+                "beyond",
+                "Helicopters further off than any of the family",
+                {"helicopters": 3},
+                beyond.run,
+                first_seed=0,
             ),
             Experiment(
                 "tuning",

@@ -5,7 +5,7 @@ levels of knowledge of the vehicle, with the tilt measured and without.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from itertools import product
 from typing import Any, Final
@@ -17,10 +17,11 @@ from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.family_figure import draw_family
 from rcopterx.experiments.knowledge import Knowledge
 from rcopterx.experiments.record import VehicleRecord, rms
-from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.rig import SAME_FRAME, Progress, Rig, RigOptions
 from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
@@ -152,7 +153,13 @@ DISTRIBUTED: Final = tuple(field.name for field in fields(Flown) if field.type i
 
 
 def fly_member(
-    scheme: Scheme, conditions: Conditions, seed: int, programme: Programme, progress: Progress | None = None
+    scheme: Scheme,
+    conditions: Conditions,
+    seed: int,
+    programme: Programme,
+    progress: Progress | None = None,
+    helicopter: HelicopterParameters | None = None,
+    options: RigOptions = SAME_FRAME,
 ) -> Flown:
     """Fly one vehicle through the whole programme.
 
@@ -166,6 +173,10 @@ def fly_member(
         How long everything takes.
     progress
         Told the fraction flown.
+    helicopter
+        True parameters, in place of those that the conditions give the vehicle.
+    options
+        How the loop is closed.
 
     Returns
     -------
@@ -179,7 +190,8 @@ def fly_member(
         GoTo(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
     ]
     events.append(Fly(starts[-1], "h1", path))
-    rig = Rig([scheme.vehicle("h1", Pose(HOME_M), conditions, seed)], conditions, seed)
+    vehicle = replace(scheme.vehicle("h1", Pose(HOME_M), conditions, seed), helicopter=helicopter)
+    rig = Rig([vehicle], conditions, seed, options)
     record = rig.fly(starts[-1] + path.duration_s, events, progress)["h1"]
     eight = record.time_s >= starts[-1]
     wanted = path.sample(record.time_s[eight] - starts[-1])[:, :3]

@@ -115,12 +115,15 @@ def figures(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
 
 
 def over_vehicles(flights: Sequence[Array]) -> dict[str, float]:
-    """Median and worst vehicle: root mean squares of the worse horizontal axis [mm] and of yaw [mrad]."""
+    """Median and worst vehicle: root mean squares of the worse horizontal axis, of height, of yaw."""
     square = np.array([np.mean(np.square(errors), axis=0) for errors in flights])
-    horizontal, yaw = 1e3 * np.sqrt(square[:, :2].max(axis=1)), 1e3 * np.sqrt(square[:, YAW])
+    horizontal = 1e3 * np.sqrt(square[:, :2].max(axis=1))
+    height, yaw = 1e3 * np.sqrt(square[:, 2]), 1e3 * np.sqrt(square[:, YAW])
     return {
         "median_mm": round(float(np.median(horizontal)), 1),
         "worst_mm": round(float(horizontal.max()), 1),
+        "median_height_mm": round(float(np.median(height)), 1),
+        "worst_height_mm": round(float(height.max()), 1),
         "median_yaw_mrad": round(float(np.median(yaw)), 1),
         "worst_yaw_mrad": round(float(yaw.max()), 1),
     }

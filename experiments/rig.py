@@ -31,6 +31,7 @@ from rcopterx.bus.session import BusAddress
 from rcopterx.experiments.events import Event, Scene
 from rcopterx.experiments.record import FlightRecord, Recorder
 from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
@@ -51,6 +52,7 @@ class RigVehicle:
     """One vehicle: what its agent would be told at start, and where it hovers at time 0.
 
     `plant_type` is the type that truly flies, and with it the true transport delay; None for `model`.
+    `helicopter` are the true parameters of a helicopter; None for those that the conditions give it.
     """
 
     name: str
@@ -64,6 +66,7 @@ class RigVehicle:
     period_s: float = 0.02
     following: tuple[LeaderLink, ...] = ()
     plant_type: Model | None = None
+    helicopter: HelicopterParameters | None = None
 
 
 @dataclass(frozen=True)
@@ -133,6 +136,11 @@ class Rig:
             {name: vehicle.start for name, vehicle in self._vehicles.items()},
             conditions,
             seed,
+            {
+                name: vehicle.helicopter
+                for name, vehicle in self._vehicles.items()
+                if vehicle.helicopter is not None
+            },
         )
         self._frame = 0
         self._plans: dict[str, tuple[int, ControlOutput]] = {}

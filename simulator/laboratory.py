@@ -5,25 +5,36 @@ No sockets and no clock: whoever holds it decides how time passes.
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import NOISE, NormalSource, random_stream
 from rcopterx.simulator.downwash import set_downwash
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL
 
 
-def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
+def plant_of(
+    name: str,
+    model: Model,
+    conditions: Conditions,
+    seed: int,
+    start: Pose,
+    parameters: HelicopterParameters | None = None,
+) -> Plant:
     """Plant of a vehicle: a helicopter if it is coaxial and the conditions say so, else equation (1).
 
     Parameters
     ----------
     name, model, conditions, seed, start
         See `Plant`.
+    parameters
+        Of the helicopter, in place of those that the conditions give it.
 
     Returns
     -------
@@ -36,8 +47,8 @@ def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: 
         If the start pose is not finite or below the floor.
     """
     if model.kind == COAXIAL.kind and conditions.coaxial_plant != "first_order":
-        parameters = helicopter_of(name, conditions, seed)
-        return Helicopter(name, model, conditions, seed, start, parameters)
+        flown = parameters or helicopter_of(name, conditions, seed)
+        return Helicopter(name, model, conditions, seed, start, flown)
     return FirstOrderPlant(name, model, conditions, seed, start)
 
 
@@ -54,6 +65,8 @@ class Laboratory:
         How real the laboratory is.
     seed
         Seed of all randomness, not negative.
+    helicopters
+        Parameters of vehicles by name, in place of those that the conditions give them.
 
     Raises
     ------
@@ -62,7 +75,12 @@ class Laboratory:
     """
 
     def __init__(
-        self, models: Mapping[str, Model], start: Mapping[str, Pose], conditions: Conditions, seed: int = 0
+        self,
+        models: Mapping[str, Model],
+        start: Mapping[str, Pose],
+        conditions: Conditions,
+        seed: int = 0,
+        helicopters: Mapping[str, HelicopterParameters] = MappingProxyType({}),
     ) -> None:
         if seed < 0:
             raise ValueError(f"laboratory: seed {seed} is negative")
@@ -73,12 +91,15 @@ class Laboratory:
         self._start = dict(start)
         self._conditions = conditions
         self._seed = seed
+        self._helicopters = dict(helicopters)
         self.reset()
 
     def reset(self) -> None:
         """Begin anew at time 0: the same inputs then lead to exactly the same flight."""
         self._plants = {
-            name: plant_of(name, model, self._conditions, self._seed, self._start[name])
+            name: plant_of(
+                name, model, self._conditions, self._seed, self._start[name], self._helicopters.get(name)
+            )
             for name, model in self._models.items()
         }
         self._noise = {name: NormalSource(random_stream(self._seed, name, NOISE)) for name in self._models}

@@ -30,6 +30,7 @@ def test_experiments_are_listed() -> None:
         "swapping",
         "family",
         "fleets",
+        "beyond",
         "tuning",
     ]
 

@@ -1,0 +1,147 @@
+"""Helicopters beyond the family: what the default configuration bears of what nobody drew it for.
+
+Vehicles of the tuning seeds, each time with one thing, or several, further off than any member of the family.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import product
+from types import MappingProxyType
+from typing import Any, Final
+
+from rcopterx.experiments.family import Flown, Programme, distribution, fly_member
+from rcopterx.experiments.rig import Progress, RigOptions
+from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.schemes import CASCADE
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.helicopter import helicopter_of
+from rcopterx.simulator.helicopter_parameters import DEGREE, HelicopterParameters
+
+PROGRAMME: Final = Programme(settled_s=4.0, hover_s=11.0, slot_s=3.5, rest_s=1.0)
+QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=5.0, slot_s=1.0, rest_s=0.5)
+FIGURES: Final = ("hover_mm", "height_mm", "yaw_mrad", "eight_max_mm")
+
+GUARDED: Final = RigOptions(guard=True)
+
+Change = Callable[[HelicopterParameters], HelicopterParameters]
+
+
+@dataclass(frozen=True)
+class Departure:
+    """How vehicles or laboratory differ from the family's.
+
+    Attributes
+    ----------
+    change
+        Makes the true parameters from drawn ones.
+    conditions
+        Fields of the conditions that differ.
+    options
+        How the loop is closed.
+    """
+
+    change: Change = field(default=lambda drawn: drawn)
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    options: RigOptions = GUARDED
+
+
+def times(**factors: float) -> Change:
+    """Parameters multiplied, every number of a tuple alike."""
+
+    def change(drawn: HelicopterParameters) -> HelicopterParameters:
+        return replace(drawn, **{name: _times(getattr(drawn, name), by) for name, by in factors.items()})
+
+    return change
+
+
+def _times(value: Any, factor: float) -> Any:
+    return tuple(factor * number for number in value) if isinstance(value, tuple) else factor * value
+
+
+def rotors(factor: float) -> dict[str, float]:
+    """Both rotors slower."""
+    return {"rotor_lag_upper_s": factor, "rotor_lag_lower_s": factor}
+
+
+DEPARTURES: Final = MappingProxyType(
+    {
+        "none": Departure(),
+        "40 ms more delay": Departure(conditions={"transport_delay_s": 0.06}),
+        "added damping 0.05": Departure(lambda drawn: replace(drawn, added_damping=0.05)),
+        "servos twice as slow": Departure(times(servo_lag_s=2.0)),
+        "servos twice as slow, 20 ms more delay, added damping 0.1": Departure(
+            lambda drawn: replace(times(servo_lag_s=2.0)(drawn), added_damping=0.1),
+            {"transport_delay_s": 0.04},
+        ),
+        "bar 1.5 times as slow": Departure(times(bar_time_constant_s=1.5)),
+        "gain of pitch and roll 1.5": Departure(times(swash_gain_rad=1.5)),
+        "gain of pitch and roll 0.6": Departure(times(swash_gain_rad=0.6)),
+        "rotors twice as slow": Departure(times(**rotors(2.0))),
+        "rotors 1.5 times as slow, 20 ms more delay, gains 1.2 and 1.3": Departure(
+            times(swash_gain_rad=1.3, yaw_rate_gain_rad_s=1.2, **rotors(1.5)), {"transport_delay_s": 0.04}
+        ),
+        "gyro of a tenth": Departure(times(yaw_gyro_gain_per_s=0.1, yaw_rate_gain_rad_s=10.0)),
+        "gyro of twice the gain": Departure(times(yaw_gyro_gain_per_s=2.0)),
+        "markers 8 degrees off": Departure(
+            lambda drawn: replace(drawn, marker_roll_rad=5.7 * DEGREE, marker_pitch_rad=-5.7 * DEGREE)
+        ),
+        "trim twice as large": Departure(times(trim=2.0)),
+        "Tracker of 100 Hz": Departure(options=RigOptions(frame_period_s=0.01, guard=True)),
+        "twice the turbulence": Departure(conditions={"turbulence_rms": (0.3, 0.3, 0.2, 1.0)}),
+        "three times the noise": Departure(conditions={"position_noise_m": 0.001, "angle_noise_rad": 0.006}),
+    }
+)
+"""By name. The guard against oscillation watches, as in agents."""
+
+
+def fly_departure(
+    name: str, conditions: Conditions, seed: int, programme: Programme, progress: Progress | None = None
+) -> Flown:
+    """Fly one vehicle of a departure by the default configuration."""
+    departure = DEPARTURES[name]
+    true = replace(conditions, **departure.conditions)
+    helicopter = departure.change(helicopter_of("h1", conditions, seed))
+    return fly_member(CASCADE, true, seed, programme, progress, helicopter, departure.options)
+
+
+def run(options: Options, tell: Tell) -> Result:
+    """Fly every departure with every seed.
+
+    Returns
+    -------
+    Result
+        Document: departure -> figure -> median, 95 %, worst, and counts.
+    """
+    programme = QUICK_PROGRAMME if options.quick else PROGRAMME
+    cases = list(product(DEPARTURES, options.seeds))
+    works = [
+        Work(f"{name}, seed {seed}", partial(fly_departure, name, options.conditions, seed, programme))
+        for name, seed in cases
+    ]
+    flown: dict[str, dict[int, Flown]] = {name: {} for name in DEPARTURES}
+    for (name, seed), figures in zip(cases, run_all(works, options, tell), strict=True):
+        flown[name][seed] = figures
+    document = {name: distribution(vehicles) for name, vehicles in flown.items()}
+    return Result(document, partial(draw_beyond, document))
+
+
+def draw_beyond(document: Mapping[str, Mapping[str, Any]], figure: Any) -> None:
+    """Draw the median and worst vehicle of every departure.
+
+    Parameters
+    ----------
+    document
+        As `run` returns it.
+    figure
+        Empty `matplotlib.figure.Figure`.
+    """
+    figure.set_size_inches(12, 6)
+    names = list(document)[::-1]
+    for axes, name in zip(figure.subplots(1, len(FIGURES), sharey=True), FIGURES, strict=True):
+        for which, mark in (("median", "o"), ("worst", "|")):
+            axes.semilogx([document[row][name][which] for row in names], names, mark, label=which)
+        axes.set_xlabel(name)
+        axes.grid(alpha=0.3)
+    figure.axes[0].legend(fontsize="small")
+    figure.tight_layout()
