@@ -8,6 +8,7 @@ import typer
 from rcopterx.commands import (
     bench,
     certs,
+    deploy,
     doctor,
     experiment,
     export,
@@ -50,7 +51,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     ),
     "Flight logs": (flights.flights, replay.replay, report.report, export.export, flights.recover),
     "Prepare a laboratory": (new_lab.new_lab,),
-    "Prepare hosts": (certs.certs, doctor.doctor),
+    "Prepare hosts": (deploy.deploy, certs.certs, doctor.doctor),
     "Prepare vehicles": (identify.identify, margins.margins),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),

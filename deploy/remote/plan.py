@@ -1,0 +1,146 @@
+"""What has to be on a host, as steps that can be looked at before they are taken, and repeated."""
+
+import hashlib
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rcopterx.deploy.certificates.files import AUTHORITY, directory_of
+from rcopterx.deploy.certificates.names import host_name
+from rcopterx.deploy.fleet_file.schema import FleetFile
+
+DIRECTORY: Final = "rcopterx"
+"""In the home of the user on the host."""
+UNIT: Final = """\
+[Unit]
+Description=Host {host} of the fleet {fleet}
+After=network-online.target
+Wants=network-online.target
+
+[Service]
+User={user}
+SupplementaryGroups=dialout
+WorkingDirectory={home}/{directory}
+ExecStart={home}/{directory}/venv/bin/rcopterx host {fleet}.toml --host {host}
+LimitRTPRIO=40
+KillMode=mixed
+TimeoutStopSec=30
+Restart=on-failure
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing that has to be so on a host.
+
+    Attributes
+    ----------
+    what
+        For people.
+    done
+        Shell command that succeeds where it is so already.
+    make
+        Shell command that makes it so.
+    content
+        Standard input of `make`.
+    """
+
+    what: str
+    done: str
+    make: str
+    content: bytes = b""
+
+
+@dataclass(frozen=True)
+class Login:
+    """Who is logged in on a host.
+
+    Attributes
+    ----------
+    user, home
+        Name and home directory.
+    """
+
+    user: str
+    home: str
+
+
+def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: Path) -> Iterator[Step]:
+    """Everything a host needs, in order.
+
+    Parameters
+    ----------
+    fleet, fleet_text
+        The fleet file, loaded, and as it is.
+    host
+        Host of the fleet file.
+    login
+        Who is logged in there.
+    wheel
+        The software.
+
+    Raises
+    ------
+    OSError
+        The wheel or a certificate cannot be read.
+    """
+    software = wheel.read_bytes()
+    yield _file(f"{DIRECTORY}/{wheel.name}", software, 0o644)
+    yield _installed(wheel.name, hashlib.sha256(software).hexdigest())
+    yield _file(f"{DIRECTORY}/{fleet.name}.toml", fleet_text, 0o644)
+    directory = directory_of(fleet)
+    if directory is not None:
+        there = str(fleet.security.certificates).removeprefix("~/")
+        for name, mode in (
+            (f"{AUTHORITY}.pem", 0o644),
+            (f"{host_name(host)}.pem", 0o644),
+            (f"{host_name(host)}.key", 0o600),
+        ):
+            yield _file(f"{there}/{name}", (directory / name).read_bytes(), mode)
+    unit = UNIT.format(
+        host=host, fleet=fleet.name, user=login.user, home=login.home, directory=DIRECTORY
+    ).encode()
+    yield _file(f"{DIRECTORY}/{unit_name(fleet)}", unit, 0o644)
+    yield _enabled(unit_name(fleet))
+
+
+def unit_name(fleet: FleetFile) -> str:
+    """Name of the unit of systemd that keeps a host of this fleet ready."""
+    return f"rcopterx-{fleet.name}.service"
+
+
+def _file(path: str, content: bytes, mode: int) -> Step:
+    """A file with this content and mode; it is replaced as a whole."""
+    quoted, new = shlex.quote(path), shlex.quote(f"{path}.new")
+    checksum = hashlib.sha256(content).hexdigest()
+    return Step(
+        what=path,
+        done=f'[ "$(sha256sum < {quoted})" = "{checksum}  -" ] && [ "$(stat -c %a {quoted})" = {mode:o} ]',
+        make=f"umask 077 && mkdir -p $(dirname {quoted}) && cat > {new} && chmod {mode:o} {new} "
+        f"&& mv {new} {quoted}",
+        content=content,
+    )
+
+
+def _installed(wheel: str, checksum: str) -> Step:
+    mark = f"{DIRECTORY}/venv/installed"
+    return Step(
+        what=f"{wheel} installed in {DIRECTORY}/venv",
+        done=f'[ "$(cat {mark})" = {checksum} ]',
+        make=f"python3 -m venv {DIRECTORY}/venv && {DIRECTORY}/venv/bin/pip install --quiet --upgrade "
+        f"--force-reinstall {shlex.quote(f'{DIRECTORY}/{wheel}')} && echo {checksum} > {mark}",
+    )
+
+
+def _enabled(unit: str) -> Step:
+    return Step(
+        what=f"/etc/systemd/system/{unit}",
+        done=f"cmp -s {DIRECTORY}/{unit} /etc/systemd/system/{unit}",
+        make=f"sudo -n install -m 644 {DIRECTORY}/{unit} /etc/systemd/system/{unit} "
+        f"&& sudo -n systemctl daemon-reload && sudo -n systemctl enable --quiet {unit}",
+    )

@@ -1,0 +1,66 @@
+"""`deploy`: software, fleet file, certificates and the unit of systemd for every host, over ssh."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, user_errors
+
+
+def deploy(
+    fleet: FleetArgument,
+    wheel: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE", exists=True, dir_okay=False, help="The software (make wheel builds it)."
+        ),
+    ],
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--host", metavar="HOST", help="Only this host of the fleet file. May be repeated."),
+    ] = None,
+    user: Annotated[
+        str | None, typer.Option(metavar="USER", help="Who logs in; else what ssh is configured for.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be done.")] = False,
+) -> None:
+    """Install or update every host over ssh; what is there already stays as it is.
+
+    Daemons that run are not restarted: that ends flights. Needs keys for ssh, and sudo without a password for
+    the unit of systemd.
+    """
+    from rcopterx.deploy.fleet_file.shipped import fleet_path
+    from rcopterx.deploy.remote.plan import steps, unit_name
+    from rcopterx.deploy.remote.ssh import RemoteError, login, on, take
+
+    failed = False
+    with user_errors():
+        file = fleet_file(fleet)
+        text = fleet_path(fleet).read_bytes()
+        for host in _chosen(file.hosts, only or ()):
+            address = file.hosts[host].address
+            run = on(address if user is None else f"{user}@{address}")
+            changed = False
+            try:
+                for step, done in take(run, steps(file, text, host, login(run), wheel), dry=dry_run):
+                    changed = changed or not done
+                    typer.echo(f"{host}: {'there' if done else 'to do' if dry_run else 'done'}: {step.what}")
+            except RemoteError as error:
+                typer.echo(f"error: {host}: {error}", err=True)
+                failed = True
+                continue
+            if changed and not dry_run:
+                typer.echo(f"{host}: while nothing flies: sudo systemctl restart {unit_name(file)}")
+    if failed:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _chosen(hosts: Mapping[str, object], only: Sequence[str]) -> list[str]:
+    from rcopterx.deploy.fleet_file.schema import FleetError
+
+    for host in only:
+        if host not in hosts:
+            raise FleetError(f"--host: unknown host {host!r}, known are {', '.join(hosts)}")
+    return [host for host in hosts if not only or host in only]
