@@ -157,6 +157,14 @@ def test_time_without_a_processor_does_not_count_and_is_told_when_the_process_go
     assert host.watchdog.longest_s(DEAF) == pytest.approx(2.0)
 
 
+def test_the_time_that_a_start_takes_is_no_silence_of_a_working_process() -> None:
+    host = Host(Phase.STARTING, Phase.WORKING, Phase.WORKING)
+    for _ in range(50):
+        assert host.look(DEAF) == []
+    assert host.watchdog.silent_s(DEAF) == pytest.approx(1.0)
+    assert host.watchdog.longest_s(DEAF) == 0.0
+
+
 @pytest.mark.parametrize(("share", "found_s"), [(0.5, 0.25), (0.75, 0.45)])
 def test_a_process_that_spins_on_a_loaded_machine_is_found_later(share: float, found_s: float) -> None:
     host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
