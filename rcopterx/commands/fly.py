@@ -79,7 +79,7 @@ def fly(
     rows = _chosen(names or [], every)
     if report is not None:
         _make_directory(report)
-    results = Results(report, several=len(rows) > 1)
+    results = Results(report, several=every or len(rows) > 1)
     with user_errors():
         try:
             _fly_rows(rows, fleet, start, record, results)

@@ -42,8 +42,8 @@ def lost(fleet: Fleet, say: object, wait: object) -> None:
     raise NotReachedError("lost & gone")
 
 
-def row(name: str, fly: Step, *checks: Check, launched: bool = False) -> Manoeuvre:
-    return Manoeuvre(name, f"Title of {name}", 1.0, fly, checks, launched=launched)
+def row(name: str, fly: Step, *checks: Check, fleet: str = "trio") -> Manoeuvre:
+    return Manoeuvre(name, f"Title of {name}", 1.0, fly, checks, fleet=fleet)
 
 
 GOOD = Check("good", lambda *_: (True, 1))
@@ -52,7 +52,7 @@ TABLE = {
     "fine": row("fine", seen, GOOD),
     "poor": row("poor", seen, GOOD, BAD),
     "lost": row("lost", lost, GOOD),
-    "deadly": row("deadly", seen, GOOD, launched=True),
+    "larger": row("larger", seen, GOOD, fleet="quintet"),
 }
 
 
@@ -110,10 +110,10 @@ def test_all_manoeuvres_are_flown_whatever_fails_and_the_page_shows_all(
         ["passed", "fine"], ["failed", "poor"], ["failed", "lost"], ["not", "flown"],
     ]  # fmt: skip
     assert "lost & gone" in result.stdout
-    assert "add --up" in result.stdout
+    assert "made for the fleet quintet" in result.stdout
     assert {path.parent.name for path in out.rglob("report.json")} == {"fine", "poor", "lost"}
     text = (out / "index.html").read_text()
-    for words in ("1 passed, 2 failed, 1 not flown", "lost &amp; gone", "bad &lt; worse", "Title of deadly"):
+    for words in ("1 passed, 2 failed, 1 not flown", "lost &amp; gone", "bad &lt; worse", "Title of larger"):
         assert words in text
     assert text.index("1 passed, 2 failed") < text.index("<svg"), "the summary comes first"
     assert text.count("<svg") == 3
@@ -177,7 +177,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_flown(
 def test_a_name_and_all_exclude_each_other() -> None:
     result = run("fly", "hover", "--all")
     assert result.exit_code == 2
-    assert "either the name of a manoeuvre or --all" in result.stderr
+    assert "either names of manoeuvres or --all" in result.stderr
 
 
 def test_what_has_to_be_refused_and_is_not_ends_the_manoeuvre(
