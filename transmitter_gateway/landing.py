@@ -5,6 +5,9 @@ Vertically, proportional-integral feedback of the climb rate around the hover th
 proportional feedback. It is stable with half to one and a half times the nominal gains and 60 ms from pose to
 air, on a first-order vehicle and on a helicopter whose tilt swings at 10 to 17 rad/s. The measured tilt is
 not fed back: through that delay it makes the swinging worse.
+
+A vehicle that becomes faster and faster under this law does not obey its sticks: one acts the wrong way
+round, or not at all. Its swash plate is then left level, which drives it no further; height and yaw go on.
 """
 
 from __future__ import annotations
@@ -27,6 +30,10 @@ CLIMB_CHANGE_M_S2 = 0.5
 """How fast the climb rate that is asked for changes; a step would overshoot."""
 CUSHION_M = 0.05
 """So near the floor the ground carries part of the weight: who sinks slowly there, floats."""
+ASTRAY_M_S = 0.4
+"""A vehicle that has gained so much speed since it was slowest under the law does not obey its sticks..."""
+ASTRAY_S = 0.2
+"""...if it lasts so long; a pose that jumps is no speed."""
 YAW_GAIN_PER_S = 1.0
 LONGEST_STEP_S = 0.05
 
@@ -46,6 +53,11 @@ class LandingLaw:
     ----------
     limits : LandingLimits
         Nominal gains of the sticks and limits of what the law asks of them.
+
+    Attributes
+    ----------
+    obeyed : bool
+        Whether the vehicle has not run away since the law began.
     """
 
     def __init__(self, limits: LandingLimits) -> None:
@@ -54,10 +66,16 @@ class LandingLaw:
         self._yaw_rad = 0.0
         self._climb_m_s = 0.0
         self._climb_integral_m_s2 = 0.0
+        self._slowest_m_s = math.inf
+        self._astray_s = 0.0
+        self.obeyed = True
 
     def release(self) -> None:
-        """Forget the place; the next step begins where the vehicle is then."""
+        """Forget the place; the next step begins where the vehicle is then, and lets it obey again."""
         self._place = None
+        self._slowest_m_s = math.inf
+        self._astray_s = 0.0
+        self.obeyed = True
         self._climb_m_s = 0.0
         self._climb_integral_m_s2 = 0.0
 
@@ -82,7 +100,8 @@ class LandingLaw:
         """
         if self._place is None:
             self._place, self._yaw_rad = motion.position_m, motion.yaw_rad
-        forward, left = self._acceleration_m_s2(motion, self._place)
+        self._watch(motion, elapsed_s)
+        forward, left = self._acceleration_m_s2(motion, self._place) if self.obeyed else (0.0, 0.0)
         limits, gain = self._limits, self._limits.input_gain
         step_s = min(elapsed_s, LONGEST_STEP_S)
         self._climb_m_s += _limited(climb_m_s - self._climb_m_s, CLIMB_CHANGE_M_S2 * step_s)
@@ -97,6 +116,15 @@ class LandingLaw:
             hover_thrust + _limited(lift, limits.thrust),
             _limited(-YAW_GAIN_PER_S * turned_rad / limits.yaw_rate_gain_rad_s, limits.yaw),
         )
+
+    def _watch(self, motion: Motion, elapsed_s: float) -> None:
+        """Notice that the vehicle runs away; one that has is not trusted again."""
+        speed_m_s = math.hypot(motion.velocity_m_s[0], motion.velocity_m_s[1])
+        self._slowest_m_s = min(self._slowest_m_s, speed_m_s)
+        astray = speed_m_s > self._slowest_m_s + ASTRAY_M_S
+        self._astray_s = self._astray_s + elapsed_s if astray else 0.0
+        if self._astray_s > ASTRAY_S:
+            self.obeyed = False
 
     def _acceleration_m_s2(self, motion: Motion, place: Position) -> tuple[float, float]:
         """Acceleration towards the place along the heading and to its left."""

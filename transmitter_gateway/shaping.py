@@ -95,7 +95,9 @@ class Shaping:
         landing_s, elapsed_s : float
             Time since the landing and since the last step [s].
         """
-        self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, self._limits.landing), elapsed_s)
+        # Waiting until a vehicle is slow makes no sense where nothing slows it down.
+        braking_for_s = landing_s if self._law.obeyed else math.inf
+        self._fly(motion, climb_rate_m_s(motion, floor_m, braking_for_s, self._limits.landing), elapsed_s)
 
     def descend(self, elapsed_s: float) -> None:
         """Come down without poses: level, the thrust falls to a little less than that of a hover."""

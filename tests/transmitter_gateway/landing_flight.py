@@ -52,6 +52,8 @@ class Options:
     height_m: float = 0.9
     gain: float = 1.0
     """Of pitch, roll and the thrust's difference from hover, over the nominal one."""
+    pitch_acts: float = 1.0
+    """Factor on pitch from the moment the commands end: -1 the wrong way round, 0 not at all."""
     push: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Pitch, roll and additional thrust commanded for half a second before the commands end."""
     limits: ArbiterLimits = ArbiterLimits()  # noqa: RUF009 - frozen
@@ -94,6 +96,7 @@ class Flight:
         self.true_hover = hover_of(self.plant)
         self.pilot = LandingLaw(limits.landing)
         self.hover = HoverThrust(options.model.hover_thrust, 0.2, 0.1)
+        self.pitch_acts = 1.0
 
     def measure(self) -> None:
         pose = self.laboratory.measured_pose("h1")
@@ -101,7 +104,8 @@ class Flight:
 
     def act(self, u: Input) -> None:
         gain, hover = self.options.gain, self.true_hover
-        self.laboratory.set_input("h1", (gain * u[0], gain * u[1], hover + gain * (u[2] - hover), u[3]))
+        pitch = self.pitch_acts * gain * u[0]
+        self.laboratory.set_input("h1", (pitch, gain * u[1], hover + gain * (u[2] - hover), u[3]))
 
     def fly(self, seconds: float, add: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         """Hold the place by commands, with something added to them."""
@@ -121,6 +125,7 @@ class Flight:
 
     def end_commands(self) -> Landing:
         place = self.plant.pose.position_m
+        self.pitch_acts = self.options.pitch_acts
         states: list[State] = []
         farthest_m, sticks, seconds = 0.0, [], 0.0
         while seconds < LIMIT_S and self.bench.state in FLYING:

@@ -92,6 +92,18 @@ def test_occlusion_of_80_ms_is_flown_through() -> None:
     assert_gentle(flown)
 
 
+@KINDS
+@pytest.mark.parametrize("acts", [-1.0, 0.0], ids=["wrong way round", "not at all"])
+def test_a_pitch_stick_that_does_not_act_as_it_should_drives_no_vehicle_far(
+    conditions: Conditions, acts: float
+) -> None:
+    for seed in SEEDS:
+        flown = landing(conditions, seed, Options(pitch_acts=acts, push=(0.1, 0.0, 0.0)))
+        assert flown.reason == "landed"
+        assert flown.farthest_m < 15.0
+        assert flown.touchdown_m_s < 0.6
+
+
 def test_poses_that_get_stuck_end_the_closed_loop() -> None:
     options = Options()
     limits = replace(options.limits.surveillance, trust_repeated_poses=False)
