@@ -40,10 +40,12 @@ def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
 
 
 def test_drawn_vehicles_are_told_apart_by_their_worse_axis() -> None:
-    some, other = np.array([[0.001, 0.003, 0.0, 0.01]]), np.array([[0.007, 0.0, 0.0, -0.03]])
+    some, other = np.array([[0.001, 0.003, 0.002, 0.01]]), np.array([[0.007, 0.0, -0.004, -0.03]])
     assert over_vehicles([some, other]) == {
         "median_mm": 5.0,
         "worst_mm": 7.0,
+        "median_height_mm": 3.0,
+        "worst_height_mm": 4.0,
         "median_yaw_mrad": 20.0,
         "worst_yaw_mrad": 30.0,
     }

@@ -148,6 +148,7 @@ def test_every_call_that_waits_is_there_with_the_same_parameters(
         "followers",
         "launchers",
         "frame_period_s",
+        "clock_differences",
     }
     for name, method in inspect.getmembers(synchronous, inspect.isfunction):
         if name.startswith("_") or name in own:

@@ -160,7 +160,7 @@ class ArbiterMachine(RuleBasedStateMachine):
     def command_out_of_order(self, sequence: int, epoch: int) -> None:
         changes = {"sequence": self.sequence + sequence, "epoch": self.epoch + epoch}
         if epoch == 1:
-            assert not self.command(**changes).accepted or self.arbiter.surveillance.epoch is None
+            assert not self.command(**changes).accepted or self.arbiter.surveillance.stamp is None
         else:
             self.command(**changes)
 
