@@ -2,12 +2,13 @@
 
 from typing import Final
 
+from msgspec.structs import replace
+
 from rcopterx.agents.intent import configuration_of, intent_of, passed_s, task_of
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.bus import channels
 from rcopterx.bus.intent import Intent
-from rcopterx.bus.message import FloatArray
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.bus.stepping import StepBus
@@ -45,7 +46,7 @@ class Handover:
         self._vehicle = vehicle
         self._pilot = pilot
         self._tuning = tuning
-        self._told: tuple[FloatArray | None, str] | None = None
+        self._told: Intent | None = None
         self._told_s = 0.0
         self.predecessor: Intent | None = None
         self._predecessor_s = 0.0
@@ -105,8 +106,8 @@ class Handover:
             self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous, clock.epoch,
             clock.current_frame, clock.time_s, yaw_rad,
         )  # fmt: skip
-        told, task = self._told, (intent.path, intent.phase)
-        if intent.path is not None and task == told and now_s - self._told_s < LONG_PERIOD_S:
+        meant = replace(intent, epoch=0, frame=0, yaw_rad=None, path_elapsed_s=0.0, moves=())
+        if intent.path is not None and meant == self._told and now_s - self._told_s < LONG_PERIOD_S:
             return
-        self._told, self._told_s = task, now_s
+        self._told, self._told_s = meant, now_s
         self._bus.publish(channels.INTENT, self._vehicle, intent)

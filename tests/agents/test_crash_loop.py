@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import msgspec
+import numpy as np
 import pytest
 from agent_bench import HOVER, settings_of
 from pilot_bench import seen
@@ -13,6 +15,7 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.intent import FlownBy, Intent
+from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import SetPoint
 from rcopterx.bus.requests import RecallReply
 from rcopterx.bus.session import BusAddress
@@ -132,6 +135,23 @@ def test_a_change_tells_a_successor_what_flew_before() -> None:
     assert told.controller == "pid"
     assert told.previous is not None
     assert told.previous.controller == "lqr"
+
+
+def test_a_change_on_the_way_along_a_path_is_told_at_once_and_the_path_itself_only_now_and_then() -> None:
+    knots = np.zeros((2, 13))
+    knots[:, 3] = 1.0
+    knots[1, :2] = (10.0, 0.5)
+    agent = Restarted(0, msgspec.structs.replace(INTENT, path=FloatArray.of(knots)))
+    agent.settle()
+    agent.handover.publish()
+    agent.handover.publish()
+    assert len(agent.launcher.told) == 1
+    agent.tuning.begin(FILE)
+    agent.settle()
+    agent.handover.publish()
+    told = agent.launcher.told[-1]
+    assert told.path is not None
+    assert told.controller == "pid"
 
 
 def test_what_somebody_chooses_ends_the_remark() -> None:
