@@ -1,6 +1,5 @@
 """Promises of the supervisor, with harmless processes that do nothing but live and die."""
 
-import mmap
 import os
 import re
 import shlex
@@ -9,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,13 +17,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.fleets import PAIR
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.supervisor
-from rcopterx.bus.heartbeat import Heartbeat, HeartbeatPage
 from rcopterx.deploy.processes import ProcessSpec
-from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses, Started
+from rcopterx.deploy.spare_process import SpareProcess
 from rcopterx.deploy.supervisor import (
     MAX_PAUSE_S,
     QUICK_RESTARTS,
@@ -248,123 +245,6 @@ def test_the_supervisor_tells_which_role_each_process_has() -> None:
     assert command == [sys.executable, "-m", "rcopterx.deploy.roles", "agent", "h1", "/x/lab.toml"]
 
 
-@pytest.fixture
-def spare(tmp_path: Path) -> Iterator[SpareProcess]:
-    path = tmp_path / "lab.toml"
-    path.write_text(PAIR.replace("[simulator]", '[bus]\nnamespace = "nobody"\n[simulator]'))
-    agent = SpareProcess(
-        path,
-        [("agent", "h1"), ("agent", "h2"), ("router", "main"), ("tracker", "main")],
-        tmp_path / "spare.log",
-    )
-    yield agent
-    agent.close()
-
-
-def test_a_spare_takes_over_once_it_is_ready_and_writes_into_the_agents_log(
-    spare: SpareProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
-    log = tmp_path / "agent-h2.log"
-    assert spare.take("agent", "h2", log) is None
-    spare.prepare()
-    spare.prepare()
-    taken = []
-
-    def took_over() -> bool:
-        started = spare.take("agent", "h2", log)
-        if started is not None:
-            taken.append(started)
-        return started is not None
-
-    wait_for(took_over, "the spare is never ready", deadline_s=60)
-    process = taken[0].process
-    try:
-        wait_for(log.exists, "the log of the agent is not used")
-        assert spare.take("agent", "h1", log) is None
-    finally:
-        process.kill()
-        process.wait(10)
-
-
-def test_a_spare_takes_no_job_it_was_not_prepared_for(spare: SpareProcess, tmp_path: Path) -> None:
-    spare.prepare()
-    wait_for(spare.ready, "the spare is never ready", deadline_s=60)
-    assert spare.take("agent", "h9", tmp_path / "x.log") is None
-    assert spare.take("transmitters", "transmitters", tmp_path / "x.log") is None
-    assert spare.ready()
-
-
-def test_a_spare_that_died_is_not_used(spare: SpareProcess, tmp_path: Path) -> None:
-    spare.prepare()
-    before = spare.started
-    assert before is not None
-    before.process.kill()
-    before.process.wait(10)
-    assert spare.take("agent", "h1", tmp_path / "x.log") is None
-    spare.prepare()
-    assert spare.started is not before
-
-
-class WarmProcess:
-    """Stands for a spare process: ready from its start on, sleeps."""
-
-    def __init__(self) -> None:
-        self.started: list[Started] = []
-
-    def __call__(self, command: Sequence[str], log: Path, stdin: int) -> Started:
-        page = HeartbeatPage()
-        memory = mmap.mmap(page.descriptor, mmap.PAGESIZE)
-        page.handed_over()
-        Heartbeat(memory).beat()
-        self.started.append(Started(subprocess.Popen(["sleep", "60"], stdin=stdin), page))
-        return self.started[-1]
-
-
-@pytest.fixture
-def warm(monkeypatch: pytest.MonkeyPatch) -> Iterator[WarmProcess]:
-    warm = WarmProcess()
-    monkeypatch.setattr("rcopterx.deploy.spare_process.start_process", warm)
-    yield warm
-    for started in warm.started:
-        started.process.kill()
-        started.process.wait(10)
-        assert started.process.stdin is not None
-        started.process.stdin.close()
-
-
-def test_a_death_right_after_another_one_finds_a_spare_as_well(warm: WarmProcess, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", [("agent", "h1")], tmp_path / "spare.log")
-    spares.prepare()
-    assert spares.ready() == len(warm.started) == SPARES
-    log = tmp_path / "agent-h1.log"
-    taken = [spares.take("agent", "h1", log, lambda _: True) for _ in range(SPARES + 1)]
-    assert taken == [*warm.started, None]
-    spares.prepare()
-    assert spares.ready() == SPARES
-    spares.close()
-
-
-def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmProcess, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", [("agent", "h1")], tmp_path / "spare.log")
-    spares.prepare()
-    hung = warm.started[0].process.pid
-    log = tmp_path / "agent-h1.log"
-    assert spares.take("agent", "h1", log, lambda pid: pid != hung) == warm.started[1]
-    assert spares.take("agent", "h1", log, lambda pid: pid != hung) is None
-    assert list(spares.pages) == [hung]
-    spares.close()
-    assert warm.started[0].process.returncode is not None
-
-
-def test_a_host_without_jobs_for_it_has_no_spare(tmp_path: Path) -> None:
-    spare = SpareProcess(tmp_path / "lab.toml", [], tmp_path / "spare.log")
-    spare.prepare()
-    assert spare.take("agent", "h1", tmp_path / "x.log") is None
-    assert not (tmp_path / "spare.log").exists()
-    spare.close()
-
-
 def test_processes_come_and_go_while_the_others_run_on(supervise: Supervise) -> None:
     supervisor = supervise(fake("one"), fake("two"), without=["two"])
     supervisor.start_all()
@@ -451,7 +331,7 @@ def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later
         raise OSError(24, "Too many open files")
 
     with monkeypatch.context() as patch:
-        patch.setattr(f"deploy.{function}", exhausted)
+        patch.setattr(f"rcopterx.deploy.{function}", exhausted)
         kill(supervisor, "one")
         lines = watch_until(
             supervisor, lambda: supervisor.children["one"].events["start_failed"] >= 2, "not tried again"
