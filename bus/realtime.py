@@ -13,6 +13,9 @@ SPIN_LIMIT_S: Final = 5.0
 """Processor time of a real-time thread without any sleep after which the kernel ends its process (SIGXCPU,
 then SIGKILL): the last resort where no launcher looks, or where it gets no processor."""
 SWITCH_INTERVAL_S = 0.0005
+ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment in which numerical libraries use one thread: with small matrices more would only wait.
+To be set before they are imported."""
 
 
 def request_realtime(priority: int, *, children: bool = True) -> bool:

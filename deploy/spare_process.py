@@ -9,15 +9,12 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, Phase
+from rcopterx.bus.realtime import ONE_THREAD
 
 Job = tuple[str, str]
 """Role and unit of a process."""
 SPARES: Final = 2
 """Deaths in a row that find a warm successor."""
-
-
-ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Environment in which numerical libraries use one thread."""
 
 
 def child_environment() -> dict[str, str]:

@@ -1,8 +1,9 @@
 """Entry point of `rcopterx`: the command line, and a way round its imports for `kill`."""
 
+import os
 import sys
 
-from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.realtime import ONE_THREAD, request_realtime
 
 KILL_PRIORITY = 60
 """SCHED_FIFO, where the operating system permits it: above every process of a fleet."""
@@ -19,6 +20,8 @@ def main() -> None:
         # Whatever is not plainly a kill, for instance --help, is left to the command line.
         if arguments is not None:
             sys.exit(kill.run(*arguments))
+    for name, value in ONE_THREAD.items():
+        os.environ.setdefault(name, value)
     from rcopterx.command_line import app
 
     app()

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.fleet_option import EXIT_FAILED, user_errors
-from rcopterx.deploy.spare_process import ONE_THREAD
 
 if TYPE_CHECKING:
     from rcopterx.flight_log.flights import Flight

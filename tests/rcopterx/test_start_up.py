@@ -1,5 +1,6 @@
 """Promises about the start of a command: it imports what it needs, and nothing that takes long beside it."""
 
+import os
 import subprocess
 import sys
 
@@ -38,6 +39,25 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
     loaded = imported_by(statement)
     assert "zenoh" in loaded
     assert not loaded & {"scipy", "osqp", "serial", "simulator", "vicon_gateway", "experiments", "matplotlib"}
+
+
+def test_commands_use_one_thread_per_numerical_library_unless_the_user_says_otherwise() -> None:
+    tell = """
+import os, sys, rcopterx.cli
+sys.argv = ["rcopterx", "--version"]
+try:
+    rcopterx.cli.main()
+except SystemExit:
+    print(os.environ["OMP_NUM_THREADS"], os.environ["OPENBLAS_NUM_THREADS"])
+"""
+    environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+    done = subprocess.run(
+        [sys.executable, "-c", tell],
+        capture_output=True,
+        text=True,
+        env=environment | {"OMP_NUM_THREADS": "3"},
+    )
+    assert done.stdout.splitlines()[-1] == "3 1", done.stderr
 
 
 def test_help_texts_that_are_not_computed_agree_with_the_code() -> None:
