@@ -21,8 +21,9 @@ NOBODY: Final = "(nobody)"
 KILL_STYLE: Final = """<style>button:has(.icon-tabler-hand-stop) {
   position: fixed !important; top: 12px; left: 50%; transform: translateX(-50%); z-index: 10000;
   width: min(24em, 90vw) !important; height: 3.4em !important; font-weight: 700; font-size: 1.05em;
-}</style>"""
-"""Keeps the button at the top of the window, whatever is scrolled or opened."""
+}
+.mantine-Notifications-root[data-position^="top"] { top: calc(3.4em + 32px) !important; }</style>"""
+"""Keeps the button at the top of the window, whatever is scrolled or opened, and notices below it."""
 SPEED_M_S: Final = 0.4
 """Along drawn waypoints."""
 PACE_S: Final = 1.0
