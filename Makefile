@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
-	@echo "make test      unit tests, then fleets of real processes (about eight minutes)"
+	@echo "make test      unit tests, then fleets of real processes (about ten minutes)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"

@@ -46,7 +46,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class Subject:
-    """Somebody who is let in, and the seats he takes.
+    """Somebody who is let in, and the seats taken.
 
     Attributes
     ----------

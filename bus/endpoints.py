@@ -38,7 +38,7 @@ class Credentials:
 
 @dataclass(frozen=True)
 class Protection:
-    """What keeps strangers out of a router, and everybody else to what he may say.
+    """What keeps strangers out of a router, and everybody else to what their seats may say.
 
     Attributes
     ----------

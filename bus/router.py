@@ -46,7 +46,7 @@ def run_router(
     others
         Other hosts of the fleet, whose routers are linked to this one.
     protection
-        None for a router that believes everybody. With it, whoever is refused for his certificate is told
+        None for a router that believes everybody. With it, whoever is refused for the certificate is told
         of on standard output, by Zenoh.
 
     Raises
