@@ -10,6 +10,7 @@ from typing import Any
 
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.experiments.checks import remarks_on_latency
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.steps import Say, Wait
 from rcopterx.ground_station.fleet import Fleet
@@ -137,9 +138,11 @@ def report_of(
         "checks": checks,
         "pose_to_command_ms": percentiles(figures.pose_to_command_ms()),
         "frame_to_radio_ms": percentiles(figures.frame_to_radio_ms()),
+        "remarks": [],
         "vehicles": tables,
         "journal": [{"at_s": at_s, "text": text} for at_s, text in flown.journal],
     }
+    report["remarks"] = remarks_on_latency(report)
     return report, figures
 
 
@@ -154,6 +157,7 @@ def not_flown(manoeuvre: Manoeuvre, verdict: str, problem: str) -> dict[str, Any
         "checks": [],
         "pose_to_command_ms": None,
         "frame_to_radio_ms": None,
+        "remarks": [],
         "vehicles": {},
         "journal": [],
     }

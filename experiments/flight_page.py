@@ -65,7 +65,7 @@ def _id(report: Mapping[str, Any]) -> str:
 
 def _why(report: Mapping[str, Any]) -> str:
     failed = [check["name"] for check in report["checks"] if not check["passed"]]
-    return report["problem"] or "; ".join(failed)
+    return report["problem"] or "; ".join(failed or report["remarks"])
 
 
 def _section(report: Mapping[str, Any], picture: str) -> str:
@@ -89,6 +89,7 @@ def _section(report: Mapping[str, Any], picture: str) -> str:
                 ),
             )
         )
+    parts += [f"<p>{escape(remark)}</p>" for remark in report["remarks"]]
     if report["vehicles"]:
         latencies = {
             "pose to command": report["pose_to_command_ms"],

@@ -292,7 +292,7 @@ class Results:
 
 def _line(report: dict[str, Any]) -> str:
     failed = [check["name"] for check in report["checks"] if not check["passed"]]
-    why = report["problem"] or "; ".join(failed)
+    why = report["problem"] or "; ".join(failed or report["remarks"])
     return f"{report['verdict']:9} {report['manoeuvre']:24} {why}".rstrip()
 
 
@@ -304,6 +304,7 @@ def _readable(report: dict[str, Any]) -> str:
         f"  {'ok    ' if check['passed'] else 'FAILED'} {check['name']}: {check['figure']}"
         for check in report["checks"]
     ]
+    lines += [f"  {remark}" for remark in report["remarks"]]
     for figure in ("pose_to_command_ms", "frame_to_radio_ms"):
         lines.append(f"  {figure}: {report[figure]}")
     lines += [f"  {name}: {json.dumps(table)}" for name, table in report["vehicles"].items()]

@@ -195,7 +195,7 @@ def test_a_page_of_nothing_but_words_needs_no_figures() -> None:
     report = {
         "manoeuvre": "a<b", "title": "T", "seconds": 1.0, "verdict": "failed", "problem": "x < y",
         "checks": [],
-        "pose_to_command_ms": None, "frame_to_radio_ms": None, "vehicles": {}, "journal": [],
+        "pose_to_command_ms": None, "frame_to_radio_ms": None, "remarks": [], "vehicles": {}, "journal": [],
     }  # fmt: skip
     text = page([report], {})
     assert "a&lt;b" in text
