@@ -13,6 +13,11 @@ from rcopterx.transmitter_gateway.landing import Motion
 from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
 
 LONGEST_EXTRAPOLATION_S = 0.1
+DRIFT_M_S = 0.2
+"""How fast a vehicle that is not seen, and is left level meanwhile, drifts from where it would be..."""
+LONGEST_DRIFT_S = 2.0
+SINK_M_S2 = 2.5
+"""...and how fast it sinks at most in an open-loop descent: with the largest error of its hover thrust."""
 SHORTEST_STEP_S = 1e-3
 FORGET_AFTER_S = 1.0
 MOST_OTHERS = 63
@@ -156,9 +161,14 @@ class Surveillance:
         limits = self._limits
         if limits.maximum_jump_m is None or track.position_m is None:
             return False
-        elapsed = min(now_s - track.seen_s, LONGEST_EXTRAPOLATION_S)
-        expected = [p + v * elapsed for p, v in zip(track.position_m, track.velocity_m_s, strict=True)]
-        jump = math.dist(expected, position) > limits.maximum_jump_m + limits.maximum_speed_m_s * elapsed
+        unseen_s = now_s - track.seen_s
+        elapsed = min(unseen_s, LONGEST_EXTRAPOLATION_S)
+        drift_s = min(unseen_s - elapsed, LONGEST_DRIFT_S)
+        x, y, z = (p + v * elapsed for p, v in zip(track.position_m, track.velocity_m_s, strict=True))
+        # Wherever it is between there and as far as it may have sunk.
+        z = min(max(position[2], z - SINK_M_S2 / 2 * drift_s**2), z)
+        reach = limits.maximum_jump_m + limits.maximum_speed_m_s * elapsed + DRIFT_M_S * drift_s
+        jump = math.dist((x, y, z), position) > reach
         if jump and self._jumping_since_s is None:
             self._jumping_since_s = now_s
         return jump

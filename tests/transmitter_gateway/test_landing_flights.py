@@ -87,6 +87,21 @@ def test_vehicle_that_is_seen_again_lands_gently() -> None:
     assert flown.touchdown_m_s < 0.6
 
 
+@KINDS
+@pytest.mark.parametrize("unseen_s", [1.2, 1.4])
+def test_vehicle_that_has_sunk_while_nobody_saw_it_is_believed_and_lands_gently(
+    conditions: Conditions, unseen_s: float
+) -> None:
+    """A Vicon gateway that is restarted without a spare process is away for so long."""
+    for seed in SEEDS:
+        flown = landing(
+            conditions, seed, Options(height_m=1.5, seen=lambda seconds: not 0.0 < seconds < unseen_s)
+        )
+        assert State.DESCEND in flown.states
+        assert flown.reason == "landed"
+        assert flown.touchdown_m_s < 0.6
+
+
 def test_occlusion_of_80_ms_is_flown_through() -> None:
     flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: not 1.2 < seconds <= 1.28))
     assert_gentle(flown)

@@ -52,11 +52,31 @@ def test_believed_distance_is_jump_limit_plus_speed_limit_times_time(jump_m: flo
     assert watch.step((jump_m, 0.0, 1.0)) == believed
 
 
-def test_believed_distance_stops_growing_after_100_ms() -> None:
+@pytest.mark.parametrize(
+    ("unseen_s", "reach_m"), [(0.1, 0.35), (0.6, 0.45), (1.6, 0.65), (2.1, 0.75), (5.0, 0.75)]
+)
+def test_a_vehicle_that_is_not_seen_is_believed_to_drift_slowly_for_two_seconds(
+    unseen_s: float, reach_m: float
+) -> None:
+    for distance_m, believed in ((reach_m - 0.01, True), (reach_m + 0.01, False)):
+        watch = Watch()
+        watch.step()
+        assert watch.step((0.6 * distance_m, 0.8 * distance_m, 1.0), unseen_s) == believed
+
+
+@pytest.mark.parametrize(("height_m", "believed"), [(0.6, True), (-0.1, True), (-0.62, False), (2.56, False)])
+def test_a_vehicle_that_is_not_seen_is_believed_to_have_sunk(height_m: float, believed: bool) -> None:
+    """After a second: 1.01 m by sinking, 0.35 m by its speed, 0.18 m by its drift."""
     watch = Watch()
     watch.step()
-    assert not watch.step((0.36, 0.0, 1.0), 5.0)
-    assert watch.step((0.34, 0.0, 1.0))
+    assert watch.step((0.0, 0.0, height_m), 1.0) == believed
+
+
+def test_a_vehicle_that_sinks_unseen_is_believed_to_be_as_far_beside_its_place_as_one_that_does_not() -> None:
+    for distance_m, believed in ((0.52, True), (0.54, False)):
+        watch = Watch()
+        watch.step()
+        assert watch.step((distance_m, 0.0, 0.5), 1.0) == believed
 
 
 def test_on_the_floor_and_without_a_jump_limit_any_position_is_believed() -> None:
