@@ -188,7 +188,12 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._snapshot = snapshot_path(host, directory)
         limits = watchdog_limits(fleet) if watchdog else None
         self.supervisor = Supervisor(
-            specs, self._snapshot, directory / "log", without=absent, watchdog=limits
+            specs,
+            self._snapshot,
+            directory / "log",
+            without=absent,
+            watchdog=limits,
+            priority=Priority.GATEWAY.of(fleet),
         )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._news: deque[str] = deque(missing, maxlen=EVENTS_KEPT)

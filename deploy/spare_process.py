@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -13,8 +14,14 @@ from rcopterx.bus.realtime import ONE_THREAD
 
 Job = tuple[str, str]
 """Role and unit of a process."""
-SPARES: Final = 2
-"""Deaths in a row that find a warm successor."""
+SPARES: Final = 3
+"""Deaths in a row that find a warm successor, if they are of processes that everybody needs."""
+NEEDED_BY_ALL: Final = ("router", "tracker", "transmitters")
+"""Roles the last spare process is kept for: without one of them nobody is seen or nobody is heard, while a
+vehicle without its agent is held and landed in a closed loop."""
+URGENT_NICE: Final = -10
+"""Of a process that starts. On a busy computer it gets its share of the processor ten times over, and the
+threads that launch it get theirs all the same, as they would not beside a real-time process."""
 
 
 def child_environment() -> dict[str, str]:
@@ -33,7 +40,7 @@ class Started(NamedTuple):
 
 
 def start_process(command: Sequence[str], log: Path, stdin: int) -> Started:
-    """Start a supervised process with a heartbeat.
+    """Start a supervised process with a heartbeat, before other programs if that is permitted.
 
     Parameters
     ----------
@@ -63,7 +70,24 @@ def start_process(command: Sequence[str], log: Path, stdin: int) -> Started:
             )
     finally:
         page.handed_over()
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, process.pid, URGENT_NICE)
     return Started(process, page)
+
+
+def prefer(process: int, priority: int) -> None:
+    """Let a process that takes over run in the real-time class, until it asks for its own priority.
+
+    Parameters
+    ----------
+    process
+        Its id.
+    priority
+        SCHED_FIFO priority; 0 leaves it as it is, and so does a lack of permission.
+    """
+    if priority:
+        with suppress(OSError):
+            os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
 
 
 class SpareProcess:
@@ -77,12 +101,15 @@ class SpareProcess:
         Roles and units it must be able to take over; none means that there is never a spare.
     log
         Log file of the spare until it takes over.
+    priority
+        Real-time priority at which it begins to take over; 0 for none.
     """
 
-    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path) -> None:
+    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path, priority: int = 0) -> None:
         self._snapshot = snapshot
         self._jobs = tuple(jobs)
         self._log = log
+        self._priority = priority
         self._started: Started | None = None
 
     @property
@@ -107,6 +134,7 @@ class SpareProcess:
         if (role, unit) not in self._jobs or started is None or not self.ready():
             return None
         order = json.dumps({"role": role, "unit": unit, "log": str(log)}) + "\n"
+        prefer(started.process.pid, self._priority)
         stdin = started.process.stdin
         try:
             if stdin is not None:
@@ -121,6 +149,11 @@ class SpareProcess:
         """Whether the spare could take over at this moment."""
         started = self._started
         return started is not None and started.process.poll() is None and started.page.phase is Phase.WORKING
+
+    def warming(self) -> bool:
+        """Whether it has been started and is not ready yet."""
+        started = self._started
+        return started is not None and started.process.poll() is None and not self.ready()
 
     @property
     def pid(self) -> int | None:
@@ -140,18 +173,18 @@ class SpareProcess:
 
 
 class SpareProcesses:
-    """Two spare processes, so that a death right after another one finds a successor as well.
+    """Several spare processes, so that a death right after another one finds a successor as well.
 
-    The second one is started once the first is ready: one start at a time is enough for the processor.
+    Each is started once those before it are ready: one start at a time is enough for the processor.
 
     Parameters
     ----------
-    snapshot, jobs, log
+    snapshot, jobs, log, priority
         As for `SpareProcess`.
     """
 
-    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path) -> None:
-        self._spares = tuple(SpareProcess(snapshot, jobs, log) for _ in range(SPARES))
+    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path, priority: int = 0) -> None:
+        self._spares = tuple(SpareProcess(snapshot, jobs, log, priority) for _ in range(SPARES))
 
     def prepare(self) -> None:
         """Start what is missing next.
@@ -161,16 +194,24 @@ class SpareProcesses:
         OSError
             It cannot be started.
         """
+        # First those that wait: a spare that died may be before one that is warming.
+        if any(spare.warming() for spare in self._spares):
+            return
         for spare in self._spares:
             spare.prepare()
             if not spare.ready():
                 return
 
     def take(self, role: str, unit: str, log: Path, usable: Callable[[int], bool]) -> Started | None:
-        """Let a spare that is ready, and usable by its process id, take over a job; None if there is none."""
-        for spare in self._spares:
-            pid = spare.pid
-            started = spare.take(role, unit, log) if pid is not None and usable(pid) else None
+        """Let a spare that is ready, and usable by its process id, take over a job; None if there is none.
+
+        The last one is only for roles that everybody needs.
+        """
+        ready = [spare for spare in self._spares if spare.ready() and spare.pid and usable(spare.pid)]
+        if len(ready) == 1 and role not in NEEDED_BY_ALL:
+            return None
+        for spare in ready:
+            started = spare.take(role, unit, log)
             if started is not None:
                 return started
         return None

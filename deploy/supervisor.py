@@ -19,6 +19,9 @@ from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
 SETTLED_S = 1.0
+"""For processes that were just started, before spare processes begin to compete with them..."""
+SETTLED_AFTER_TAKEOVER_S = 0.2
+"""...and for a spare process that has taken over, which has little left to do."""
 SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
 """What vehicles in the air cannot do without, and a spare process can take over."""
 QUICK_RESTARTS = 3
@@ -67,6 +70,8 @@ class Child:
     """When it was asked to end, if it was."""
     verdict: Hung | None = None
     """Why the watchdog ended it, until that is told."""
+    settled_s: float = 0.0
+    """From when on spare processes may be started."""
     events: Counter[str] = field(default_factory=Counter)
 
 
@@ -87,6 +92,8 @@ class Supervisor:
         Names of processes that are not wanted at first.
     watchdog
         For how long processes may make no progress; None for as long as they like.
+    priority
+        Real-time priority at which spare processes begin to take over; 0 for none.
     """
 
     def __init__(
@@ -97,6 +104,7 @@ class Supervisor:
         clock: Callable[[], float] = time.monotonic,
         without: Collection[str] = (),
         watchdog: WatchdogLimits | None = None,
+        priority: int = 0,
     ) -> None:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
         self._snapshot = snapshot.resolve()
@@ -106,7 +114,7 @@ class Supervisor:
         self._spare_at_s = 0.0
         self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
-        self._spares = SpareProcesses(self._snapshot, jobs, log_directory / "spare.log")
+        self._spares = SpareProcesses(self._snapshot, jobs, log_directory / "spare.log", priority)
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
         self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))
@@ -141,10 +149,9 @@ class Supervisor:
         return lines
 
     def _launch(self, child: Child, log_path: Path) -> None:
-        started = self._successor(child, log_path)
-        if started is None:
-            started = start_process(child.spec.command(self._snapshot), log_path, subprocess.DEVNULL)
-        process, page = started
+        spare = self._successor(child, log_path)
+        command = child.spec.command(self._snapshot)
+        process, page = spare or start_process(command, log_path, subprocess.DEVNULL)
         try:
             pidfd = os.pidfd_open(process.pid)
         except OSError:
@@ -154,6 +161,7 @@ class Supervisor:
             raise
         child.process, child.page, child.pidfd = process, page, pidfd
         child.started_s = self._clock()
+        child.settled_s = child.started_s + (SETTLED_S if spare is None else SETTLED_AFTER_TAKEOVER_S)
         self._selector.register(pidfd, selectors.EVENT_READ, child.spec.name)
 
     def _successor(self, child: Child, log_path: Path) -> Started | None:
@@ -182,7 +190,7 @@ class Supervisor:
             A line per event, for the user.
         """
         now = self._clock()
-        if all(now - child.started_s > SETTLED_S for child in self.children.values()):
+        if all(now > child.settled_s for child in self.children.values()):
             self._prepare_spares(now)
         lines = self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]

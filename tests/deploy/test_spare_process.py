@@ -1,6 +1,7 @@
 """Promises of spare processes: warm before they are needed, and one more than the next death takes."""
 
 import mmap
+import os
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 from support.fleets import PAIR
 from support.waiting import wait_for
 
-from rcopterx.bus.heartbeat import Heartbeat, HeartbeatPage
+from rcopterx.bus.heartbeat import Heartbeat, HeartbeatPage, Phase
 from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses, Started
 
 
@@ -72,16 +73,18 @@ def test_a_spare_that_died_is_not_used(spare: SpareProcess, tmp_path: Path) -> N
 
 
 class WarmProcess:
-    """Stands for a spare process: ready from its start on, sleeps."""
+    """Stands for a spare process: sleeps, ready from its start on unless told otherwise."""
 
     def __init__(self) -> None:
         self.started: list[Started] = []
+        self.phase = Phase.WORKING
 
     def __call__(self, command: Sequence[str], log: Path, stdin: int) -> Started:
         page = HeartbeatPage()
         memory = mmap.mmap(page.descriptor, mmap.PAGESIZE)
         page.handed_over()
-        Heartbeat(memory).beat()
+        heartbeat = Heartbeat(memory)
+        heartbeat.beat() if self.phase is Phase.WORKING else heartbeat.starting()
         self.started.append(Started(subprocess.Popen(["sleep", "60"], stdin=stdin), page))
         return self.started[-1]
 
@@ -98,28 +101,63 @@ def warm(monkeypatch: pytest.MonkeyPatch) -> Iterator[WarmProcess]:
         started.process.stdin.close()
 
 
-def test_a_death_right_after_another_one_finds_a_spare_as_well(warm: WarmProcess, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", [("agent", "h1")], tmp_path / "spare.log")
+JOBS = [("agent", "h1"), ("tracker", "main")]
+
+
+@pytest.mark.parametrize(("role", "successors"), [("tracker", SPARES), ("agent", SPARES - 1)])
+def test_deaths_right_after_another_find_spares_and_the_last_one_is_for_what_everybody_needs(
+    warm: WarmProcess, tmp_path: Path, role: str, successors: int
+) -> None:
+    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log")
     spares.prepare()
     assert spares.ready() == len(warm.started) == SPARES
-    log = tmp_path / "agent-h1.log"
-    taken = [spares.take("agent", "h1", log, lambda _: True) for _ in range(SPARES + 1)]
-    assert taken == [*warm.started, None]
+    unit, log = dict(JOBS)[role], tmp_path / "successor.log"
+    taken = [spares.take(role, unit, log, lambda _: True) for _ in range(SPARES + 1)]
+    assert taken == [*warm.started[:successors], *[None] * (SPARES + 1 - successors)]
+    assert spares.ready() == SPARES - successors
     spares.prepare()
     assert spares.ready() == SPARES
     spares.close()
 
 
 def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmProcess, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", [("agent", "h1")], tmp_path / "spare.log")
+    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log")
     spares.prepare()
     hung = warm.started[0].process.pid
-    log = tmp_path / "agent-h1.log"
-    assert spares.take("agent", "h1", log, lambda pid: pid != hung) == warm.started[1]
-    assert spares.take("agent", "h1", log, lambda pid: pid != hung) is None
+    log = tmp_path / "tracker.log"
+    taken = [spares.take("tracker", "main", log, lambda pid: pid != hung) for _ in range(SPARES)]
+    assert taken == [*warm.started[1:], None]
     assert list(spares.pages) == [hung]
     spares.close()
     assert warm.started[0].process.returncode is not None
+
+
+def test_spares_are_started_one_after_the_other(warm: WarmProcess, tmp_path: Path) -> None:
+    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log")
+    spares.prepare()
+    warm.phase = Phase.STARTING
+    log = tmp_path / "tracker.log"
+    for _ in range(2):
+        assert spares.take("tracker", "main", log, lambda _: True) is not None
+    for _ in range(3):
+        spares.prepare()
+    assert len(warm.started) == SPARES + 1
+    spares.close()
+
+
+@pytest.mark.parametrize("asked", [0, 7])
+def test_a_spare_begins_to_take_over_at_the_priority_it_is_given(
+    warm: WarmProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: int
+) -> None:
+    given = []
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda pid, policy, param: given.append((pid, policy, param.sched_priority))
+    )
+    spare = SpareProcess(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", priority=asked)
+    spare.prepare()
+    started = spare.take("agent", "h1", tmp_path / "agent-h1.log")
+    assert started is not None
+    assert given == ([(started.process.pid, os.SCHED_FIFO, asked)] if asked else [])
 
 
 def test_a_host_without_jobs_for_it_has_no_spare(tmp_path: Path) -> None:
