@@ -19,7 +19,7 @@ from zenoh.handlers import Callback
 from rcopterx.benchmarks.namespaces import Network, network
 from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.spare_process import child_environment
+from rcopterx.deploy.forking import child_environment
 
 HOSTS: Final = ("a", "b")
 ROUTER: Final = """

@@ -18,6 +18,7 @@ from rcopterx.deploy.certificates.names import host_name
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
+from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.membership import MembershipService
 from rcopterx.deploy.process_log import append
 from rcopterx.deploy.processes import RECORDER, ROUTER, processes_of
@@ -187,10 +188,13 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._idle = idle
         self._snapshot = snapshot_path(host, directory)
         limits = watchdog_limits(fleet) if watchdog else None
+        roles = sorted({spec.role for spec in specs})
+        forks = ForkServer([f"rcopterx.deploy.roles.{role}" for role in roles], Priority.SUPERVISOR.of(fleet))
         self.supervisor = Supervisor(
             specs,
             self._snapshot,
             directory / "log",
+            forks,
             without=absent,
             watchdog=limits,
             priority=Priority.GATEWAY.of(fleet),

@@ -2,15 +2,14 @@
 
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, Phase
-from rcopterx.bus.realtime import ONE_THREAD
+from rcopterx.bus.heartbeat import HeartbeatPage, Phase
+from rcopterx.deploy.forking import ForkServer, Started
 
 Job = tuple[str, str]
 """Role and unit of a process."""
@@ -19,60 +18,6 @@ SPARES: Final = 3
 NEEDED_BY_ALL: Final = ("router", "tracker", "transmitters")
 """Roles the last spare process is kept for: without one of them nobody is seen or nobody is heard, while a
 vehicle without its agent is held and landed in a closed loop."""
-URGENT_NICE: Final = -10
-"""Of a process that starts. On a busy computer it gets its share of the processor ten times over, and the
-threads that launch it get theirs all the same, as they would not beside a real-time process."""
-
-
-def child_environment() -> dict[str, str]:
-    """Environment of supervised processes: one thread per numerical library, and who the parent is."""
-    return os.environ | {
-        **ONE_THREAD,
-        "RCOPTERX_PARENT": str(os.getpid()),
-    }
-
-
-class Started(NamedTuple):
-    """A process and the page it beats into."""
-
-    process: subprocess.Popen[bytes]
-    page: HeartbeatPage
-
-
-def start_process(command: Sequence[str], log: Path, stdin: int) -> Started:
-    """Start a supervised process with a heartbeat, before other programs if that is permitted.
-
-    Parameters
-    ----------
-    command
-        Command line.
-    log
-        File its output is appended to.
-    stdin
-        As for `subprocess.Popen`.
-
-    Raises
-    ------
-    OSError
-        It cannot be started, for instance for want of descriptors.
-    """
-    page = HeartbeatPage()
-    try:
-        with log.open("ab") as output:
-            process = subprocess.Popen(
-                command,
-                stdin=stdin,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                pass_fds=[page.descriptor],
-                env=child_environment() | {VARIABLE: str(page.descriptor)},
-            )
-    finally:
-        page.handed_over()
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, URGENT_NICE)
-    return Started(process, page)
 
 
 def prefer(process: int, priority: int) -> None:
@@ -101,11 +46,16 @@ class SpareProcess:
         Roles and units it must be able to take over; none means that there is never a spare.
     log
         Log file of the spare until it takes over.
+    forks
+        Starts it.
     priority
         Real-time priority at which it begins to take over; 0 for none.
     """
 
-    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path, priority: int = 0) -> None:
+    def __init__(
+        self, snapshot: Path, jobs: Sequence[Job], log: Path, forks: ForkServer, priority: int = 0
+    ) -> None:
+        self._forks = forks
         self._snapshot = snapshot
         self._jobs = tuple(jobs)
         self._log = log
@@ -126,7 +76,7 @@ class SpareProcess:
         self.close()
         words = [f"{role}:{unit}" for role, unit in self._jobs]
         command = [sys.executable, "-m", "rcopterx.deploy.spare", str(self._snapshot), *words]
-        self._started = start_process(command, self._log, subprocess.PIPE)
+        self._started = self._forks.start(command, self._log, piped=True)
 
     def take(self, role: str, unit: str, log: Path) -> Started | None:
         """Let the spare take over a job; None if that is none of its jobs or it is not ready."""
@@ -179,12 +129,14 @@ class SpareProcesses:
 
     Parameters
     ----------
-    snapshot, jobs, log, priority
+    snapshot, jobs, log, forks, priority
         As for `SpareProcess`.
     """
 
-    def __init__(self, snapshot: Path, jobs: Sequence[Job], log: Path, priority: int = 0) -> None:
-        self._spares = tuple(SpareProcess(snapshot, jobs, log, priority) for _ in range(SPARES))
+    def __init__(
+        self, snapshot: Path, jobs: Sequence[Job], log: Path, forks: ForkServer, priority: int = 0
+    ) -> None:
+        self._spares = tuple(SpareProcess(snapshot, jobs, log, forks, priority) for _ in range(SPARES))
 
     def prepare(self) -> None:
         """Start what is missing next.

@@ -11,17 +11,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rcopterx.bus.heartbeat import HeartbeatPage
+from rcopterx.deploy.forking import ForkedProcess, ForkServer, Started
 from rcopterx.deploy.liveness import Liveness
 from rcopterx.deploy.process_log import rotate
 from rcopterx.deploy.processes import ProcessSpec
-from rcopterx.deploy.spare_process import SPARES, SpareProcesses, Started, start_process
+from rcopterx.deploy.spare_process import SPARES, SpareProcesses
 from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
-SETTLED_S = 1.0
-"""For processes that were just started, before spare processes begin to compete with them..."""
-SETTLED_AFTER_TAKEOVER_S = 0.2
-"""...and for a spare process that has taken over, which has little left to do."""
+SETTLED_S = 0.2
+"""After the last start of a process; what starts in flight comes first."""
 SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
 """What vehicles in the air cannot do without, and a spare process can take over."""
 QUICK_RESTARTS = 3
@@ -54,7 +53,7 @@ class Child:
     """One supervised process."""
 
     spec: ProcessSpec
-    process: subprocess.Popen[bytes] | None = None
+    process: ForkedProcess | None = None
     page: HeartbeatPage | None = None
     started_s: float = 0.0
     restart_at_s: float = 0.0
@@ -62,7 +61,6 @@ class Child:
     hung: int = 0
     """How often it was ended because it made no progress."""
     quick_deaths: int = 0
-    pidfd: int = -1
     last_exit: int | None = None
     wanted: bool = True
     """Whether it shall run; may be changed at any time, from any thread."""
@@ -70,8 +68,6 @@ class Child:
     """When it was asked to end, if it was."""
     verdict: Hung | None = None
     """Why the watchdog ended it, until that is told."""
-    settled_s: float = 0.0
-    """From when on spare processes may be started."""
     events: Counter[str] = field(default_factory=Counter)
 
 
@@ -86,6 +82,8 @@ class Supervisor:
         Snapshot of the fleet file handed to each.
     log_directory
         One log file per process goes here.
+    forks
+        Starts them; ended with them.
     clock
         Monotonic clock [s].
     without
@@ -101,6 +99,7 @@ class Supervisor:
         specs: list[ProcessSpec],
         snapshot: Path,
         log_directory: Path,
+        forks: ForkServer,
         clock: Callable[[], float] = time.monotonic,
         without: Collection[str] = (),
         watchdog: WatchdogLimits | None = None,
@@ -109,12 +108,13 @@ class Supervisor:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
         self._snapshot = snapshot.resolve()
         self._logs = log_directory
+        self._forks = forks
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._spare_at_s = 0.0
         self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
-        self._spares = SpareProcesses(self._snapshot, jobs, log_directory / "spare.log", priority)
+        self._spares = SpareProcesses(self._snapshot, jobs, log_directory / "spare.log", forks, priority)
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
         self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))
@@ -149,20 +149,12 @@ class Supervisor:
         return lines
 
     def _launch(self, child: Child, log_path: Path) -> None:
-        spare = self._successor(child, log_path)
-        command = child.spec.command(self._snapshot)
-        process, page = spare or start_process(command, log_path, subprocess.DEVNULL)
-        try:
-            pidfd = os.pidfd_open(process.pid)
-        except OSError:
-            # Nobody would notice its death.
-            process.kill()
-            process.wait()
-            raise
-        child.process, child.page, child.pidfd = process, page, pidfd
+        started = self._successor(child, log_path)
+        if started is None:
+            started = self._forks.start(child.spec.command(self._snapshot), log_path)
+        child.process, child.page = started
         child.started_s = self._clock()
-        child.settled_s = child.started_s + (SETTLED_S if spare is None else SETTLED_AFTER_TAKEOVER_S)
-        self._selector.register(pidfd, selectors.EVENT_READ, child.spec.name)
+        self._selector.register(child.process.descriptor, selectors.EVENT_READ, child.spec.name)
 
     def _successor(self, child: Child, log_path: Path) -> Started | None:
         """A spare process, if one is there, makes progress, and can do what this one did."""
@@ -190,9 +182,10 @@ class Supervisor:
             A line per event, for the user.
         """
         now = self._clock()
-        if all(now > child.settled_s for child in self.children.values()):
+        lines = self._prepare_forks()
+        if all(now - child.started_s > SETTLED_S for child in self.children.values()):
             self._prepare_spares(now)
-        lines = self._start_and_stop() + self._end_hung(now)
+        lines += self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
         if self._selector.get_map():
@@ -206,6 +199,14 @@ class Supervisor:
                     child.restarts += 1
                     lines.append(f"{name}: started again (restart {child.restarts})")
         return lines
+
+    def _prepare_forks(self) -> list[str]:
+        """Have a fork server again, before it is needed."""
+        try:
+            again = self._forks.prepare()
+        except OSError as error:
+            return [f"fork server: cannot be started: {error}; trying again"]
+        return ["fork server: had ended, started again"] if again else []
 
     def _prepare_spares(self, now_s: float) -> None:
         """Have spare processes; where that is not possible, vehicles fly without them until it is."""
@@ -277,6 +278,8 @@ class Supervisor:
 
     def _on_death(self, name: str) -> str:
         child = self.children[name]
+        assert child.process is not None
+        self._selector.unregister(child.process.descriptor)
         code = self._reap(child)
         child.leaving_since_s = None
         verdict, child.verdict = child.verdict, None
@@ -294,10 +297,8 @@ class Supervisor:
         return f"{name}: {cause}; log: {self._logs / (name + '.log')}"
 
     def _reap(self, child: Child) -> int:
-        self._selector.unregister(child.pidfd)
-        os.close(child.pidfd)
-        child.pidfd = -1
-        code = child.process.wait() if child.process is not None else 0
+        assert child.process is not None
+        code = child.process.wait()
         child.last_exit = code
         child.process = child.page = None
         return code
@@ -356,10 +357,12 @@ class Supervisor:
         for order in sorted({child.spec.stop_order for child in self.children.values()}):
             group = [child for child in self.children.values() if child.spec.stop_order == order]
             self._stop_group([child for child in group if child.process is not None])
+        self._forks.close()
 
     def _stop_group(self, group: list[Child]) -> None:
         for child in group:
             if child.process is not None:
+                self._selector.unregister(child.process.descriptor)
                 child.process.terminate()
         deadline_s = self._clock() + STOP_LIMIT_S
         for child in group:

@@ -11,6 +11,7 @@ import msgspec
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
+from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.launcher import check_free
 from rcopterx.deploy.processes import ProcessSpec
 from rcopterx.deploy.roles.addresses import bus_address
@@ -54,7 +55,8 @@ def router_up(fleet: FleetFile) -> Iterator[BusAddress]:
     directory = run_directory(fleet.name, fleet.bus.namespace)
     snapshot = snapshot_path(host, directory)
     write_snapshot(fleet, snapshot)
-    supervisor = Supervisor([ProcessSpec("router", "router", host, 0)], snapshot, directory / "log")
+    router = ProcessSpec("router", "router", host, 0)
+    supervisor = Supervisor([router], snapshot, directory / "log", ForkServer())
     supervisor.start_all()
     try:
         yield bus_address(fleet, host)

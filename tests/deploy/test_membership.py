@@ -12,6 +12,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.messages import LauncherStatus
 from rcopterx.bus.requests import StartHost, StartVehicle, StopHost, StopVehicle
 from rcopterx.bus.session import BusAddress, NobodyServesError, Session
+from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.membership import MembershipService
 from rcopterx.deploy.processes import ProcessSpec
 from rcopterx.deploy.supervisor import Supervisor
@@ -23,7 +24,7 @@ Join = Callable[..., Session]
 def supervisor(tmp_path: Path) -> Supervisor:
     specs = [ProcessSpec("router", "router", "main", 4)]
     specs += [ProcessSpec(f"agent-{name}", "agent", name, 0) for name in ("h1", "h2")]
-    return Supervisor(specs, tmp_path / "lab.toml", tmp_path, without=["agent-h2"])
+    return Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer(), without=["agent-h2"])
 
 
 @pytest.fixture

@@ -1,8 +1,7 @@
 """Promises of spare processes: warm before they are needed, and one more than the next death takes."""
 
-import mmap
 import os
-import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -10,18 +9,34 @@ import pytest
 from support.fleets import PAIR
 from support.waiting import wait_for
 
-from rcopterx.bus.heartbeat import Heartbeat, HeartbeatPage, Phase
-from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses, Started
+from rcopterx.bus.heartbeat import Phase
+from rcopterx.deploy.forking import ForkServer, Started
+from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses
+
+BEATS_ONCE = """
+import mmap, os, sys, time
+words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")
+words[1], words[0] = int(sys.argv[1]), 1
+time.sleep(60)
+"""
 
 
 @pytest.fixture
-def spare(tmp_path: Path) -> Iterator[SpareProcess]:
+def forks() -> Iterator[ForkServer]:
+    forks = ForkServer()
+    yield forks
+    forks.close()
+
+
+@pytest.fixture
+def spare(forks: ForkServer, tmp_path: Path) -> Iterator[SpareProcess]:
     path = tmp_path / "lab.toml"
     path.write_text(PAIR.replace("[simulator]", '[bus]\nnamespace = "nobody"\n[simulator]'))
     agent = SpareProcess(
         path,
         [("agent", "h1"), ("agent", "h2"), ("router", "main"), ("tracker", "main")],
         tmp_path / "spare.log",
+        forks,
     )
     yield agent
     agent.close()
@@ -72,33 +87,32 @@ def test_a_spare_that_died_is_not_used(spare: SpareProcess, tmp_path: Path) -> N
     assert spare.started is not before
 
 
-class WarmProcess:
-    """Stands for a spare process: sleeps, ready from its start on unless told otherwise."""
+class WarmForks(ForkServer):
+    """Starts stand-ins for spare processes: they sleep, ready from their start on unless told otherwise."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.started: list[Started] = []
         self.phase = Phase.WORKING
 
-    def __call__(self, command: Sequence[str], log: Path, stdin: int) -> Started:
-        page = HeartbeatPage()
-        memory = mmap.mmap(page.descriptor, mmap.PAGESIZE)
-        page.handed_over()
-        heartbeat = Heartbeat(memory)
-        heartbeat.beat() if self.phase is Phase.WORKING else heartbeat.starting()
-        self.started.append(Started(subprocess.Popen(["sleep", "60"], stdin=stdin), page))
-        return self.started[-1]
+    def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> Started:
+        shows = [sys.executable, "-S", "-c", BEATS_ONCE, str(int(self.phase))]
+        started = super().start(shows, log, piped=piped)
+        wait_for(lambda: started.page.beats, "it does not beat")
+        self.started.append(started)
+        return started
 
 
 @pytest.fixture
-def warm(monkeypatch: pytest.MonkeyPatch) -> Iterator[WarmProcess]:
-    warm = WarmProcess()
-    monkeypatch.setattr("rcopterx.deploy.spare_process.start_process", warm)
+def warm() -> Iterator[WarmForks]:
+    warm = WarmForks()
     yield warm
     for started in warm.started:
         started.process.kill()
         started.process.wait(10)
         assert started.process.stdin is not None
         started.process.stdin.close()
+    warm.close()
 
 
 JOBS = [("agent", "h1"), ("tracker", "main")]
@@ -106,9 +120,9 @@ JOBS = [("agent", "h1"), ("tracker", "main")]
 
 @pytest.mark.parametrize(("role", "successors"), [("tracker", SPARES), ("agent", SPARES - 1)])
 def test_deaths_right_after_another_find_spares_and_the_last_one_is_for_what_everybody_needs(
-    warm: WarmProcess, tmp_path: Path, role: str, successors: int
+    warm: WarmForks, tmp_path: Path, role: str, successors: int
 ) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log")
+    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", warm)
     spares.prepare()
     assert spares.ready() == len(warm.started) == SPARES
     unit, log = dict(JOBS)[role], tmp_path / "successor.log"
@@ -120,8 +134,8 @@ def test_deaths_right_after_another_find_spares_and_the_last_one_is_for_what_eve
     spares.close()
 
 
-def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmProcess, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log")
+def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmForks, tmp_path: Path) -> None:
+    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", warm)
     spares.prepare()
     hung = warm.started[0].process.pid
     log = tmp_path / "tracker.log"
@@ -132,8 +146,8 @@ def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmProcess, tmp_pa
     assert warm.started[0].process.returncode is not None
 
 
-def test_spares_are_started_one_after_the_other(warm: WarmProcess, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log")
+def test_spares_are_started_one_after_the_other(warm: WarmForks, tmp_path: Path) -> None:
+    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", warm)
     spares.prepare()
     warm.phase = Phase.STARTING
     log = tmp_path / "tracker.log"
@@ -147,21 +161,21 @@ def test_spares_are_started_one_after_the_other(warm: WarmProcess, tmp_path: Pat
 
 @pytest.mark.parametrize("asked", [0, 7])
 def test_a_spare_begins_to_take_over_at_the_priority_it_is_given(
-    warm: WarmProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: int
+    warm: WarmForks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: int
 ) -> None:
     given = []
     monkeypatch.setattr(
         os, "sched_setscheduler", lambda pid, policy, param: given.append((pid, policy, param.sched_priority))
     )
-    spare = SpareProcess(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", priority=asked)
+    spare = SpareProcess(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", warm, priority=asked)
     spare.prepare()
     started = spare.take("agent", "h1", tmp_path / "agent-h1.log")
     assert started is not None
     assert given == ([(started.process.pid, os.SCHED_FIFO, asked)] if asked else [])
 
 
-def test_a_host_without_jobs_for_it_has_no_spare(tmp_path: Path) -> None:
-    spare = SpareProcess(tmp_path / "lab.toml", [], tmp_path / "spare.log")
+def test_a_host_without_jobs_for_it_has_no_spare(forks: ForkServer, tmp_path: Path) -> None:
+    spare = SpareProcess(tmp_path / "lab.toml", [], tmp_path / "spare.log", forks)
     spare.prepare()
     assert spare.take("agent", "h1", tmp_path / "x.log") is None
     assert not (tmp_path / "spare.log").exists()

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.supervisor
+from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.processes import ProcessSpec
 from rcopterx.deploy.spare_process import SpareProcess
 from rcopterx.deploy.supervisor import (
@@ -76,7 +77,7 @@ def supervise(tmp_path: Path) -> Iterator[Supervise]:
     with ExitStack() as stack:
 
         def build(*specs: Fake, **options: Any) -> Supervisor:
-            supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, **options)
+            supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, ForkServer(), **options)
             stack.callback(supervisor.stop_all)
             return supervisor
 
@@ -309,7 +310,7 @@ def test_a_process_without_a_place_for_its_log_is_restarted_all_the_same(
 def test_a_log_directory_that_was_removed_is_made_again(tmp_path: Path) -> None:
     logs = tmp_path / "log"
     logs.mkdir()
-    supervisor = Supervisor([fake("one")], tmp_path / "fleet.json", logs)
+    supervisor = Supervisor([fake("one")], tmp_path / "fleet.json", logs, ForkServer())
     try:
         supervisor.start_all()
         shutil.rmtree(logs)
@@ -320,7 +321,7 @@ def test_a_log_directory_that_was_removed_is_made_again(tmp_path: Path) -> None:
         supervisor.stop_all()
 
 
-@pytest.mark.parametrize("function", ["spare_process.subprocess.Popen", "supervisor.os.pidfd_open"])
+@pytest.mark.parametrize("function", ["forking.HeartbeatPage", "forking.os.pidfd_open"])
 def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later(
     supervise: Supervise, monkeypatch: pytest.MonkeyPatch, function: str
 ) -> None:
