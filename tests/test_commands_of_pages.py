@@ -22,7 +22,7 @@ HISTORY = ("CHANGELOG.md", "decisions.md")
 BLOCK = re.compile(r"^ *```(?:sh|console|bash)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 UNMARKED = re.compile(r"^```\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`((?:rcopterx|make|pytest|python) [^`]+)`")
-NOT_OURS = {".", "./fly", "cp", "docker", "echo", "g++", "jupyter", "pip", "pkill", "sudo"}
+NOT_OURS = {".", "./fly", "cp", "docker", "echo", "g++", "jupyter", "octave-cli", "pip", "pkill", "sudo"}
 """Commands of the operating system and of others."""
 LEAVES_WORDS_OUT = re.compile(r"\.\.\.|\[|<|\|")
 """Signs that a line describes commands instead of being one."""

@@ -1,21 +1,25 @@
 """Let a program in any language fly a vehicle by plain HTTP: python http_bridge.py [FLEET [VEHICLE [PORT]]].
 
-    POST /take           take the vehicle over; it must fly. 409 and the reason if that is refused
+    POST /take           take the vehicle over; it must fly. 409 and the reason if that is refused.
+                         A form may say for how long silence is suffered: patience_s=0.3
     GET  /task           wait for the next task; 503 if none comes any more
     POST /answer         "number pitch roll thrust yaw" of the task answered; the reply is the next task
     POST /release        give the vehicle back
 
-A task is plain text, one field per line: its name, then its numbers. Only this computer can connect.
+A task is plain text, one field per line: its name, then its numbers. Languages that post forms send the
+answer as a field of that name. Only this computer can connect.
 """
 
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import parse_qsl
 
 from external_control import ExternalControl
 
 FIELDS = ("motion", "disturbance", "hover_input", "input_gain", "input_min", "input_max")
 LONGEST_BODY = 1000
+PATIENCE_S = 0.1
 
 
 def task_text(task):
@@ -63,7 +67,12 @@ class Handler(BaseHTTPRequestHandler):
             self._reply(413, f"at most {LONGEST_BODY} bytes\n")
             return
         body = self.rfile.read(length).decode("ascii", "replace")
-        actions = {"/take": self._take, "/answer": lambda: self._answer(body), "/release": self._release}
+        form = dict(parse_qsl(body))
+        actions = {
+            "/take": lambda: self._take(float(form.get("patience_s", PATIENCE_S))),
+            "/answer": lambda: self._answer(form.get("answer", body)),
+            "/release": self._release,
+        }
         if self.path in actions:
             self._reply_with(actions[self.path])
         else:
@@ -72,8 +81,8 @@ class Handler(BaseHTTPRequestHandler):
     def log_message(self, *_):
         """Fifty requests a second are not logged."""
 
-    def _take(self):
-        self.server.vehicle.take()
+    def _take(self, patience_s):
+        self.server.vehicle.take(patience_s)
         return self._task()
 
     def _task(self):

@@ -1,4 +1,4 @@
-"""Promises of control by plain HTTP: what the bridge says and takes, and a C++ program that flies by it."""
+"""Promises of control by plain HTTP: what the bridge says and takes; programs in C++ and Octave fly by it."""
 
 import http.client
 import shutil
@@ -28,15 +28,16 @@ class DoubleIntegrator:
     def __init__(self) -> None:
         self.motion = np.array([1.0, -0.5, 0.3, 0.4, 0.0, 0.0, 0.0, 0.0])
         self.taken = False
+        self.patience_s = 0.0
         self.refusal: str | None = None
         self.tasks: list[dict[str, Any]] = []
         self.answers: list[list[float]] = []
         self.number = 0
 
-    def take(self) -> None:
+    def take(self, patience_s: float) -> None:
         if self.refusal is not None:
             raise RuntimeError(self.refusal)
-        self.taken = True
+        self.taken, self.patience_s = True, patience_s
 
     def release(self) -> None:
         self.taken = False
@@ -119,6 +120,16 @@ def test_an_answer_flies_the_vehicle_and_brings_the_next_task(
     assert not vehicle.taken
 
 
+def test_forms_are_taken_as_well(client: http.client.HTTPConnection, vehicle: DoubleIntegrator) -> None:
+    assert asked(client, "POST", "/take")[0] == 200
+    assert vehicle.patience_s == 0.1
+    assert asked(client, "POST", "/take", "patience_s=0.3")[0] == 200
+    assert vehicle.patience_s == 0.3
+    assert asked(client, "POST", "/take", "patience_s=long")[0] == 400
+    assert asked(client, "POST", "/answer", "answer=2%200.1%20-2e-1%200.5%200")[0] == 200
+    assert vehicle.answers == [[0.1, -0.2, 0.5, 0.0]]
+
+
 def test_what_cannot_be_done_is_told_and_the_bridge_goes_on(
     client: http.client.HTTPConnection, vehicle: DoubleIntegrator
 ) -> None:
@@ -145,6 +156,24 @@ def test_a_program_in_cpp_answers_every_task_as_the_one_in_python(
     command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-o", binary, EXAMPLE / "fly.cpp"]
     subprocess.run(command, check=True, timeout=100)
     subprocess.run([binary, "0.3", str(bridge.server_port)], check=True, timeout=60)
+    assert_answered_like_python(vehicle)
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(
+    shutil.which("octave-cli") is None, reason="no Octave on this computer: apt-get install octave"
+)
+def test_a_program_in_octave_answers_every_task_as_the_one_in_python(
+    bridge: http_bridge.Bridge, vehicle: DoubleIntegrator
+) -> None:
+    command = ["octave-cli", "--quiet", "--norc", "--eval", f"fly_http(1, {bridge.server_port})"]
+    subprocess.run(command, cwd=EXAMPLE, check=True, timeout=60)
+    assert vehicle.patience_s == 0.3
+    assert_answered_like_python(vehicle)
+
+
+def assert_answered_like_python(vehicle: DoubleIntegrator) -> None:
+    """Every task has the answer that fly.py would give, and the vehicle was given back."""
     assert not vehicle.taken
     assert len(vehicle.answers) > 5
     for task, inputs in zip(vehicle.tasks, vehicle.answers, strict=False):
