@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import socket
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from support.bus import free_port
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LaboratoryVehicle
@@ -28,12 +28,6 @@ GENTLE_M_S = 1.7
 SLOW_M_S = 0.15
 REST_S = 0.5
 THROTTLE_LOW_US = 1100
-
-
-def free_port(address: str = "127.0.0.1") -> int:
-    with socket.socket() as probe:
-        probe.bind((address, 0))
-        return int(probe.getsockname()[1])
 
 
 @dataclass

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from integration_support import free_port
+from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 from support.waiting import wait_for
 

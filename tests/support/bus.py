@@ -1,6 +1,7 @@
 """A bus of their own for tests: a router on a free port, a namespace nobody else uses."""
 
 import json
+import secrets
 import signal
 import socket
 import subprocess
@@ -8,7 +9,7 @@ import sys
 import threading
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import zenoh
 
@@ -17,13 +18,19 @@ from rcopterx.bus.requests import Reply, Request
 from rcopterx.bus.session import BusAddress, BusUnreachableError, Session
 
 FLEET = "lab"
+LOWEST_PORT, PORTS = 20_000, 12_000
 
 
 def free_port(address: str = "127.0.0.1") -> int:
-    """A TCP port that nobody listens on at this moment."""
-    with socket.socket() as probe:
-        probe.bind((address, 0))
-        return int(probe.getsockname()[1])
+    """A TCP port that nobody listens on at this moment.
+
+    It is below those that Linux gives to whoever asks for any, so that no test beside this one is given it.
+    """
+    while True:
+        port = LOWEST_PORT + secrets.randbelow(PORTS)
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind((address, port))
+            return port
 
 
 def own_address() -> BusAddress:
