@@ -16,7 +16,8 @@ from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
 pytestmark = pytest.mark.integration
 
 DEPENDS_ON_THE_MACHINE = "ms without a fresh command"
-QUICK = ("vicon-gateway-stopped-30-s", "transmitter-gateway-killed", "router-spins", "pose-jumps-100-ms")
+QUICK = ("vicon-gateway-stopped-30-s", "router-spins", "pose-jumps-100-ms")
+"""Of other kinds than those that fly in shared_fleet."""
 
 
 @pytest.fixture

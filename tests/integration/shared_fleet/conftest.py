@@ -1,13 +1,16 @@
 """One fleet for all tests of this folder: everybody is in formation when a test begins.
 
 A test may leave vehicles on the floor, killed, or without their processes; `bring_up` repairs that. What it
-changes otherwise, such as leaders or controllers, it puts back itself. A new fleet follows a failed test.
+changes otherwise, such as leaders or controllers, it puts back itself. A new fleet follows a failed test, and one
+after which vehicles stand too close to each other to take off.
 """
 
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pytest
 from integration_support import NAMES, Flying, Truth, fleets, not_killed, transmitter_state
 
@@ -16,6 +19,8 @@ from rcopterx.simulator.faults import Recover
 
 HEIGHT_M = 0.8
 HOME_M = (0.0, 0.0, HEIGHT_M)
+ROOM_M = 0.4
+"""Between vehicles on the floor: nearer than 0.3 m, transmitter gateways would not let them take off."""
 # There are more tests than a battery lasts.
 SIMULATOR = "condition_overrides = { battery_endurance_s = 36000.0 }"
 
@@ -38,6 +43,13 @@ class Hangar:
             flying = start(simulator=SIMULATOR)
             self._present = flying, Truth(flying)
         return self._present
+
+    def fleet_with_room(self) -> tuple[Flying, Truth]:
+        """The fleet, or a new one where vehicles that came down by themselves stand too close together."""
+        _, truth = self.fleet()
+        if room_m(truth) < ROOM_M:
+            self.close()
+        return self.fleet()
 
     def close(self) -> None:
         """Stop the fleet; the next test gets a new one."""
@@ -91,7 +103,7 @@ def closed_on_failure(hangar: Hangar, request: pytest.FixtureRequest) -> Iterato
 def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
     """The fleet, in formation at `HOME_M` and at rest."""
     with closed_on_failure(hangar, request):
-        flying, truth = hangar.fleet()
+        flying, truth = hangar.fleet_with_room()
         bring_up(flying, truth)
         yield flying
 
@@ -100,7 +112,7 @@ def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
 def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
     """The fleet on the floor, for tests that start there: nobody has to take off for it."""
     with closed_on_failure(hangar, request):
-        flying, _ = hangar.fleet()
+        flying, _ = hangar.fleet_with_room()
         restore(flying)
         flying.fleet.land(timeout_s=30)
         yield flying
@@ -110,6 +122,17 @@ def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]
 def truth(flying: Flying, hangar: Hangar) -> Truth:
     """What is true of the fleet; from now on nobody may touch the floor."""
     return hangar.fleet()[1]
+
+
+def room_m(truth: Truth) -> float:
+    """Smallest distance from a vehicle on the floor to another one."""
+    vehicles = [vehicle for name in NAMES if (vehicle := truth(name)) is not None]
+    distances_m = [
+        float(np.linalg.norm(np.subtract(one.position_m, other.position_m)))
+        for one, other in combinations(vehicles, 2)
+        if one.on_floor or other.on_floor
+    ]
+    return min(distances_m, default=np.inf)
 
 
 def restore(flying: Flying) -> None:
