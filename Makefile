@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
-	@echo "make test      unit tests, then fleets of real processes (about ten minutes)"
+	@echo "make test      unit tests, and fleets of real processes (less than eight minutes on two cores)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"
@@ -37,8 +37,7 @@ demo: $(VENV)/.ground
 
 test: $(VENV)/.test
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/python -m pytest -n 2 --durations=10 -m "not integration and not campaign"
-	$(BIN)/python -m pytest --durations=10 -m "integration and not campaign"
+	$(BIN)/python tests/run_all.py
 else
 	$(BIN)/python -m pytest -m "not campaign" $(ARGS)
 endif

@@ -1,0 +1,63 @@
+"""Run everything that must pass: fleets of real processes, and the unit tests beside them.
+
+Fleets fly in real time and leave much of two cores unused. The unit tests run in what they leave, at the
+lowest priority, so that they delay no fleet. Lines of both are printed as they come; the exit code is 1 if
+either fails.
+"""
+
+import signal
+import subprocess
+import sys
+import time
+from threading import Thread
+
+PYTEST = (sys.executable, "-u", "-m", "pytest", "--durations=10", "--color=no")
+RUNS = {
+    "fleets": (*PYTEST, "-m", "integration and not campaign"),
+    "units": (
+        *("nice", "-n", "19", *PYTEST, "-n", "2", "--timeout", "600"),
+        *("-m", "not integration and not campaign"),
+    ),
+}
+
+
+class Run:
+    """One run of pytest, whose lines are printed with its name."""
+
+    def __init__(self, name: str, command: tuple[str, ...]) -> None:
+        self.name = name
+        self.seconds = 0.0
+        self._begun_s = time.monotonic()
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        self._thread = Thread(target=self._print)
+        self._thread.start()
+
+    def _print(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            print(f"{self.name:6} | {line}", end="", flush=True)
+        self._process.wait()
+        self.seconds = time.monotonic() - self._begun_s
+
+    def wait(self) -> bool:
+        """Whether all tests of the run passed."""
+        self._thread.join()
+        return self._process.returncode == 0
+
+
+def main() -> int:
+    """Run both and tell how long each took."""
+    # A background job of a shell ignores Ctrl-C, and what it starts inherits that; some tests press it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    runs = [Run(name, command) for name, command in RUNS.items()]
+    passed = {run.name: run.wait() for run in runs}
+    for run in runs:
+        verdict = "passed" if passed[run.name] else "FAILED"
+        print(f"{run.name}: {verdict}, {run.seconds / 60:.1f} min")
+    return 0 if all(passed.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
