@@ -1,8 +1,8 @@
 """One fleet for all tests of this folder: everybody is in formation when a test begins.
 
 A test may leave vehicles on the floor, killed, or without their processes; `bring_up` repairs that. What it
-changes otherwise, such as leaders or controllers, it puts back itself. A new fleet follows a failed test, and one
-after which vehicles stand too close to each other to take off.
+changes otherwise, such as leaders or controllers, it puts back itself. A new fleet follows a failed test, and
+one after which vehicles stand too close to each other to take off.
 """
 
 from collections.abc import Generator, Iterator
