@@ -216,6 +216,34 @@ def test_a_slow_process_takes_longer_for_every_turn(obedient: tuple[Bench, OnePr
     wait_for(lambda: ask(process)[0] >= 0.03, "it is not slow")
 
 
+FORKS = """
+import os, sys, time
+child = os.fork()
+if child:
+    print(child, flush=True)
+    os.waitpid(child, 0)
+else:
+    for line in sys.stdin:
+        print(time.time(), flush=True)
+"""
+
+
+def test_a_process_that_was_forked_takes_orders_of_its_own() -> None:
+    words = [sys.executable, "-c", FORKS]
+    with (
+        obedient_processes(),
+        subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent,
+    ):
+        assert parent.stdin is not None
+        assert parent.stdout is not None
+        pid = int(parent.stdout.readline())
+        wait_for(Path(os.environ[VARIABLE], str(pid)).exists, "it takes no orders")
+        give_order(pid, "step_clock", offset_s=-3600.0)
+        parent.stdin.write(b"\n")
+        parent.stdin.flush()
+        assert abs(float(parent.stdout.readline()) + 3600.0 - time.time()) < 60.0
+
+
 def test_a_process_that_takes_no_orders_is_not_ended_by_one(start: Start) -> None:
     bench, supervisor = start(SLEEPS)
     with pytest.raises(NotReachedError, match="takes no orders"), Spinning("it").active(bench):

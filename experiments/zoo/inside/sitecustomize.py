@@ -64,9 +64,11 @@ class _Orders:
 
     def __init__(self) -> None:
         self._path = f"{DIRECTORY}/{os.getpid()}"
-        # That the file is there says that this process takes orders.
-        open(self._path, "a", encoding="utf-8").close()
         self._read = 0
+
+    def announce(self) -> None:
+        """Say that this process takes orders: its file is there."""
+        open(self._path, "a", encoding="utf-8").close()
 
     def __call__(self, *_: object) -> None:
         """Signal handler."""
@@ -78,5 +80,13 @@ class _Orders:
             ORDERS[order.pop("order")](**order)
 
 
+def _take_orders() -> None:
+    orders = _Orders()
+    signal.signal(signal.SIGUSR2, orders)
+    orders.announce()
+
+
 if DIRECTORY is not None:
-    signal.signal(signal.SIGUSR2, _Orders())
+    _take_orders()
+    # Processes of a fleet are forked; each has orders of its own.
+    os.register_at_fork(after_in_child=_take_orders)
