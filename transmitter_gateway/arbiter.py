@@ -284,8 +284,11 @@ class Arbiter:
         found.add(Condition.SEEN)
         if motion.position_m[2] >= self._floor_m + self.limits.airborne_m:
             found.add(Condition.AIRBORNE)
+        fence = self.limits.surveillance.fence
         if self.state not in ON_THE_WAY_DOWN:
             self._touchdown.release()
+        elif fence is not None and not self._shaping.obeyed and fence.left(motion.position_m):
+            found.add(Condition.RUNAWAY)
         elif self._touchdown.happened(motion, self._floor_m, self._shaping.missing_thrust, now_s):
             found.add(Condition.TOUCHDOWN)
         if self.state is State.LAND or Condition.AIRBORNE in found:

@@ -6,8 +6,11 @@ proportional feedback. It is stable with half to one and a half times the nomina
 air, on a first-order vehicle and on a helicopter whose tilt swings at 10 to 17 rad/s. The measured tilt is
 not fed back: through that delay it makes the swinging worse.
 
-A vehicle that becomes faster and faster under this law does not obey its sticks: one acts the wrong way
-round, or not at all. Its swash plate is then left level, which drives it no further; height and yaw go on.
+A vehicle that becomes faster and faster under this law does not obey its sticks. Where what one of them asked
+for and what the vehicle did show that it acts the wrong way round, it is turned round, and the vehicle
+brakes. Where that is not it, or does not help, the swash plate is left level, which drives the vehicle no
+further. A stick that has long asked for much without any effect is left at rest. A vehicle with a stick that
+is given up comes down faster; height and yaw go on.
 """
 
 from __future__ import annotations
@@ -34,6 +37,19 @@ ASTRAY_M_S = 0.4
 """A vehicle that has gained so much speed since it was slowest under the law does not obey its sticks..."""
 ASTRAY_S = 0.2
 """...if it lasts so long; a pose that jumps is no speed."""
+RESPONSE_S = 0.15
+"""From a stick to the velocity that is measured: pose to air, tilt of the rotor, filter of the velocity."""
+REMEMBERED_S = 1.0
+REVERSED = -0.3
+"""A stick whose effect is less than this share of the nominal one acts the wrong way round..."""
+USELESS = 0.2
+"""...and one whose effect is less than this does not act at all,"""
+ENOUGH_EFFORT = 1.4
+"""once it has asked for so much: the integral of its acceleration squared [m^2/s^3]."""
+HURRY = 2.0
+"""A vehicle that does not obey descends so many times as fast, to so many times the height of the flare..."""
+HURRIED_CHANGE_M_S2 = 1.5
+"""...and its climb rate changes so fast."""
 YAW_GAIN_PER_S = 1.0
 LONGEST_STEP_S = 0.05
 
@@ -53,11 +69,6 @@ class LandingLaw:
     ----------
     limits : LandingLimits
         Nominal gains of the sticks and limits of what the law asks of them.
-
-    Attributes
-    ----------
-    obeyed : bool
-        Whether the vehicle has not run away since the law began.
     """
 
     def __init__(self, limits: LandingLimits) -> None:
@@ -68,16 +79,21 @@ class LandingLaw:
         self._climb_integral_m_s2 = 0.0
         self._slowest_m_s = math.inf
         self._astray_s = 0.0
-        self.obeyed = True
+        self._effects = (StickEffect(), StickEffect())
 
     def release(self) -> None:
         """Forget the place; the next step begins where the vehicle is then, and lets it obey again."""
         self._place = None
         self._slowest_m_s = math.inf
         self._astray_s = 0.0
-        self.obeyed = True
+        self._effects = (StickEffect(), StickEffect())
         self._climb_m_s = 0.0
         self._climb_integral_m_s2 = 0.0
+
+    @property
+    def obeyed(self) -> bool:
+        """Whether no stick of the swash plate had to be given up since the law began."""
+        return all(effect.sense for effect in self._effects)
 
     def step(self, motion: Motion, climb_m_s: float, hover_thrust: float, elapsed_s: float) -> Input:
         """Inputs that hold the place at a climb rate.
@@ -101,18 +117,18 @@ class LandingLaw:
         if self._place is None:
             self._place, self._yaw_rad = motion.position_m, motion.yaw_rad
         self._watch(motion, elapsed_s)
-        forward, left = self._acceleration_m_s2(motion, self._place) if self.obeyed else (0.0, 0.0)
         limits, gain = self._limits, self._limits.input_gain
+        cyclic = self._cyclic(motion, self._place)
         step_s = min(elapsed_s, LONGEST_STEP_S)
-        self._climb_m_s += _limited(climb_m_s - self._climb_m_s, CLIMB_CHANGE_M_S2 * step_s)
+        change_m_s2 = CLIMB_CHANGE_M_S2 if self.obeyed else HURRIED_CHANGE_M_S2
+        self._climb_m_s += _limited(climb_m_s - self._climb_m_s, change_m_s2 * step_s)
         climb_error = self._climb_m_s - motion.velocity_m_s[2]
         integral = self._climb_integral_m_s2 + CLIMB_INTEGRAL_PER_S2 * climb_error * step_s
         self._climb_integral_m_s2 = integral = _limited(integral, LARGEST_INTEGRAL_M_S2)
         lift = (CLIMB_GAIN_PER_S * climb_error + integral) / gain[2]
         turned_rad = math.remainder(motion.yaw_rad - self._yaw_rad, math.tau)
         return (
-            _limited(forward / gain[0], limits.cyclic),
-            _limited(left / gain[1], limits.cyclic),
+            *cyclic,
             hover_thrust + _limited(lift, limits.thrust),
             _limited(-YAW_GAIN_PER_S * turned_rad / limits.yaw_rate_gain_rad_s, limits.yaw),
         )
@@ -123,8 +139,24 @@ class LandingLaw:
         self._slowest_m_s = min(self._slowest_m_s, speed_m_s)
         astray = speed_m_s > self._slowest_m_s + ASTRAY_M_S
         self._astray_s = self._astray_s + elapsed_s if astray else 0.0
+        speeds_m_s = _along_heading(*motion.velocity_m_s[:2], motion.yaw_rad)
+        for effect, along_m_s in zip(self._effects, speeds_m_s, strict=True):
+            effect.note(along_m_s, elapsed_s)
         if self._astray_s > ASTRAY_S:
-            self.obeyed = False
+            self._astray_s, self._slowest_m_s = 0.0, math.inf
+            worst = min(self._effects, key=lambda effect: effect.work)
+            if not worst.turn_round():
+                for effect in self._effects:
+                    effect.sense = 0.0
+
+    def _cyclic(self, motion: Motion, place: Position) -> tuple[float, float]:
+        """Pitch and roll that hold the place."""
+        limit, (forward_gain, left_gain, _) = self._limits.cyclic, self._limits.input_gain
+        forward, left = self._acceleration_m_s2(motion, place)
+        pitch, roll = _limited(forward / forward_gain, limit), _limited(left / left_gain, limit)
+        along, across = self._effects
+        along.asked_m_s2, across.asked_m_s2 = pitch * forward_gain, roll * left_gain
+        return along.sense * pitch, across.sense * roll
 
     def _acceleration_m_s2(self, motion: Motion, place: Position) -> tuple[float, float]:
         """Acceleration towards the place along the heading and to its left."""
@@ -133,11 +165,63 @@ class LandingLaw:
         weight = POSITION_GAIN_PER_S2 * min(1.0, LARGEST_ERROR_M / distance if distance > 0 else 1.0)
         x = weight * error_x - VELOCITY_GAIN_PER_S * motion.velocity_m_s[0]
         y = weight * error_y - VELOCITY_GAIN_PER_S * motion.velocity_m_s[1]
-        c, s = math.cos(motion.yaw_rad), math.sin(motion.yaw_rad)
-        return c * x + s * y, c * y - s * x
+        return _along_heading(x, y, motion.yaw_rad)
 
 
-def climb_rate_m_s(motion: Motion, floor_m: float, landing_s: float, limits: LandingLimits) -> float:
+class StickEffect:
+    """What one stick of the swash plate does, against what it should do.
+
+    Attributes
+    ----------
+    sense : float
+        1; -1 for a stick that acts the wrong way round, 0 for one that is given up.
+    asked_m_s2 : float
+        Acceleration that the stick should give as it stands now.
+    work : float
+        Integral of that acceleration, as it is due to act, over the speed that was gained.
+    """
+
+    def __init__(self) -> None:
+        self.sense = 1.0
+        self.asked_m_s2 = 0.0
+        self.work = 0.0
+        self._due_m_s2 = 0.0
+        self._speed_m_s: float | None = None
+        self._effort = 0.0
+
+    def note(self, speed_m_s: float, elapsed_s: float) -> None:
+        """Take in the speed along the stick's axis after a step, and give up a stick that does nothing."""
+        self._due_m_s2 += -math.expm1(-elapsed_s / RESPONSE_S) * (self.asked_m_s2 - self._due_m_s2)
+        gained_m_s = 0.0 if self._speed_m_s is None else speed_m_s - self._speed_m_s
+        self._speed_m_s = speed_m_s
+        kept = math.exp(-elapsed_s / REMEMBERED_S)
+        self.work = kept * self.work + self._due_m_s2 * gained_m_s
+        self._effort = kept * self._effort + self._due_m_s2**2 * elapsed_s
+        if self._effort > ENOUGH_EFFORT and self.share < USELESS and not self.turn_round():
+            self.sense = 0.0
+
+    @property
+    def share(self) -> float:
+        """Effect over the nominal one; 0 while nothing has been asked for."""
+        return self.work / self._effort if self._effort > 0.0 else 0.0
+
+    def turn_round(self) -> bool:
+        """Use the stick the other way round if that is how it acts; whether it is. Only once."""
+        if self.sense < 1.0 or self.share > REVERSED:
+            return False
+        self.sense, self.work, self._effort = -1.0, 0.0, 0.0
+        return True
+
+
+def _along_heading(x: float, y: float, yaw_rad: float) -> tuple[float, float]:
+    """Components along the heading and to its left."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return c * x + s * y, c * y - s * x
+
+
+def climb_rate_m_s(
+    motion: Motion, floor_m: float, landing_s: float, limits: LandingLimits, *, obeyed: bool = True
+) -> float:
     """Climb rate of a landing: none while the vehicle brakes, then down, slowly just above the floor.
 
     Parameters
@@ -150,12 +234,16 @@ def climb_rate_m_s(motion: Motion, floor_m: float, landing_s: float, limits: Lan
         Time since the landing began [s].
     limits : LandingLimits
         Speeds.
+    obeyed : bool
+        Whether the vehicle obeys its sticks; one that does not is not waited for, and comes down faster.
     """
     speed_m_s = math.hypot(motion.velocity_m_s[0], motion.velocity_m_s[1])
-    if speed_m_s > limits.braked_m_s and landing_s < limits.braking_s:
+    if obeyed and speed_m_s > limits.braked_m_s and landing_s < limits.braking_s:
         return 0.0
-    flaring = CUSHION_M < motion.position_m[2] - floor_m < limits.flare_m
-    return -limits.touchdown_m_s if flaring else -limits.descent_m_s
+    height_m = motion.position_m[2] - floor_m
+    if not obeyed and height_m > HURRY * limits.flare_m:
+        return -HURRY * limits.descent_m_s
+    return -limits.touchdown_m_s if CUSHION_M < height_m < limits.flare_m else -limits.descent_m_s
 
 
 def _limited(value: float, limit: float) -> float:

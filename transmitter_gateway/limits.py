@@ -27,6 +27,9 @@ class Fence:
         Corners of the box in the inertial frame [m].
     margin_m : float
         Distance outside the box at which the vehicle is brought down [m].
+    cut_m : float
+        Distance outside the box at which the motors of a vehicle that the arbiter lands, and that does not
+        obey its sticks, are cut [m].
     braking_m_s2 : tuple of float
         Deceleration a healthy vehicle reaches on each axis [m/s^2]: a vehicle too fast to stop inside the
         box is taken out of its controller's hands.
@@ -35,6 +38,7 @@ class Fence:
     lower_m: Position
     upper_m: Position
     margin_m: float = 0.1
+    cut_m: float = 2.0
     braking_m_s2: Position = (2.0, 2.0, 2.0)
 
     def __post_init__(self) -> None:
@@ -43,8 +47,17 @@ class Fence:
                 raise LimitsError(f"fence.upper_m: {axis} = {upper} must be above lower_m {axis} = {lower}")
         if not (math.isfinite(self.margin_m) and self.margin_m >= 0):
             raise LimitsError(f"fence.margin_m: {self.margin_m} must not be negative")
+        if not (math.isfinite(self.cut_m) and self.cut_m > self.margin_m):
+            raise LimitsError(f"fence.cut_m: {self.cut_m} must be above margin_m = {self.margin_m}")
         for value in self.braking_m_s2:
             _positive("fence.braking_m_s2", value)
+
+    def left(self, position_m: Position) -> bool:
+        """Whether a vehicle is so far outside that its motors are to be cut."""
+        return any(
+            not lower - self.cut_m <= p <= upper + self.cut_m
+            for p, lower, upper in zip(position_m, self.lower_m, self.upper_m, strict=True)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +137,7 @@ class LandingLimits:
 
     input_gain: Position = (2.0, 2.1, 18.0)
     yaw_rate_gain_rad_s: float = 22.2
-    cyclic: float = 0.5
+    cyclic: float = 0.8
     thrust: float = 0.2
     yaw: float = 0.1
     descent_m_s: float = 0.4

@@ -50,6 +50,11 @@ class Shaping:
         """Hover thrust less the applied thrust."""
         return self._hover.value - self.u[THRUST]
 
+    @property
+    def obeyed(self) -> bool:
+        """Whether the vehicle does what its sticks ask for while it is held and landed."""
+        return self._law.obeyed
+
     def stop(self) -> None:
         """Apply nothing."""
         self.u = NEUTRAL
@@ -95,9 +100,8 @@ class Shaping:
         landing_s, elapsed_s : float
             Time since the landing and since the last step [s].
         """
-        # Waiting until a vehicle is slow makes no sense where nothing slows it down.
-        braking_for_s = landing_s if self._law.obeyed else math.inf
-        self._fly(motion, climb_rate_m_s(motion, floor_m, braking_for_s, self._limits.landing), elapsed_s)
+        limits, obeyed = self._limits.landing, self.obeyed
+        self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, obeyed=obeyed), elapsed_s)
 
     def descend(self, elapsed_s: float) -> None:
         """Come down without poses: level, the thrust falls to a little less than that of a hover."""

@@ -34,6 +34,7 @@ class Condition(StrEnum):
     SEEN = "own pose seen"
     AIRBORNE = "own pose seen in the air"
     TOUCHDOWN = "touched down"
+    RUNAWAY = "far outside the fence without obeying"
     HOLD_CAUSE = "surveillance: hold"
     DESCEND_CAUSE = "surveillance: descend"
     HOLD_OVER = "hold lasted too long"
@@ -93,6 +94,7 @@ TRANSITIONS: tuple[Transition, ...] = (
     _row({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
     _row(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
     _row({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),
+    _row({_S.LAND}, {_C.RUNAWAY}, _S.CUT, "far outside the fence"),
     *_down({_S.ARMED, _S.HOLD}, {_C.SHUTDOWN}, "shutting down"),
     *_down({_S.ARMED, _S.HOLD}, {_C.DESCEND_CAUSE}, "raw poses"),
     *_down({_S.ARMED, _S.HOLD}, {_C.SILENT}, "commands silent"),

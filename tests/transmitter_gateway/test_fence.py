@@ -4,7 +4,7 @@ import pytest
 from surveillance_bench import BOX, Watch
 
 from rcopterx.transmitter_gateway.inputs import Position
-from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
+from rcopterx.transmitter_gateway.limits import Fence, LimitsError, SurveillanceLimits
 from rcopterx.transmitter_gateway.surveillance import Judgement, judge_fence
 
 
@@ -56,3 +56,19 @@ def test_fence_limits_met_exactly_are_still_inside() -> None:
     assert judge_fence(box, (-0.75, 0, 1), (-1.0, 0, 0)) == (None, None)
     assert judge_fence(box, (0, 0, 1.75), (0, 0, 1.0)) == (None, None)
     assert judge_fence(box, (-1.125, 0, 1), (0.5, 0, 0)) == (None, None)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_vehicle_has_left_when_it_is_further_outside_than_the_limit(axis: int) -> None:
+    fence = Fence((-1.0, -2.0, 0.0), (1.0, 2.0, 3.0), cut_m=0.5)
+    for edge_m, outwards in ((fence.lower_m[axis], -1), (fence.upper_m[axis], 1)):
+        for outside_m, left in ((0.5, False), (0.51, True)):
+            position = [0.0, 0.0, 1.0]
+            position[axis] = edge_m + outwards * outside_m
+            assert fence.left((position[0], position[1], position[2])) == left
+
+
+@pytest.mark.parametrize("cut_m", [0.1, -1.0, float("nan"), float("inf")])
+def test_a_limit_within_the_margin_is_refused(cut_m: float) -> None:
+    with pytest.raises(LimitsError, match=r"fence\.cut_m"):
+        Fence((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0), cut_m=cut_m)

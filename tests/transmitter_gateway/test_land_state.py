@@ -215,6 +215,41 @@ def test_vehicle_outside_the_fence_lands_and_is_not_given_back_there() -> None:
     assert (bench.state, bench.reason) == (State.LAND, "raw poses: outside the fence in x")
 
 
+def runaway(x_m: float) -> Bench:
+    """A vehicle that drifts out of its volume, whatever it is told, up to a place."""
+    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
+    bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence, maximum_jump_m=None)))
+    for n in range(1, 101):
+        bench.position = (x_m * n / 100, 0.0, 1.0)
+        bench.run(0.02)
+    return bench
+
+
+@pytest.mark.parametrize(("x_m", "state"), [(1.49, State.LAND), (1.51, State.CUT), (-1.51, State.CUT)])
+def test_vehicle_that_does_not_obey_is_cut_far_outside_the_fence(x_m: float, state: State) -> None:
+    bench = runaway(x_m)
+    assert bench.state is state
+    cut = state is State.CUT
+    assert bench.reason == ("far outside the fence" if cut else "raw poses: outside the fence in x")
+
+
+def test_vehicle_that_obeys_is_braked_wherever_it_is() -> None:
+    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
+    bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence, maximum_jump_m=None)))
+    for n in range(30):
+        bench.position = (1.6 + 0.01 * n, 0.0, 1.0)
+        bench.run(0.02)
+    assert bench.state is State.LAND
+
+
+def test_vehicle_that_is_not_believed_is_not_cut_for_where_it_seems_to_be() -> None:
+    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
+    bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence)))
+    bench.position = (5.0, 0.0, 1.0)
+    bench.run(0.5)
+    assert bench.state is State.DESCEND
+
+
 @pytest.mark.parametrize("seconds", [0.3, 2.5])
 def test_commands_after_a_pause_of_the_process_count_if_the_vehicle_is_seen_in_the_air(
     seconds: float,

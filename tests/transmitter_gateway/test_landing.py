@@ -12,6 +12,8 @@ from rcopterx.transmitter_gateway.landing import (
     CLIMB_GAIN_PER_S,
     CLIMB_INTEGRAL_PER_S2,
     CUSHION_M,
+    HURRIED_CHANGE_M_S2,
+    HURRY,
     LARGEST_ERROR_M,
     LARGEST_INTEGRAL_M_S2,
     LONGEST_STEP_S,
@@ -20,6 +22,7 @@ from rcopterx.transmitter_gateway.landing import (
     YAW_GAIN_PER_S,
     LandingLaw,
     Motion,
+    StickEffect,
     climb_rate_m_s,
 )
 from rcopterx.transmitter_gateway.limits import LandingLimits, LimitsError
@@ -141,6 +144,160 @@ def test_release_forgets_the_climb_rate() -> None:
     assert law.step(at(), 0.0, HOVER, 0.0)[2] == HOVER
 
 
+# A vehicle that does not obey -------------------------------------------------------------------------
+
+
+def step_at_speed(law: LandingLaw, speed_m_s: float, seconds: float = STEP_S, yaw_rad: float = 0.0) -> float:
+    """Pitch when the vehicle moves forwards at a speed; its position stays, for that is not the point."""
+    velocity = (speed_m_s * math.cos(yaw_rad), speed_m_s * math.sin(yaw_rad), 0.0)
+    return law.step(at(velocity=velocity, yaw_rad=yaw_rad), 0.0, HOVER, seconds)[0]
+
+
+def run_away(law: LandingLaw, gain: float, yaw_rad: float = 0.0, begin_m_s: float = 0.1) -> list[float]:
+    """Let pitch act on the speed with this share of its nominal gain, for two seconds."""
+    speed_m_s, pitches = begin_m_s, []
+    for _ in range(100):
+        pitches.append(step_at_speed(law, speed_m_s, yaw_rad=yaw_rad))
+        speed_m_s += gain * 2.0 * pitches[-1] * STEP_S
+    return pitches
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
+def test_stick_that_acts_the_wrong_way_round_is_turned_round_and_the_vehicle_braked(yaw_rad: float) -> None:
+    law = held(yaw_rad)
+    pitches = run_away(law, -1.0, yaw_rad)
+    assert law.obeyed
+    assert min(pitches) < 0.0 < max(pitches)
+    assert abs(pitches[-1]) < 0.2 * LIMITS.cyclic
+
+
+def test_vehicle_that_is_driven_away_by_something_else_is_left_level() -> None:
+    law = held()
+    for n in range(100):
+        pitch = step_at_speed(law, 0.02 * n)
+    assert not law.obeyed
+    assert pitch == 0.0
+
+
+def test_stick_is_turned_round_once_only() -> None:
+    law = held()
+    run_away(law, -1.0)
+    assert law.obeyed
+    assert run_away(law, 1.0, begin_m_s=0.3)[-1] == 0.0
+    assert not law.obeyed
+    law.release()
+    law.step(at(), 0.0, HOVER, STEP_S)
+    assert step_at_speed(law, 0.2) < 0.0
+
+
+def test_vehicle_that_obeys_is_not_suspected() -> None:
+    for gain in (0.5, 1.0, 1.5):
+        law = LandingLaw(LIMITS)
+        pitches = run_away(law, gain, begin_m_s=1.5)
+        assert law.obeyed
+        assert max(pitches) <= 0.05 * LIMITS.cyclic
+
+
+@pytest.mark.parametrize(
+    ("gained_m_s", "seconds", "obeyed"), [(0.39, 1.0, True), (0.41, 0.19, True), (0.41, 0.23, False)]
+)
+def test_vehicle_does_not_obey_once_it_has_gained_speed_for_some_time(
+    gained_m_s: float, seconds: float, obeyed: bool
+) -> None:
+    law = held()
+    for _ in range(round(seconds / 0.01)):
+        step_at_speed(law, gained_m_s, 0.01)
+    assert law.obeyed == obeyed
+
+
+def test_speed_that_is_gained_for_a_moment_is_forgotten() -> None:
+    law = held()
+    for _ in range(10):
+        for speed_m_s in (*[0.6] * 15, 0.1):
+            step_at_speed(law, speed_m_s, 0.01)
+    assert law.obeyed
+
+
+def test_vehicle_that_does_not_obey_changes_its_climb_rate_faster() -> None:
+    law = held()
+    for n in range(100):
+        step_at_speed(law, 0.02 * n)
+    thrust = law.step(at(velocity=(2.0, 0.0, 0.0)), -0.8, HOVER, STEP_S)[2]
+    change = HURRIED_CHANGE_M_S2 * STEP_S
+    assert thrust == pytest.approx(
+        HOVER - change * (CLIMB_GAIN_PER_S + CLIMB_INTEGRAL_PER_S2 * STEP_S) / 10.0
+    )
+
+
+def effect(asked_m_s2: float, gained_m_s2: float, seconds: float = 0.6) -> StickEffect:
+    """A stick that asks for an acceleration, and its vehicle, which has another one."""
+    found = StickEffect()
+    found.asked_m_s2 = asked_m_s2
+    for n in range(round(seconds / STEP_S)):
+        found.note(gained_m_s2 * n * STEP_S, STEP_S)
+    return found
+
+
+@pytest.mark.parametrize("asked_m_s2", [-1.0, 1.0])
+@pytest.mark.parametrize("share", [-1.0, -0.5, 0.0, 0.5, 1.0])
+def test_effect_of_a_stick_is_the_share_of_what_was_asked_for_that_was_seen(
+    asked_m_s2: float, share: float
+) -> None:
+    found = effect(asked_m_s2, share * asked_m_s2, seconds=3.0)
+    assert found.share == pytest.approx(share, abs=0.1)
+    assert found.work == pytest.approx(share * 0.88, abs=0.1)
+
+
+def test_effect_of_a_stick_that_was_not_moved_is_not_known() -> None:
+    found = effect(0.0, -1.0, seconds=5.0)
+    assert found.share == 0.0
+    assert not found.turn_round()
+    assert found.sense == 1.0
+
+
+@pytest.mark.parametrize(("share", "turned"), [(-0.2, False), (-0.45, True), (1.0, False)])
+def test_stick_is_turned_round_only_if_it_acts_the_wrong_way_round(share: float, turned: bool) -> None:
+    found = effect(1.0, share, seconds=3.0)
+    assert found.turn_round() == turned
+    assert found.sense == (-1.0 if turned else 1.0)
+    assert not found.turn_round()
+    assert (found.share == 0.0) == turned
+
+
+def test_effect_is_that_of_the_last_seconds() -> None:
+    found = effect(1.0, -1.0, seconds=3.0)
+    for n in range(round(4.0 / STEP_S)):
+        found.note(-3.0 + n * STEP_S, STEP_S)
+    assert found.share > 0.8
+
+
+@pytest.mark.parametrize(
+    ("asked_m_s2", "share", "sense"),
+    [
+        (1.6, 0.0, 0.0),
+        (1.6, 0.15, 0.0),
+        (1.6, 0.25, 1.0),
+        (1.6, -1.0, -1.0),
+        (1.0, 0.0, 1.0),
+        (-1.6, 0.0, 0.0),
+    ],
+)
+def test_stick_that_has_asked_for_much_without_effect_is_given_up(
+    asked_m_s2: float, share: float, sense: float
+) -> None:
+    assert effect(asked_m_s2, share * asked_m_s2, seconds=1.5).sense == sense
+
+
+def test_stick_without_effect_is_left_at_rest_and_the_other_one_goes_on() -> None:
+    law = LandingLaw(LandingLimits(input_gain=(2.0, 2.0, 10.0)))
+    for n in range(100):
+        moving = at(velocity=(1.0, max(0.0, 1.0 - 0.02 * n), 0.0))
+        pitch = law.step(moving, 0.0, HOVER, STEP_S)[0]
+    assert not law.obeyed
+    assert pitch == 0.0
+    assert law.step(at(velocity=(1.0, 0.2, 0.0)), 0.0, HOVER, STEP_S)[1] < 0.0
+
+
 @given(st.lists(st.tuples(vectors, vectors, numbers, st.floats(-1, 1), st.floats(0, 10)), max_size=20))
 def test_inputs_stay_within_the_limits_whatever_happens(
     steps: list[tuple[Position, Position, float, float, float]],
@@ -175,6 +332,17 @@ def test_descent_waits_until_the_vehicle_has_braked_but_not_for_ever(speed: tupl
     assert rate(speed=speed, landing_s=LIMITS.braking_s - 0.01) == 0.0
     assert rate(speed=speed, landing_s=LIMITS.braking_s) == -LIMITS.descent_m_s
     assert rate(speed=(0.3, 0.0)) == -LIMITS.descent_m_s
+
+
+def test_vehicle_that_does_not_obey_is_not_waited_for_and_comes_down_faster() -> None:
+    motion = at((5.0, 5.0, 1.0), (1.0, 0.0, -0.5))
+    assert climb_rate_m_s(motion, 0.0, 0.0, LIMITS, obeyed=False) == -HURRY * LIMITS.descent_m_s
+    for height_m, climb_m_s in (
+        (HURRY * LIMITS.flare_m, -LIMITS.descent_m_s),
+        (LIMITS.flare_m - 0.01, -LIMITS.touchdown_m_s),
+    ):
+        motion = at((5.0, 5.0, height_m), (1.0, 0.0, -0.5))
+        assert climb_rate_m_s(motion, 0.0, 0.0, LIMITS, obeyed=False) == climb_m_s
 
 
 @pytest.mark.parametrize("field", ["cyclic", "thrust", "descent_m_s", "longest_s", "pose_age_s"])

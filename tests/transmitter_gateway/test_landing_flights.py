@@ -8,6 +8,7 @@ from landing_flight import Flight, Landing, Options, landing
 
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
 from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.transmitter_gateway.limits import Fence
 from rcopterx.vehicles.quadrotor import QUADROTOR
 
 CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}
@@ -108,15 +109,35 @@ def test_occlusion_of_80_ms_is_flown_through() -> None:
 
 
 @KINDS
-@pytest.mark.parametrize("acts", [-1.0, 0.0], ids=["wrong way round", "not at all"])
-def test_a_pitch_stick_that_does_not_act_as_it_should_drives_no_vehicle_far(
-    conditions: Conditions, acts: float
+@pytest.mark.parametrize("push", [(0.1, 0.0, 0.0), (-0.3, 0.0, 0.0)], ids=["forwards", "backwards"])
+def test_a_pitch_stick_that_acts_the_wrong_way_round_is_turned_round(
+    conditions: Conditions, push: tuple[float, float, float]
 ) -> None:
     for seed in SEEDS:
-        flown = landing(conditions, seed, Options(pitch_acts=acts, push=(0.1, 0.0, 0.0)))
+        flown = landing(conditions, seed, Options(pitch_acts=-1.0, push=push))
         assert flown.reason == "landed"
-        assert flown.farthest_m < 15.0
+        assert flown.farthest_m < 2.0
+        assert flown.offset_m < 1.0
         assert flown.touchdown_m_s < 0.6
+
+
+@KINDS
+def test_a_pitch_stick_without_effect_lets_a_vehicle_drift_and_land(conditions: Conditions) -> None:
+    for seed in SEEDS:
+        flown = landing(conditions, seed, Options(pitch_acts=0.0, push=(-0.3, 0.0, 0.0)))
+        assert flown.reason == "landed"
+        assert flown.farthest_m < 3.0
+        assert flown.touchdown_m_s < 0.6
+
+
+def test_a_vehicle_that_leaves_its_volume_all_the_same_is_cut() -> None:
+    fence = Fence((-0.3, -0.3, 0.0), (0.3, 0.3, 2.0), cut_m=0.5)
+    options = Options(pitch_acts=0.0, push=(-0.8, 0.0, 0.0), yaw_rad=0.0)
+    limits = replace(options.limits, surveillance=replace(options.limits.surveillance, fence=fence))
+    flown = landing(HELICOPTER, 0, replace(options, limits=limits))
+    assert flown.reason == "far outside the fence"
+    assert State.LAND in flown.states
+    assert flown.farthest_m < 2.0
 
 
 def test_poses_that_get_stuck_end_the_closed_loop() -> None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.transmitter_gateway.landing import HURRY
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS
 from rcopterx.transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
@@ -31,7 +32,7 @@ def test_table_of_the_page_is_the_arbiters() -> None:
 def test_figures_of_the_page_are_the_defaults() -> None:
     limits, poses = ArbiterLimits(), SurveillanceLimits()
     landing = limits.landing
-    margin_m = Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)).margin_m
+    fence = Fence((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     for line in (
         f"from 1.5 periods on, for at most {limits.bridge_s * 1e3:.0f} ms",
         f"captured more than {limits.command_age_s * 1e3:.0f} ms ago",
@@ -47,7 +48,9 @@ def test_figures_of_the_page_are_the_defaults() -> None:
         f"DESCEND after {(poses.tracking_descend_s or 0) * 1e3:.0f} ms",
         f"| {poses.maximum_jump_m} m and {poses.maximum_speed_m_s} m/s; after {poses.jump_descend_s} s",
         f"closer than {poses.minimum_distance_m} m",
-        f"outside the fence by {margin_m} m",
+        f"outside the fence by {fence.margin_m} m",
+        f"does not obey its sticks, and outside the fence by {fence.cut_m} m | CUT",
+        f"at once, at\n{HURRY * landing.descent_m_s} m/s until {HURRY * landing.flare_m} m above the floor",
         f"commanded low for {limits.arm_low_s} s",
         f"on the floor | disarmed after {limits.disarm_after_s:.0f} s",
         f"thrust low for {limits.arm_low_s} s, or seen less than {limits.airborne_m} m above it",
