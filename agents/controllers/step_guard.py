@@ -128,7 +128,7 @@ class StepGuard:
         self._without_s += controller.period_s
         if self._inputs is not None and young:
             self._inputs = one_stage_on(self._inputs)
-            return self._flown_by(self._inputs, SHIFTED_PLAN, estimate, aim)
+            return self._flown_by(self._inputs, SHIFTED_PLAN, estimate, aim, controller.period_s)
         return self._step_by_default(controller, estimate, aim, last_input)
 
     def tell(self, controller: Controller, message: Callable[[], None]) -> None:
@@ -235,13 +235,13 @@ class StepGuard:
         else:
             inputs[:, U_THRUST] = self._model.hover_thrust
         inputs = np.clip(inputs, self._model.u_min, self._model.u_max)
-        return self._flown_by(inputs, HOVER, estimate, reference)
+        return self._flown_by(inputs, HOVER, estimate, reference, failed.period_s)
 
     def _flown_by(
-        self, inputs: Array, fallback: str, estimate: Estimate, reference: Trajectory
+        self, inputs: Array, fallback: str, estimate: Estimate, reference: Trajectory, period_s: float
     ) -> ControlStep:
         """Inputs and where they lead; where the vehicle is not known, the previous plan goes on."""
-        period_s, stages = reference.period_s, len(inputs) + 1
+        stages = len(inputs) + 1
         plan = predict(self._model, estimate, inputs, period_s) if estimate.is_finite else None
         if plan is None or not np.isfinite(plan.samples).all():
             known = reference if self._plan is None else self._plan
