@@ -1,7 +1,9 @@
 """MessagePack coding of messages. Anything that is not a valid message is refused with a reason."""
 
 import math
-from typing import TypeVar
+import re
+from functools import cache
+from typing import Final, TypeVar
 
 import msgpack
 import msgspec
@@ -13,6 +15,8 @@ M = TypeVar("M", bound=Message)
 MAX_DEPTH = 8
 
 _ENCODER = msgspec.msgpack.Encoder()
+_PERHAPS_NOT_FINITE: Final = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]|\xca[\x7f\xff][\x80-\xff]")
+"""How every infinity and every NaN of MessagePack begins, as may other bytes: its type, sign and exponent."""
 
 
 class RejectedError(ValueError):
@@ -57,6 +61,35 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     limit = message_type.MAX_BYTES
     if len(payload) > limit:
         raise RejectedError("size", f"{len(payload)} bytes, at most {limit} are allowed")
+    message = _plausible(payload, message_type)
+    if message is None:
+        message = _examined(payload, message_type)
+    try:
+        message.check()
+    except InvalidMessageError as error:
+        raise RejectedError("value", str(error)) from None
+    return message
+
+
+@cache
+def _decoder(message_type: type[M]) -> msgspec.msgpack.Decoder[M]:
+    return msgspec.msgpack.Decoder(message_type)
+
+
+def _plausible(payload: bytes, message_type: type[M]) -> M | None:
+    """Message of a payload of the right types whose numbers are all finite; None in case of doubt."""
+    if _PERHAPS_NOT_FINITE.search(payload):
+        return None
+    try:
+        message: M = _decoder(message_type).decode(payload)
+    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
+        return None
+    return message
+
+
+def _examined(payload: bytes, message_type: type[M]) -> M:
+    """Message of a payload that is looked at number by number, to tell what is wrong with it."""
+    limit = message_type.MAX_BYTES
     try:
         plain = msgpack.unpackb(payload, max_bin_len=limit, max_str_len=limit, raw=False)
     except Exception as error:  # noqa: BLE001 - msgpack raises many types for garbage; all mean the same
@@ -64,14 +97,9 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     if not _finite(plain, MAX_DEPTH):
         raise RejectedError("value", "a number is not finite, or the message is nested too deeply")
     try:
-        message = msgspec.convert(plain, message_type, builtin_types=(bytes,))
+        return msgspec.convert(plain, message_type, builtin_types=(bytes,))
     except (msgspec.ValidationError, OverflowError) as error:
         raise RejectedError("type", str(error)) from None
-    try:
-        message.check()
-    except InvalidMessageError as error:
-        raise RejectedError("value", str(error)) from None
-    return message
 
 
 def _finite(value: object, depth: int) -> bool:

@@ -1,5 +1,6 @@
 """What all messages are made of: their base, arrays, and numbers with their limits."""
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from msgspec import Meta, Struct
@@ -78,7 +79,7 @@ class FloatArray(Struct, frozen=True):
                 f"{field}: {len(self.data)} bytes for shape {self.shape}, needs {8 * rows * columns}"
             )
         # The comparison is false for numbers that are not finite, too.
-        if not np.abs(self.to_numpy()).max(initial=0.0) <= MAX_MAGNITUDE:
+        if not np.maximum.reduce(np.abs(self.to_numpy()), axis=None, initial=0.0) <= MAX_MAGNITUDE:
             raise InvalidMessageError(f"{field}: not all values are finite and at most {MAX_MAGNITUDE:g}")
 
 
@@ -111,20 +112,20 @@ class TrajectoryArray(Struct, frozen=True):
         """Round and pack finite values of shape (stages, 12)."""
         import numpy as np
 
-        stages = len(values)
-        within = np.clip(values.T, -cls.LARGEST, cls.LARGEST).reshape(3, 4, stages)
-        counts = np.rint(within / np.reshape(cls.RESOLUTIONS, (3, 1, 1))).astype("<i4")
-        counts[:, :, 1:] -= counts[:, :, :-1].copy()
-        return cls((stages, cls.COLUMNS), counts.tobytes())
+        within = np.minimum(np.maximum(values.T, -cls.LARGEST), cls.LARGEST)
+        counts = np.rint(within / _resolutions()).astype("<i4")
+        differences = counts.copy()
+        differences[:, 1:] -= counts[:, :-1]
+        return cls((len(values), cls.COLUMNS), differences.tobytes())
 
     def to_numpy(self) -> "NDArray[np.float64]":
         """Unpack into an array of `shape`."""
         import numpy as np
 
-        stages, _ = self.shape
-        counts = np.frombuffer(self.data, dtype="<i4").reshape(3, 4, stages).cumsum(axis=2, dtype=np.int64)
-        values: NDArray[np.float64] = counts * np.reshape(self.RESOLUTIONS, (3, 1, 1))
-        return values.reshape(self.COLUMNS, stages).T
+        differences = np.frombuffer(self.data, dtype="<i4").reshape(self.COLUMNS, -1)
+        counts = np.add.accumulate(differences, axis=1, dtype=np.int64)
+        values: NDArray[np.float64] = counts * _resolutions()
+        return values.T
 
     def check(self, field: str, max_stages: int, min_stages: int) -> None:
         """Refuse wrong shapes before any array is built, then absurd values.
@@ -148,6 +149,14 @@ class TrajectoryArray(Struct, frozen=True):
         # Whole units times their size are not exact.
         if np.abs(self.to_numpy()).max() > self.LARGEST * (1 + 1e-9):
             raise InvalidMessageError(f"{field}: not all values are at most {self.LARGEST:g}")
+
+
+@lru_cache
+def _resolutions() -> "NDArray[np.float64]":
+    """Unit of each column of a trajectory, shape (12, 1)."""
+    import numpy as np
+
+    return np.repeat(TrajectoryArray.RESOLUTIONS, 4)[:, None]
 
 
 class Message(Struct, frozen=True, kw_only=True):

@@ -303,11 +303,23 @@ def test_timestamps_and_extension_types_are_refused_where_a_number_belongs() -> 
 
 
 @pytest.mark.parametrize("container", [list, dict])
-def test_deeply_nested_messages_are_refused(container: type) -> None:
-    nested: object = 1.0
+def test_what_cannot_be_examined_for_its_nesting_is_refused(container: type) -> None:
+    nested: object = math.inf
     for _ in range(MAX_DEPTH + 1):
         nested = [nested] if container is list else {"a": nested}
     assert refusal(POSE | {"extra": nested}, Pose).kind == "value"
+
+
+@pytest.mark.parametrize("container", [b"\x91", b"\x81\xa1a"])
+def test_an_unknown_field_without_a_bottom_is_refused(container: bytes) -> None:
+    head = msgpack.packb(POSE | {"extra": None})[:-1]
+    assert refusal(head + 9000 * container + b"\xc0", Pose).kind == "malformed"
+
+
+def test_bytes_that_look_like_a_number_that_is_not_finite_are_none() -> None:
+    data = b"\xcb\x7f\xf0" + bytes(29)
+    message = decode(msgpack.packb(COMMAND | {"next_inputs": {"shape": [1, 4], "data": data}}), Command)
+    assert message.next_inputs == FloatArray((1, 4), data)
 
 
 def test_bottomless_nesting_is_refused() -> None:
