@@ -14,6 +14,7 @@ NEAREST: Final = 3
 """Plans heard for avoidance while those of far vehicles are left out."""
 RELIEF: Final = "relief_"
 """Notes begin with it; the number of the relief follows."""
+_WORDS: Final = {relief: f"{RELIEF}{int(relief)}" for relief in Relief}
 
 
 class LoadRelief:
@@ -63,12 +64,12 @@ class LoadRelief:
         missed, self._missed_ticks = missed_ticks > self._missed_ticks, missed_ticks
         overload = self._overload
         if overload.observe(late_s, missed) if flying else overload.forget():
-            self._bus.note(f"{RELIEF}{int(overload.relief)}")
+            self._bus.note(_WORDS[overload.relief])
 
     def settle(self) -> bool:
         """Leave out what was decided before this step, or do it again; True if that is news."""
-        for relief in Relief:
-            if self._bus.noted(f"{RELIEF}{int(relief)}"):
+        for relief, word in _WORDS.items():
+            if self._bus.noted(word):
                 self._change(relief)
                 return True
         return False

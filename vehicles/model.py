@@ -127,6 +127,18 @@ class Model:
     uncertainty: Uncertainty = UNIDENTIFIED
     """How far the true vehicle may be from these numbers."""
 
+    def __hash__(self) -> int:
+        # What is prepared for a model is looked up several times in each control period.
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(tuple(getattr(self, field.name) for field in fields(self)))
+
+    def __getstate__(self) -> dict[str, object]:
+        """Fields only: hashes of strings differ from process to process."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)

@@ -5,6 +5,7 @@ The motion state is x, y, z in the inertial frame [m], the yaw psi [rad, unwrapp
 normalised stick deflection: pitch, roll, thrust, yaw.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -45,8 +46,8 @@ def heading_matrix(yaw_rad: float) -> Array:
     Array
         R(psi), shape (2, 2); its transpose maps inertial to body vectors.
     """
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([[c, -s], [s, c]])
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return np.array(((c, -s), (s, c)))
 
 
 def heading_matrices(yaw_rad: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from rcopterx.agents.estimators.base import PoseEstimator, body_motion
 from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
 from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
-from rcopterx.agents.flight.linear import prepared_period
+from rcopterx.agents.flight.linear import prepared_period, solved
 from rcopterx.agents.flight.prediction import actuator_response, predict
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.vehicles.model import Model
@@ -166,7 +166,7 @@ class LagKalmanEstimator(PoseEstimator):
             return
         covariance = self._covariance
         innovation_covariance = covariance[:INPUT_SIZE, :INPUT_SIZE] + self._measurement_covariance
-        gain = covariance[:, :INPUT_SIZE] @ np.linalg.inv(innovation_covariance)
+        gain = solved(innovation_covariance, covariance[:INPUT_SIZE]).T
         change = gain @ innovation
         self._motion = self._motion + change[:ACTUATOR]
         self._actuator = self._actuator + change[ACTUATOR:DISTURBANCE]

@@ -21,6 +21,7 @@ from rcopterx.agents.flight.lateral import (
     demand_matrix,
     lateral_system,
 )
+from rcopterx.agents.flight.linear import solved
 from rcopterx.agents.interfaces import TiltEstimate
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
@@ -102,6 +103,11 @@ class TiltFilter:
     def velocity_m_s(self) -> Array:
         """Estimated velocity, inertial frame, shape (2,)."""
         return self._state[VELOCITY]
+
+    @property
+    def tilt(self) -> Array:
+        """Estimated horizontal components of the axis of the thrust, inertial frame, shape (2,)."""
+        return self._state[self._tilt]
 
     @property
     def body_offset_rad(self) -> Array:
@@ -226,7 +232,7 @@ class TiltFilter:
         spread = self._covariance @ observed.T
         innovation = observed @ spread
         innovation.flat[:: len(innovation) + 1] += variance
-        gain = np.linalg.solve(innovation, spread.T).T
+        gain = solved(innovation, spread.T).T
         state = self._state + gain @ surprise
         self._state = np.minimum(np.maximum(state, -self._state_limit), self._state_limit)
         # Joseph's form stays symmetric and positive whatever the rounding of the gain.

@@ -8,7 +8,6 @@ to explain the flight (for controllers that know nothing else), by the filter fo
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -69,11 +68,10 @@ class TiltKalmanEstimator(LagKalmanEstimator):
     def estimate(self) -> Estimate:
         """The current estimate; put together once after each change, because a control period asks often."""
         if self._present is None:
-            lagged, found = self._lagged, self.tilt_filter
-            motion = lagged.motion.copy()
+            found, motion = self.tilt_filter, self._motion.copy()
             motion[:2] = found.position_m
-            motion[XD_BODY:ZD_BODY] = heading_matrix(motion[YAW]).T @ found.velocity_m_s
-            self._present = replace(lagged, motion=motion, tilt=found.estimate)
+            motion[XD_BODY:ZD_BODY] = heading_matrix(float(motion[YAW])).T @ found.velocity_m_s
+            self._present = Estimate(motion, self._actuator, self._disturbance, found.estimate)
         return self._present
 
     @property
@@ -170,7 +168,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         if self._measured_tilt is None:
             return
         to_heading = heading_matrix(yaw_rad).T
-        expected = self._positions_only.estimate.core[:2]
+        expected = self._positions_only.tilt
         if not self._trust.observe(
             to_heading @ self._measured_tilt, to_heading @ expected, self._since_pose_s
         ):

@@ -105,9 +105,17 @@ class InputHistory:
         list
             (input, duration [s]) in order; the durations add up to the interval.
         """
+        # From the newest back: what is over fills nearly all of the history.
+        ahead: list[_Entry] = []
+        acting = self._entries[0].input
+        for entry in reversed(self._entries):
+            if entry.effect_from_s <= start_s + TIME_TOLERANCE_S:
+                acting = entry.input
+                break
+            ahead.append(entry)
         pieces: list[tuple[Array, float]] = []
-        cursor_s, acting = start_s, self._entries[0].input
-        for entry in self._entries:
+        cursor_s = start_s
+        for entry in reversed(ahead):
             if entry.effect_from_s > cursor_s + TIME_TOLERANCE_S:
                 if entry.effect_from_s >= end_s - TIME_TOLERANCE_S:
                     break

@@ -5,12 +5,13 @@ each other as closely as those of an unstable loop do, 0.6 to 5 Hz, are counted:
 its way to a new place a vehicle accelerates and brakes, and swings for a while; there more are needed.
 """
 
+import math
 from typing import Final
 
 import numpy as np
 
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_YAW, YAW, Array
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_YAW, Array
 
 SHORTEST_HALF_WAVE_S: Final = 0.1
 LONGEST_HALF_WAVE_S: Final = 0.8
@@ -38,19 +39,16 @@ class OscillationDetector:
 
     def __init__(self, model: Model) -> None:
         sticks = list(_STICKS)
-        self._rest = np.append(model.hover_input[sticks], np.zeros(2))
         reach = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)[sticks]
         tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / model.gravity_m_s2
-        self._threshold = THRESHOLD * np.append(reach, [tilt, tilt])
-        self.forget()
+        rest = [*model.hover_input[sticks].tolist(), 0.0, 0.0]
+        threshold = [THRESHOLD * largest for largest in (*reach.tolist(), tilt, tilt)]
+        self._channels = [_Channel(*pair) for pair in zip(rest, threshold, strict=True)]
 
     def forget(self) -> None:
         """Begin anew."""
-        channels = len(self._rest)
-        self._side = np.zeros(channels)
-        self._since_s = np.zeros(channels)
-        self._count = np.zeros(channels, dtype=int)
-        self._count_near = np.zeros(channels, dtype=int)
+        for channel in self._channels:
+            channel.forget()
 
     def observe(self, stick: Array, tilt: Array | None, error: Array, period_s: float) -> bool:
         """Take in a control period.
@@ -71,23 +69,45 @@ class OscillationDetector:
         bool
             True in a period in which an oscillation begins another half-wave.
         """
-        values = np.zeros(len(self._rest))
-        values[: len(_STICKS)] = stick[list(_STICKS)]
-        if tilt is not None:
-            values[len(_STICKS) :] = tilt
-        away = values - self._rest
-        side = np.sign(away) * (np.abs(away) > self._threshold)
+        sticks: list[float] = stick.tolist()
+        axis = (0.0, 0.0) if tilt is None else tilt.tolist()
+        values = [*(sticks[number] for number in _STICKS), *axis]
+        x, y, z, yaw_rad = error.tolist()
+        near = math.hypot(x, y, z) < NEAR_M and abs(yaw_rad) < NEAR_RAD
+        # All of them, also after one that oscillates.
+        found = [
+            channel.observe(value, near, period_s)
+            for channel, value in zip(self._channels, values, strict=True)
+        ]
+        return any(found)
+
+
+class _Channel:
+    """Half-waves of one signal, in plain floats because arrays of five take longer than the arithmetic."""
+
+    def __init__(self, rest: float, threshold: float) -> None:
+        self._rest, self._threshold = rest, threshold
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._side = self._count = self._count_near = 0
+        self._since_s = 0.0
+
+    def observe(self, value: float, near: bool, period_s: float) -> bool:
+        """Take in a control period; True if an oscillation begins another half-wave."""
+        away = value - self._rest
         self._since_s += period_s
-        begins = (side != 0.0) & (side != self._side)
-        follows = (self._since_s >= SHORTEST_HALF_WAVE_S) & (self._since_s <= LONGEST_HALF_WAVE_S)
-        # The first one follows nothing.
-        self._count[begins] = np.where(follows & (self._side != 0.0), self._count + 1, 1)[begins]
-        near = float(np.linalg.norm(error[:YAW])) < NEAR_M and abs(float(error[YAW])) < NEAR_RAD
-        self._count_near[begins] = np.minimum(self._count_near + 1, self._count)[begins]
-        self._side[begins], self._since_s[begins] = side[begins], 0.0
-        over = self._since_s > LONGEST_HALF_WAVE_S
-        self._count[over] = self._count_near[over] = 0
+        side = 0 if not abs(away) > self._threshold else 1 if away > 0.0 else -1
+        begins = side not in (0, self._side)
+        if begins:
+            # The first one follows nothing.
+            follows = self._side != 0 and SHORTEST_HALF_WAVE_S <= self._since_s <= LONGEST_HALF_WAVE_S
+            self._count = self._count + 1 if follows else 1
+            self._count_near = min(self._count_near + 1, self._count)
+            self._side, self._since_s = side, 0.0
+        if self._since_s > LONGEST_HALF_WAVE_S:
+            self._count = self._count_near = 0
         if not near:
-            self._count_near[:] = 0
-        enough = (self._count_near >= HALF_WAVES) | (self._count >= HALF_WAVES_AWAY)
-        return bool((begins & enough).any())
+            self._count_near = 0
+        return begins and (self._count_near >= HALF_WAVES or self._count >= HALF_WAVES_AWAY)

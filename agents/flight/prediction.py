@@ -5,6 +5,7 @@ plain floats because arrays of eight numbers cost more than the arithmetic on th
 """
 
 import math
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -60,9 +61,9 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     disturbance: list[float] = estimate.disturbance.tolist()
     sticks: list[float] = applied_input.tolist()
     for _ in range(steps):
-        now, middle, end = (
-            _after(model, motion, actuator, sticks, disturbance, share * step_s) for share in (0.0, 0.5, 1.0)
-        )
+        now = _after(model, motion, actuator, sticks, disturbance, 0.0)
+        middle = _after(model, motion, actuator, sticks, disturbance, 0.5 * step_s)
+        end = _after(model, motion, actuator, sticks, disturbance, step_s)
         pushes = (
             _push(model, now, disturbance),
             _push(model, middle, disturbance),
@@ -165,10 +166,14 @@ def _followed(
 
 
 def _after_lag(model: Model, actuator: list[float], target: list[float], time_s: float) -> list[float]:
-    return [
-        u + (a - u) * math.exp(-time_s / lag) if lag > 0.0 else u
-        for a, u, lag in zip(actuator, target, model.lag_s, strict=True)
-    ]
+    kept = _kept(model.lag_s, time_s)
+    return [u + (a - u) * share for a, u, share in zip(actuator, target, kept, strict=True)]
+
+
+@lru_cache(maxsize=1024)
+def _kept(lag_s: Four, time_s: float) -> tuple[float, ...]:
+    """Share of its distance to the target that each actuator has left after a time."""
+    return tuple(math.exp(-time_s / lag) if lag > 0.0 else 0.0 for lag in lag_s)
 
 
 def _push(model: Model, actuator: list[float], disturbance: list[float]) -> Four:

@@ -93,6 +93,10 @@ class Trajectory:
         Trajectory
             The new stages.
         """
+        shift = start_s / self.period_s
+        first = round(shift)
+        if period_s == self.period_s and abs(shift - first) < 1e-6 and 0 <= first < self.stages:
+            return Trajectory(self._from_stage(first, stages), period_s)
         at = (start_s + period_s * np.arange(stages)) / self.period_s
         nearest = np.round(at)
         at = np.where(np.abs(at - nearest) < 1e-6, nearest, at)
@@ -108,6 +112,18 @@ class Trajectory:
             samples[beyond_s > 0, 8:] = 0.0
         samples[at < 0, 4:] = 0.0
         return Trajectory(samples, period_s)
+
+    def _from_stage(self, first: int, stages: int) -> Array:
+        """Samples from a stage on, shape (`stages`, 12)."""
+        samples = np.empty((stages, COLUMNS))
+        inside = self.samples[first : first + stages]
+        samples[: len(inside)] = inside
+        beyond, last = samples[len(inside) :], self.samples[-1]
+        if len(beyond):
+            ahead_s = self.period_s * np.arange(1, len(beyond) + 1)[:, None]
+            beyond[:, :4] = last[:4] + ahead_s * last[4:8]
+            beyond[:, 4:8], beyond[:, 8:] = last[4:8], 0.0
+        return samples
 
     def positions_from(self, start_s: float, period_s: float, stages: int) -> Array:
         """Positions at other instants, as of `resampled` but without the rest; shape (`stages`, 3)."""
