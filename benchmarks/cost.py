@@ -1,7 +1,7 @@
-"""What a fleet costs in this checkout and in another one: whole flights in alternating runs.
+"""What this checkout costs beside another one: processor time, latency, memory, largest fleet, control steps.
 
-Alternating, because a machine is not equally fast from minute to minute. Each run is the checkout's own
-`rcopterx bench scale`, so that the other one may be much older than this file.
+Each trial is a command of the checkout's own command line, so that the other one may be much older than this
+file; both take turns, because a machine is not equally fast from minute to minute. Ratios are of medians.
 """
 
 import json
@@ -10,16 +10,20 @@ import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-FIGURES: Final = ("total_share", "agent_share", "p50_ms", "p99_ms", "missed_ticks", "memory_mb")
-"""Shares of one processor per vehicle, from pose to command, missed control periods, memory (PSS) of all."""
+from rcopterx.benchmarks.memory import descendants, memory_of
+
 OWN: Final = Path(__file__).resolve().parents[1]
 _FLYING: Final = "s flown"
 """In a line of `bench scale` while it measures."""
+SECONDS: Final = 20.0
+LARGEST_SECONDS: Final = 60.0
+LARGEST_SIZES: Final = "2,3,4,5,6,8,10,12,14,16,18,20,24"
 
-Row = Mapping[str, float]
+Figures = dict[str, float]
 Tell = Callable[[str], None]
 
 
@@ -27,75 +31,217 @@ class CostError(RuntimeError):
     """A checkout cannot be measured; says why."""
 
 
-def run(other: Path, vehicles: int, horizon: int, seconds: float, rounds: int, tell: Tell) -> dict[str, Any]:
-    """Fly both checkouts in turn; returns the JSON document of `rcopterx bench cost`.
+@dataclass(frozen=True)
+class Target:
+    """A figure and the ratio to the other checkout that is aimed at.
+
+    Attributes
+    ----------
+    title
+        For people.
+    ratio
+        At most this; at least this where more is better.
+    more_is_better
+        As for the largest fleet.
+    """
+
+    title: str
+    ratio: float
+    more_is_better: bool = False
+
+    def met(self, ratio: float) -> bool:
+        """Whether a ratio is good enough."""
+        return ratio >= self.ratio if self.more_is_better else ratio <= self.ratio
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A command that is run in both checkouts.
+
+    Attributes
+    ----------
+    arguments
+        Of `rcopterx`.
+    figures
+        Reads its JSON document and the memory of its processes [MB].
+    targets
+        What is aimed at, by the names of the figures; other figures are only told.
+    """
+
+    arguments: tuple[str, ...]
+    figures: Callable[[Any, float], Figures]
+    targets: Mapping[str, Target]
+
+
+def fleet_figures(document: Any, memory_mb: float) -> Figures:
+    """Of `bench scale` with one fleet: shares of one processor per vehicle, latency, memory.
+
+    Raises
+    ------
+    CostError
+        The fleet could not be flown.
+    """
+    (row,) = document["runs"]
+    if row["missed_ticks"] is None:
+        raise CostError(f"{row['vehicles']} vehicles did not fly: {row['problem']}")
+    vehicles, times = row["vehicles"], row["pose_to_command_ms"]
+    shares = {f"{role}_share": share / vehicles for role, share in row["cpu_share"].items()}
+    return shares | {
+        "total_share": sum(shares.values()),
+        "pose_to_command_p50_ms": times["p50"],
+        "pose_to_command_p99_ms": times["p99"],
+        "missed_periods": row["missed_ticks"],
+        "memory_mb": memory_mb,
+    }
+
+
+def manoeuvre_figures(document: Any, _: float) -> Figures:
+    """Of a flown manoeuvre, whether it passed its checks or not.
+
+    Raises
+    ------
+    CostError
+        It was not flown to its end.
+    """
+    if document["frame_to_radio_ms"] is None:
+        raise CostError(f"{document['manoeuvre']}: {document['problem']}")
+    return {"frame_to_radio_p99_ms": document["frame_to_radio_ms"]["p99"]}
+
+
+def step_figures(document: Any, _: float) -> Figures:
+    """Of `bench solver` at one horizon: control steps of the default controller."""
+    (contestants,) = document["horizons"].values()
+    return {"mean_ms": contestants["cascade"]["mean_ms"], "p999_ms": contestants["cascade"]["p999_ms"]}
+
+
+def largest_figures(document: Any, _: float) -> Figures:
+    """Of `bench scale` with several fleets."""
+    return {"largest_fleet": document["largest_fleet"]}
+
+
+def _scale(vehicles: str, horizon: int, seconds: float) -> tuple[str, ...]:
+    return (
+        "bench", "scale", "--json", "--vehicles", vehicles, "--horizon", str(horizon), "--seconds",
+        f"{seconds:g}",
+    )  # fmt: skip
+
+
+TRIALS: Final[Mapping[str, Trial]] = {
+    "six": Trial(
+        _scale("6", 30, SECONDS),
+        fleet_figures,
+        {"total_share": Target("processor time per vehicle, all processes, 6 vehicles, N = 30", 0.45)},
+    ),
+    "trio": Trial(
+        _scale("3", 50, SECONDS),
+        fleet_figures,
+        {
+            "agent_share": Target("processor time of an agent, N = 50", 0.4),
+            "pose_to_command_p50_ms": Target("pose to command, p50, 3 vehicles, N = 50", 0.7),
+            "pose_to_command_p99_ms": Target("pose to command, p99, 3 vehicles, N = 50", 0.7),
+            "memory_mb": Target("memory of all processes (PSS), 3 vehicles", 0.7),
+        },
+    ),
+    "radio": Trial(
+        ("fly", "hover", "--up", "--json"),
+        manoeuvre_figures,
+        {"frame_to_radio_p99_ms": Target("frame to radio, p99, 3 vehicles", 0.8)},
+    ),
+    "step": Trial(
+        ("bench", "solver", "--json", "--horizons", "110"),
+        step_figures,
+        {
+            "mean_ms": Target("control step, N = 110, mean", 0.5),
+            "p999_ms": Target("control step, N = 110, p99.9", 0.6),
+        },
+    ),
+    "largest": Trial(
+        _scale(LARGEST_SIZES, 30, LARGEST_SECONDS),
+        largest_figures,
+        {"largest_fleet": Target("largest fleet without a missed period, N = 30", 2.0, more_is_better=True)},
+    ),
+}
+"""By name, in the order in which they are run."""
+
+
+def run(other: Path, names: Sequence[str], rounds: int, tell: Tell) -> dict[str, Any]:
+    """Measure both checkouts in turn; returns the JSON document of `rcopterx bench cost`.
 
     Parameters
     ----------
     other
         Directory of the other checkout.
-    vehicles, horizon
-        The fleet that is flown.
-    seconds
-        How long each flight is measured.
+    names
+        Of `TRIALS`.
     rounds
-        Flights of each checkout.
+        How often each trial is run in each checkout.
     tell
         Told what is going on.
 
     Raises
     ------
     CostError
-        The directory is no checkout, or a fleet could not be flown.
+        The directory is no checkout, or a trial failed.
     """
     if not (other / "benchmarks" / "scale.py").is_file():
         raise CostError(f"{other} is no checkout of rcopterx with benchmarks/scale.py")
-    here: list[Row] = []
-    there: list[Row] = []
-    for number in range(rounds):
-        for rows, checkout in ((here, OWN), (there, other.resolve())):
-            tell(f"round {number + 1} of {rounds}: {checkout}")
-            rows.append(measured(checkout, vehicles, horizon, seconds))
-    return {"vehicles": vehicles, "horizon": horizon, "seconds": seconds} | compared(here, there)
+    document: dict[str, Any] = {"against": str(other.resolve()), "rounds": rounds, "trials": {}}
+    for name in names:
+        trial = TRIALS[name]
+        here: list[Figures] = []
+        there: list[Figures] = []
+        for number in range(rounds):
+            for rows, checkout in ((here, OWN), (there, other.resolve())):
+                tell(f"{name}, round {number + 1} of {rounds}: {checkout}")
+                rows.append(measured(trial, checkout))
+        document["trials"][name] = compared(trial, here, there)
+    return document
 
 
-def compared(here: Sequence[Row], there: Sequence[Row]) -> dict[str, Any]:
+def compared(trial: Trial, here: Sequence[Figures], there: Sequence[Figures]) -> dict[str, dict[str, Any]]:
     """Medians of both, and their ratios; no ratio to zero.
 
     Parameters
     ----------
+    trial
+        What was run.
     here, there
         Figures of each run.
 
     Returns
     -------
     dict
-        `here`, `there` and `ratio`, each by the names of `FIGURES`.
+        For each figure that both know `here`, `there`, `ratio`, and with a target `title`, `target`, `met`.
     """
-    medians = [
-        {name: statistics.median(row[name] for row in rows) for name in FIGURES} for rows in (here, there)
-    ]
-    own, others = medians
-    ratio = {name: own[name] / others[name] if others[name] else None for name in FIGURES}
-    return {"here": own, "there": others, "ratio": ratio}
+    found: dict[str, dict[str, Any]] = {}
+    for name in here[0].keys() & there[0].keys():
+        own, others = (statistics.median(row[name] for row in rows) for rows in (here, there))
+        ratio = own / others if others else None
+        found[name] = {"here": own, "there": others, "ratio": ratio}
+        target = trial.targets.get(name)
+        if target is not None:
+            met = ratio is not None and target.met(ratio)
+            found[name] |= {"title": target.title, "target": target.ratio, "met": met}
+    return dict(sorted(found.items()))
 
 
-def measured(checkout: Path, vehicles: int, horizon: int, seconds: float) -> Row:
-    """One flight of a checkout, by its own command line.
+def measured(trial: Trial, checkout: Path) -> Figures:
+    """Figures of a trial, run once by a checkout's own command line.
 
     Raises
     ------
     CostError
-        It did not fly.
+        The command told nothing that can be used.
     """
-    command = [
-        sys.executable, "-m", "rcopterx", "bench", "scale", "--json", "--vehicles", str(vehicles),
-        "--horizon", str(horizon), "--seconds", f"{seconds:g}",
-    ]  # fmt: skip
     environment = os.environ | {"PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"}
     memory_mb, said = 0.0, []
     with subprocess.Popen(
-        command, cwd=checkout, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "rcopterx", *trial.arguments],
+        cwd=checkout,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -104,58 +250,28 @@ def measured(checkout: Path, vehicles: int, horizon: int, seconds: float) -> Row
             if _FLYING in line and not memory_mb:
                 memory_mb = memory_of(descendants(process.pid))
         text = process.stdout.read()
-    if process.returncode != 0:
+    try:
+        # A manoeuvre that fails a check ends with 1 and tells its figures all the same.
+        document = json.loads(text)
+    except ValueError:
+        last = said[-1] if said else ""
         raise CostError(
-            f"{checkout}: bench scale ended with {process.returncode}: {said[-1] if said else ''}"
-        )
-    return figures(json.loads(text)["runs"][0], memory_mb)
+            f"{checkout}: {' '.join(trial.arguments)} ended with {process.returncode}: {last}"
+        ) from None
+    return trial.figures(document, memory_mb)
 
 
-def figures(row: Mapping[str, Any], memory_mb: float) -> Row:
-    """Figures of a row of `bench scale`.
-
-    Raises
-    ------
-    CostError
-        The fleet could not be flown.
-    """
-    if row["missed_ticks"] is None:
-        raise CostError(f"{row['vehicles']} vehicles did not fly: {row['problem']}")
-    shares, vehicles, times = row["cpu_share"], row["vehicles"], row["pose_to_command_ms"]
-    return {
-        "total_share": sum(shares.values()) / vehicles,
-        "agent_share": shares["agent"] / vehicles,
-        "p50_ms": times["p50"],
-        "p99_ms": times["p99"],
-        "missed_ticks": row["missed_ticks"],
-        "memory_mb": memory_mb,
-    }
-
-
-def descendants(process: int, proc: Path = Path("/proc")) -> list[int]:
-    """Processes that a process has started, directly or not (proc(5), field 4 of stat)."""
-    children: dict[int, list[int]] = {}
-    for entry in proc.glob("[0-9]*"):
-        try:
-            parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-        except (OSError, ValueError, IndexError):
-            continue
-        children.setdefault(parent, []).append(int(entry.name))
-    found, waiting = [], [process]
-    while waiting:
-        started = children.get(waiting.pop(), [])
-        found += started
-        waiting += started
-    return found
-
-
-def memory_of(processes: Sequence[int], proc: Path = Path("/proc")) -> float:
-    """Memory of processes together, shared pages counted once (PSS) [MB]; one that has ended has none."""
-    total_kb = 0
-    for process in processes:
-        try:
-            text = (proc / str(process) / "smaps_rollup").read_text()
-        except OSError:
-            continue
-        total_kb += sum(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
-    return total_kb / 1000
+def table(document: Mapping[str, Any]) -> list[str]:
+    """Lines for people: what has a target first, the rest of each trial below."""
+    lines = [f"{'':62}{'here':>9}{'there':>9}{'ratio':>7}{'target':>8}"]
+    rest = [""]
+    for name, figures in document["trials"].items():
+        for figure, row in figures.items():
+            ratio = "-" if row["ratio"] is None else f"{row['ratio']:.2f}"
+            values = f"{row['here']:>9.3f}{row['there']:>9.3f}{ratio:>7}"
+            if "title" in row:
+                verdict = "met" if row["met"] else "missed"
+                lines.append(f"{row['title']:62}{values}{row['target']:>8.2f} {verdict}")
+            else:
+                rest.append(f"{f'{name}: {figure}':62}{values}")
+    return lines + rest

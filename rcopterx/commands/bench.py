@@ -170,29 +170,28 @@ def scale(
 def cost(
     against: Annotated[Path, typer.Option(metavar="DIRECTORY", help="Checkout to compare this one with.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
-    vehicles: Annotated[int, typer.Option(metavar="N", min=1, max=63, help="Vehicles to fly.")] = 3,
-    horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
-    seconds: Annotated[
-        float, typer.Option(metavar="S", min=1, max=3600, help="How long each flight is measured.")
-    ] = 20.0,
-    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Flights of each checkout.")] = 3,
+    only: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME,NAME,...",
+            help="Trials to run: six vehicles, trio, radio, step, largest. Default: all but largest.",
+        ),
+    ] = "six,trio,radio,step",
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Runs of each trial and checkout.")] = 3,
 ) -> None:
-    """What a fleet costs, here and in another checkout, in alternating flights: load, latency, memory."""
-    from rcopterx.benchmarks.cost import FIGURES, CostError, run
+    """What this checkout costs beside another one, in alternating runs: load, latency, memory."""
+    from rcopterx.benchmarks.cost import TRIALS, CostError, run, table
 
+    names = only.split(",")
+    if unknown := [name for name in names if name not in TRIALS]:
+        raise typer.BadParameter(f"{unknown[0]}: there are {', '.join(TRIALS)}", param_hint="--only")
     tell = partial(typer.echo, err=True)
     try:
-        document = run(against, vehicles, horizon, seconds, rounds, lambda text: tell(f"bench cost: {text}"))
+        document = run(against, names, rounds, lambda text: tell(f"bench cost: {text}"))
     except CostError as error:
         tell(f"error: {error}")
         raise typer.Exit(EXIT_FAILED) from None
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
-    typer.echo(f"{'':14}{'here':>10}{'there':>10}{'ratio':>8}")
-    for name in FIGURES:
-        here, there, ratio = (document[column][name] for column in ("here", "there", "ratio"))
-        typer.echo(f"{name:14}{here:>10.3f}{there:>10.3f}{'-' if ratio is None else f'{ratio:.2f}':>8}")
+    typer.echo(json.dumps(document, indent=2) if as_json else "\n".join(table(document)))
 
 
 @app.command()

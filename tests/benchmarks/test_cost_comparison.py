@@ -1,75 +1,106 @@
-"""Promises of the comparison of two checkouts: medians, ratios, and a reason where none can be measured."""
+"""Promises of the comparison of two checkouts: medians, ratios, targets, and a reason where there is none."""
 
-import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
-from rcopterx.benchmarks.cost import FIGURES, CostError, compared, descendants, figures, memory_of, run
+from rcopterx.benchmarks.cost import (
+    TRIALS,
+    CostError,
+    Target,
+    Trial,
+    compared,
+    fleet_figures,
+    largest_figures,
+    manoeuvre_figures,
+    measured,
+    run,
+    step_figures,
+    table,
+)
 from rcopterx.command_line import app
 
-
-def row(value: float) -> dict[str, float]:
-    return dict.fromkeys(FIGURES, value)
+TRIAL = Trial((), lambda document, _: document, {"load": Target("load of a fleet", 0.5)})
 
 
-def test_ratios_are_those_of_the_medians() -> None:
-    document = compared([row(1.0), row(9.0), row(2.0)], [row(4.0), row(4.0), row(100.0)])
-    assert document["here"]["p99_ms"] == 2.0
-    assert document["there"]["p99_ms"] == 4.0
-    assert set(document["ratio"].values()) == {0.5}
+def test_ratios_are_those_of_the_medians_and_judged_by_their_targets() -> None:
+    here = [{"load": 1.0}, {"load": 9.0}, {"load": 2.0}]
+    there = [{"load": 4.0}, {"load": 4.0}, {"load": 100.0}]
+    (row,) = compared(TRIAL, here, there).values()
+    assert row == {
+        "here": 2.0, "there": 4.0, "ratio": 0.5, "title": "load of a fleet", "target": 0.5, "met": True,
+    }  # fmt: skip
+    assert not compared(TRIAL, there, here)["load"]["met"]
 
 
-def test_there_is_no_ratio_to_zero() -> None:
-    assert compared([row(1.0)], [row(0.0)])["ratio"]["missed_ticks"] is None
+def test_there_is_no_ratio_to_zero_and_none_of_what_only_one_knows() -> None:
+    found = compared(TRIAL, [{"load": 1.0, "new": 2.0}], [{"load": 0.0}])
+    assert found.keys() == {"load"}
+    assert found["load"]["ratio"] is None
+    assert not found["load"]["met"]
+
+
+def test_a_larger_fleet_is_better() -> None:
+    target = TRIALS["largest"].targets["largest_fleet"]
+    assert target.met(2.0)
+    assert not target.met(0.5)
 
 
 def test_loads_are_per_vehicle() -> None:
-    found = figures(
-        {
-            "vehicles": 3,
-            "missed_ticks": 2,
-            "cpu_share": {"agent": 0.6, "router": 0.15},
-            "pose_to_command_ms": {"p50": 2.0, "p99": 5.0, "max": 9.0},
-        },
-        memory_mb=100.0,
-    )
+    row = {
+        "vehicles": 3,
+        "missed_ticks": 2,
+        "cpu_share": {"agent": 0.6, "router": 0.15},
+        "pose_to_command_ms": {"p50": 2.0, "p99": 5.0, "max": 9.0},
+    }
+    found = fleet_figures({"runs": [row]}, memory_mb=100.0)
     assert found["total_share"] == pytest.approx(0.25)
     assert found["agent_share"] == pytest.approx(0.2)
-    assert (found["missed_ticks"], found["p99_ms"], found["memory_mb"]) == (2, 5.0, 100.0)
+    assert (found["missed_periods"], found["pose_to_command_p99_ms"], found["memory_mb"]) == (2, 5.0, 100.0)
 
 
 def test_a_fleet_that_did_not_fly_is_told_with_its_problem() -> None:
+    row = {"vehicles": 2, "missed_ticks": None, "problem": "no pose of h2"}
     with pytest.raises(CostError, match="no pose of h2"):
-        figures({"vehicles": 2, "missed_ticks": None, "problem": "no pose of h2"}, 0.0)
+        fleet_figures({"runs": [row]}, 0.0)
+    report = {"manoeuvre": "hover", "frame_to_radio_ms": None, "problem": "nobody is ready"}
+    with pytest.raises(CostError, match="nobody is ready"):
+        manoeuvre_figures(report, 0.0)
+
+
+def test_documents_of_the_other_trials_are_read() -> None:
+    assert manoeuvre_figures({"frame_to_radio_ms": {"p99": 9.0}}, 0.0) == {"frame_to_radio_p99_ms": 9.0}
+    assert largest_figures({"largest_fleet": 6}, 0.0) == {"largest_fleet": 6}
+    steps = {"horizons": {"110": {"cascade": {"mean_ms": 0.5, "p999_ms": 3.0}}}}
+    assert step_figures(steps, 0.0) == {"mean_ms": 0.5, "p999_ms": 3.0}
+
+
+def test_what_has_a_target_is_listed_first() -> None:
+    rows = compared(TRIAL, [{"aside": 3.0, "load": 1.0}], [{"aside": 0.0, "load": 4.0}])
+    head, load, _, aside = table({"trials": {"six": rows}})
+    assert head.split() == ["here", "there", "ratio", "target"]
+    assert load.split()[-5:] == ["1.000", "4.000", "0.25", "0.50", "met"]
+    assert aside.split() == ["six:", "aside", "3.000", "0.000", "-"]
+
+
+def test_a_command_without_a_document_is_told_with_its_last_words(tmp_path: Path) -> None:
+    (tmp_path / "rcopterx").mkdir()
+    (tmp_path / "rcopterx" / "__main__.py").write_text("import sys; sys.exit('no router answers')")
+    with pytest.raises(CostError, match="bench scale ended with 1: no router answers"):
+        measured(Trial(("bench", "scale"), lambda document, _: document, {}), tmp_path)
 
 
 def test_a_directory_that_is_no_checkout_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CostError, match="no checkout"):
-        run(tmp_path, 3, 30, 1.0, 1, lambda _: pytest.fail("nothing is flown"))
+        run(tmp_path, ["six"], 1, lambda _: pytest.fail("nothing is flown"))
     result = CliRunner().invoke(app, ["bench", "cost", "--against", str(tmp_path)])
     assert result.exit_code == 1
     assert "no checkout" in result.output
 
 
-def played(proc: Path, process: int, parent: int, pss_kb: int) -> None:
-    directory = proc / str(process)
-    directory.mkdir()
-    (directory / "stat").write_text(f"{process} (a (strange) name) S {parent} 1 1")
-    (directory / "smaps_rollup").write_text(f"Rss: 99999 kB\nPss: {pss_kb} kB\nPss_Anon: 1 kB\n")
-
-
-def test_grandchildren_count_and_strangers_do_not(tmp_path: Path) -> None:
-    for process, parent in ((10, 1), (11, 10), (12, 11), (20, 1)):
-        played(tmp_path, process, parent, 500)
-    played(tmp_path, 10_000, 12, 500)
-    (tmp_path / "10000" / "stat").unlink()
-    (tmp_path / "self").symlink_to(tmp_path / "10")
-    assert sorted(descendants(10, tmp_path)) == [11, 12]
-    assert memory_of([11, 12, 99], tmp_path) == pytest.approx(1.0)
-
-
-def test_this_process_is_a_descendant_of_its_parent() -> None:
-    assert os.getpid() in descendants(os.getppid())
-    assert memory_of([os.getpid()]) > 1.0
+def test_a_trial_that_does_not_exist_is_refused_with_those_that_do(tmp_path: Path) -> None:
+    result: Any = CliRunner().invoke(app, ["bench", "cost", "--against", str(tmp_path), "--only", "seven"])
+    assert result.exit_code == 2
+    assert "largest" in result.output

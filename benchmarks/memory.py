@@ -1,0 +1,33 @@
+"""Processes that a process has started, and the memory that they use (proc(5))."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+
+def descendants(process: int, proc: Path = Path("/proc")) -> list[int]:
+    """Processes that a process has started, directly or not (proc(5), field 4 of stat)."""
+    children: dict[int, list[int]] = {}
+    for entry in proc.glob("[0-9]*"):
+        try:
+            parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+        except (OSError, ValueError, IndexError):
+            continue
+        children.setdefault(parent, []).append(int(entry.name))
+    found, waiting = [], [process]
+    while waiting:
+        started = children.get(waiting.pop(), [])
+        found += started
+        waiting += started
+    return found
+
+
+def memory_of(processes: Sequence[int], proc: Path = Path("/proc")) -> float:
+    """Memory of processes together, shared pages counted once (PSS) [MB]; one that has ended has none."""
+    total_kb = 0
+    for process in processes:
+        try:
+            text = (proc / str(process) / "smaps_rollup").read_text()
+        except OSError:
+            continue
+        total_kb += sum(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
+    return total_kb / 1000
