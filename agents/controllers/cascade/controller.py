@@ -199,7 +199,6 @@ class CascadeController(BaseController):
         last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
     ) -> Solution:
         expired, self._expired = self._expired, UNLIMITED.expired
-        planned = self._planned_inputs()
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
         clear = self._clearances(estimate, reference)
@@ -211,11 +210,11 @@ class CascadeController(BaseController):
             self._steady_reference(reference),
             self._steady_bounds,
             self._share_of(_STEADY),
-            Budget(expired, self._planned_steady(planned, estimate)),
+            Budget(expired, lambda: self._planned_steady(estimate)),
             None if clear is None else clear.bound_heights,
         )
         heading, height_m = steady.flat[:, 1], steady.flat[: self._horizon, 0]
-        budget = Budget(expired, None if planned is None else planned[:, _HORIZONTAL])
+        budget = Budget(expired, self._planned_horizontal)
         horizontal = self._horizontal.solve(
             HorizontalTask(estimate, push[_HORIZONTAL], heading, reference, clear, height_m, budget),
             self._horizontal_bounds,
@@ -232,8 +231,14 @@ class CascadeController(BaseController):
             early=not (horizontal.solved and steady.solved),
         )
 
-    def _planned_steady(self, planned: Array | None, estimate: Estimate) -> Array | None:
+    def _planned_horizontal(self) -> Array | None:
+        """Pitch and roll of the previous plan."""
+        planned = self._planned_inputs()
+        return None if planned is None else planned[:, _HORIZONTAL]
+
+    def _planned_steady(self, estimate: Estimate) -> Array | None:
         """Thrust and yaw of the previous plan as inputs of their problem, in which thrust does not turn."""
+        planned = self._planned_inputs()
         if planned is None:
             return None
         steady = planned[:, _STEADY].copy()

@@ -65,7 +65,10 @@ class TiltProblem:
         crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
         self._crowded = LateralQP(crowded, self._system, max_iterations)
         self._drag = 0.5 * float(model.k[:2].sum())
-        self._lead = self._mean_delay_s() / parameters.period_s
+        lead = self._mean_delay_s() / parameters.period_s
+        at = np.minimum(np.arange(parameters.stages - 1) + lead, parameters.stages - 1.0)
+        before = np.minimum(at.astype(int), parameters.stages - 2)
+        self._ahead = before, (at - before)[:, None]
 
     def forget(self) -> None:
         """Start the next solve from nothing."""
@@ -129,8 +132,8 @@ class TiltProblem:
         rows[:, 2:4] = turned_back(turn, samples[:, 4:6])
         if self._feed_forward:
             needed = samples[:, 8:10] - self._drag * samples[:, 4:6]
-            at = np.minimum(np.arange(stages - 1) + self._lead, stages - 1.0)
-            ahead = np.column_stack([np.interp(at, np.arange(stages), needed[:, axis]) for axis in (0, 1)])
+            before, share = self._ahead
+            ahead = needed[before] * (1.0 - share) + needed[before + 1] * share
             rows[:-1, 4:] = turned_back(demand_turn, ahead) / self._model.b[:2]
         terminal = np.zeros(system.size)
         terminal[POSITION], terminal[VELOCITY] = samples[-1, :2], samples[-1, 4:6]

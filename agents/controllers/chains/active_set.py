@@ -34,6 +34,10 @@ def _never() -> bool:
     return False
 
 
+def _nothing() -> None:
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class Budget:
     """What a solve may take, and what it has to beat where that does not suffice.
@@ -43,11 +47,12 @@ class Budget:
     expired
         Whether to stop; asked before every factorisation.
     planned
-        Inputs of the previous plan one stage on, shape (N - 1, m); None if there is none.
+        Gives the inputs of the previous plan one stage on, shape (N - 1, m); None if there is none. Few
+        solves ask for it.
     """
 
     expired: Callable[[], bool] = _never
-    planned: Array | None = None
+    planned: Callable[[], Array | None] = _nothing
 
 
 UNLIMITED: Final = Budget()
@@ -179,8 +184,9 @@ class ActiveSetQP:
             inputs = self._values[:-1, chain.inputs]
         else:
             known = [chain.values()[:-1, chain.inputs]]
-            if budget.planned is not None:
-                known.append(budget.planned + balance)
+            planned = budget.planned()
+            if planned is not None:
+                known.append(planned + balance)
             inputs = self._best(known, target)
         return ChainSolution(chain.positions(), inputs - balance, solved, iterations)
 

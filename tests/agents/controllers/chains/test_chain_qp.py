@@ -317,7 +317,7 @@ def test_a_solve_that_is_stopped_at_any_moment_is_no_worse_than_the_previous_pla
         qp.forget()
     aim.rows[:, :2] = aim.terminal[:2] = after
     asked = count()
-    found = qp.solve(first, np.zeros(2), aim, Budget(lambda: next(asked) >= stop, planned))
+    found = qp.solve(first, np.zeros(2), aim, Budget(lambda: next(asked) >= stop, lambda: planned))
     assert (np.abs(found.inputs) <= 1.0 + 1e-5).all()
     best, known = (cost_of(problem, first, u, aim) for u in (found.inputs, np.clip(planned, -1.0, 1.0)))
     assert best <= known * (1.0 + 1e-6) + 1e-9
