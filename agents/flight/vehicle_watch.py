@@ -12,11 +12,10 @@ stick that swings from one side to the other does not count: a vehicle that osci
 not broken.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
-
-import numpy as np
 
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
@@ -108,8 +107,8 @@ class VehicleFault:
 class _Sums:
     """What has been added up until a moment."""
 
-    asked: Array
-    done: Array
+    asked: list[float]
+    done: list[float]
     height_m: float
     yaw_rad: float
 
@@ -132,12 +131,10 @@ class VehicleWatch:
         self._limits = limits
         self._period_s = period_s
         self._delay = round(model.delay_s / period_s)
-        lag_s = np.array(model.lag_s)
-        self._pole = np.where(lag_s > 0.0, np.exp(-period_s / np.maximum(lag_s, 1e-6)), 0.0)
+        self._pole = [math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0 for lag_s in model.lag_s]
         # A side of the range to which a stick hardly moves says nothing about it.
-        self._least = LEAST_STICK * np.stack(
-            (model.hover_input - model.u_min, model.u_max - model.hover_input)
-        )
+        below, above = model.hover_input - model.u_min, model.u_max - model.hover_input
+        self._least = (LEAST_STICK * below).tolist(), (LEAST_STICK * above).tolist()
         self.begin()
 
     def begin(self) -> None:
@@ -150,13 +147,13 @@ class VehicleWatch:
 
     def forget(self) -> None:
         """Begin new windows, as what is known of the motion has a gap."""
-        self._under_way: deque[Array] = deque(maxlen=self._delay + 1)
-        self._acting: Array | None = None
-        self._asked, self._done = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
+        self._under_way: deque[list[float]] = deque(maxlen=self._delay + 1)
+        self._acting: list[float] | None = None
+        self._asked, self._done = [0.0] * INPUT_SIZE, [0.0] * INPUT_SIZE
         self._window: deque[_Sums] = deque(maxlen=1 + round(THRUST_WINDOW_S / self._period_s))
         self._full_for_s = 0.0
-        self._suspect_s = np.zeros(INPUT_SIZE)
-        self._since_far_s = np.full((2, INPUT_SIZE), np.inf)
+        self._suspect_s = dict.fromkeys(AXIS_NAMES, 0.0)
+        self._since_far_s = [math.inf] * INPUT_SIZE, [math.inf] * INPUT_SIZE
 
     @property
     def warning(self) -> str:
@@ -191,22 +188,26 @@ class VehicleWatch:
         return self._axis_fault()
 
     def _add_up(self, command: Array, motion: Array) -> None:
+        # Plain floats: arrays of four take longer than the arithmetic on them.
         model, period_s = self._model, self._period_s
-        self._under_way.append(command)
-        arrived = self._under_way[0]
-        self._acting = arrived if self._acting is None else arrived + self._pole * (self._acting - arrived)
-        far = np.stack((-self._acting, self._acting)) > self._least
-        self._since_far_s = np.where(far, 0.0, self._since_far_s + period_s)
-        rates = motion[XD_BODY:]
-        turning = np.zeros(INPUT_SIZE)
-        turning[U_PITCH] = motion[YAW_RATE] * motion[YD_BODY]
-        turning[U_ROLL] = -motion[YAW_RATE] * motion[XD_BODY]
-        turning[U_THRUST] = -model.gravity_m_s2
-        self._window.append(
-            _Sums(self._asked.copy(), rates - self._done, float(motion[Z]), float(motion[YAW]))
-        )
-        self._asked += period_s * model.b * self._acting
-        self._done += period_s * (model.k * rates + turning)
+        self._under_way.append(command.tolist())
+        arrived, before = self._under_way[0], self._acting
+        acting = arrived
+        if before is not None:
+            acting = [u + pole * (a - u) for u, a, pole in zip(arrived, before, self._pole, strict=True)]
+        self._acting = acting
+        for since_far_s, least, sign in zip(self._since_far_s, self._least, (-1.0, 1.0), strict=True):
+            for axis in range(INPUT_SIZE):
+                far = sign * acting[axis] > least[axis]
+                since_far_s[axis] = 0.0 if far else since_far_s[axis] + period_s
+        state: list[float] = motion.tolist()
+        rates, turn = state[XD_BODY:], state[YAW_RATE]
+        turning = turn * state[YD_BODY], -turn * state[XD_BODY], -model.gravity_m_s2, 0.0
+        done = [rate - sum_ for rate, sum_ in zip(rates, self._done, strict=True)]
+        self._window.append(_Sums(self._asked.copy(), done, state[Z], state[YAW]))
+        for axis in range(INPUT_SIZE):
+            self._asked[axis] += period_s * model.input_gain[axis] * acting[axis]
+            self._done[axis] += period_s * (model.damping[axis] * rates[axis] + turning[axis])
 
     def _thrust_fault(self, command: Array) -> VehicleFault | None:
         first, last = self._window[0], self._window[-1]
@@ -219,7 +220,7 @@ class VehicleWatch:
         asked = last.asked[U_THRUST] - first.asked[U_THRUST]
         if asked <= 0.5 * THRUST_WINDOW_S * self._model.gravity_m_s2:
             return None  # It falls on purpose: nothing can be told from so little thrust.
-        gain = float((last.done - first.done)[U_THRUST] / asked)
+        gain = (last.done[U_THRUST] - first.done[U_THRUST]) / asked
         self._learn(gain)
         if self._learning_s < LEARNING_S or self._learnt_gain is None or self.hover_thrust is None:
             return None
@@ -248,18 +249,25 @@ class VehicleWatch:
         if len(self._window) < back:
             return None
         first, last = self._window[-back], self._window[-1]
-        asked, done = last.asked - first.asked, last.done - first.done
-        side = (asked > 0.0).astype(int)
-        counts = np.abs(asked) >= WINDOW_S * self._model.b * self._least[side, np.arange(INPUT_SIZE)]
-        counts &= self._since_far_s[1 - side, np.arange(INPUT_SIZE)] >= SWING_S
-        counts[U_THRUST] = False
-        if abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
-            counts[[U_PITCH, U_ROLL]] = False
-        effect = np.where(counts, done / np.where(counts, asked, 1.0), 1.0)
-        self._suspect_s = np.where(effect < DEAD_EFFECT, self._suspect_s + self._period_s, 0.0)
+        effects = {axis: self._effect(axis, first, last) for axis in AXIS_NAMES}
+        for axis, effect in effects.items():
+            dead = effect < DEAD_EFFECT
+            self._suspect_s[axis] = self._suspect_s[axis] + self._period_s if dead else 0.0
         for axis, name in AXIS_NAMES.items():
             if self._suspect_s[axis] >= AXIS_PATIENCE_S:
-                if effect[axis] < REVERSED_EFFECT:
+                if effects[axis] < REVERSED_EFFECT:
                     return VehicleFault("axis_reversed", f"{name} acts the wrong way round", axis)
                 return VehicleFault("axis_dead", f"{name} has no effect", axis)
         return None
+
+    def _effect(self, axis: int, first: _Sums, last: _Sums) -> float:
+        """Effect of an axis between two moments; 1 where the window does not count."""
+        if axis != U_YAW and abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
+            return 1.0
+        asked = last.asked[axis] - first.asked[axis]
+        side = int(asked > 0.0)
+        if self._since_far_s[1 - side][axis] < SWING_S:
+            return 1.0
+        if abs(asked) <= WINDOW_S * self._model.input_gain[axis] * self._least[side][axis]:
+            return 1.0
+        return (last.done[axis] - first.done[axis]) / asked
