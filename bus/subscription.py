@@ -105,7 +105,8 @@ class Inbox(Generic[M]):
 
     def latest(self) -> Received[M] | None:
         """Newest valid message, None before the first."""
-        self.drain()
+        if self._payloads:
+            self.drain()
         return self._newest
 
     def reject(self, kind: str, reason: str) -> None:
