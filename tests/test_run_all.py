@@ -1,0 +1,35 @@
+"""Promises of what `make test` runs: both parts run, each line has its name, and either failure is one."""
+
+import sys
+
+import pytest
+import run_all
+
+PASSES = (sys.executable, "-c", "print('one'); print('two')")
+FAILS = (sys.executable, "-c", "import sys; print('three'); sys.exit(3)")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "code"), [(PASSES, PASSES, 0), (FAILS, PASSES, 1), (PASSES, FAILS, 1)]
+)
+def test_either_failure_is_one(
+    first: tuple[str, ...], second: tuple[str, ...], code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_all, "RUNS", {"fleets": first, "units": second})
+    assert run_all.main() == code
+
+
+def test_every_line_has_its_name_and_the_end_tells_what_failed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_all, "RUNS", {"fleets": PASSES, "units": FAILS})
+    run_all.main()
+    lines = capsys.readouterr().out.splitlines()
+    assert sorted(lines[:3]) == ["fleets | one", "fleets | two", "units  | three"]
+    assert lines[3:] == ["fleets: passed, 0.0 min", "units: FAILED, 0.0 min"]
+
+
+def test_every_test_but_campaigns_is_run_once() -> None:
+    marks = {name: command[-1] for name, command in run_all.RUNS.items()}
+    assert marks["fleets"] == "integration and not campaign"
+    assert marks["units"] == "not integration and not campaign"
