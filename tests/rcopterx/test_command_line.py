@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
-from support.bus import own_address
+from support.bus import free_port, own_address
 from support.fleets import HARDWARE_PAIR, PAIR
 from support.scripted import ScriptedVehicle, fleet_file_text
 from support.waiting import wait_for
@@ -370,7 +370,8 @@ def test_the_host_is_the_only_one_or_has_to_be_named(tmp_path: Path) -> None:
     assert chosen_host(fleet, None) == "main"
     with pytest.raises(FleetError, match="--host: unknown host 'roof', known are main"):
         chosen_host(fleet, "roof")
-    path.write_text(PAIR + '[hosts.main]\n[hosts.second]\naddress = "127.0.0.2"\n')
+    port = f"router_port = {free_port()}\n"
+    path.write_text(f'{PAIR}[hosts.main]\n{port}[hosts.second]\naddress = "127.0.0.2"\n{port}')
     fleet = load_fleet(path)
     with pytest.raises(FleetError, match="--host: this fleet has several, name one of main, second"):
         chosen_host(fleet, None)
