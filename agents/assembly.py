@@ -13,6 +13,7 @@ from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.formation.limit_scaling import LimitScaling
 from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.handover import Handover
+from rcopterx.agents.lease import ControlLease
 from rcopterx.agents.load_relief import LoadRelief
 from rcopterx.agents.observation import Observation
 from rcopterx.agents.pacing import Pacing, SolveTimer
@@ -36,6 +37,7 @@ TRAJECTORY_CHECKED: Final = "trajectory_checked"
 class AgentParts:
     """Parts of an agent beside its pilot; what each does is told where it is defined."""
 
+    lease: ControlLease
     observation: Observation
     handover: Handover
     requests: RequestHandler
@@ -102,7 +104,8 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
     poses = bus.subscribe(channels.POSE, vehicle, depth=16)
     # What was written counts from the next pose on; to wake up for it would double the steps of a leader.
     applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
-    observation = Observation(pilot, pacing, poses, applied, clock)
+    lease = ControlLease(bus.life, settings.take_over, clock())
+    observation = Observation(pilot, pacing, poses, applied, lease, clock)
     plans = LeaderPlans(vehicle, lambda name: bus.subscribe(channels.PLAN, name))
     plans.keep(link.leader for link in settings.following)
     # Statuses are looked up when they are needed; they wake nobody.
@@ -130,8 +133,9 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
     relief = LoadRelief(bus, settings.period_s, pacing, traffic)
     counted = (pilot, observation, plans, traffic, external, lost, changes, guard, requests, relief)
     return AgentParts(
+        lease=lease,
         observation=observation,
-        handover=Handover(bus, vehicle, pilot, tuning),
+        handover=Handover(bus, settings, lease, pilot, tuning),
         requests=requests,
         plans=plans,
         peers=peers,
@@ -145,5 +149,7 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
         relief=relief,
         pacing=pacing,
         solve=solve,
-        diagnostics=DiagnosticsCollector(pilot, tuning, pacing, solve, relief, counted, realtime),
+        diagnostics=DiagnosticsCollector(
+            pilot, tuning, pacing, solve, relief, counted, realtime, settings.bus.host
+        ),
     )

@@ -1,11 +1,18 @@
-"""Handover between an agent and its successor: telling the intent, and taking up that of a predecessor."""
+"""Handover between an agent and its successor: telling the intent, and taking up that of a predecessor.
+
+A successor asks the launcher of its host what its predecessor meant to do. If the predecessor still flies,
+its successor hears its intent from then on, and for a moment after it has taken over: what was asked of the
+predecessor last is not lost.
+"""
 
 from typing import Final
 
 from msgspec.structs import replace
 
 from rcopterx.agents.intent import configuration_of, intent_of, passed_s, task_of
+from rcopterx.agents.lease import ControlLease
 from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.bus import channels
 from rcopterx.bus.intent import Intent
@@ -14,6 +21,8 @@ from rcopterx.bus.session import RequestFailedError
 from rcopterx.bus.stepping import StepBus
 from rcopterx.vehicles.state import YAW
 
+LATE_INTENT_S: Final = 0.5
+"""How long after a handover words of the predecessor still count."""
 LONG_PERIOD_S: Final = 1.0
 """An intent with a path is long: as long as nothing changes it is told only so often."""
 RECALL_TIMEOUT_S: Final = 0.2
@@ -30,8 +39,10 @@ class Handover:
     ----------
     bus
         The bus.
-    vehicle
-        Name of the vehicle.
+    settings
+        The vehicle's.
+    lease
+        The agent's own.
     pilot, tuning
         The agent's own.
 
@@ -41,9 +52,14 @@ class Handover:
         What the previous process of this agent meant to do; None if nobody remembers one.
     """
 
-    def __init__(self, bus: StepBus, vehicle: str, pilot: Pilot, tuning: Tuning) -> None:
+    def __init__(
+        self, bus: StepBus, settings: AgentSettings, lease: ControlLease, pilot: Pilot, tuning: Tuning
+    ) -> None:
         self._bus = bus
-        self._vehicle = vehicle
+        self._vehicle, self._host = settings.vehicle, settings.bus.host
+        self._lease = lease
+        self._intents = bus.subscribe(channels.INTENT, self._vehicle, depth=4, waking=False)
+        self._resumed_s: float | None = None
         self._pilot = pilot
         self._tuning = tuning
         self._told: Intent | None = None
@@ -64,16 +80,36 @@ class Handover:
     def _recall(self) -> None:
         """Learn what the predecessor meant to do, when it told that, and how its predecessors ended."""
         try:
-            reply = self._bus.request(self._vehicle, Recall(), timeout_s=RECALL_TIMEOUT_S, patience_s=0.0)
+            reply = self._bus.request(
+                self._host, Recall(vehicle=self._vehicle), timeout_s=RECALL_TIMEOUT_S, patience_s=0.0
+            )
         except RequestFailedError:
             return
         if isinstance(reply, RecallReply):
             self.predecessor, self._predecessor_s = reply.intent, self._bus.clock() - reply.age_s
             self._quick_deaths = reply.quick_deaths
 
+    def hear(self) -> bool:
+        """Take in what a predecessor that still flies means to do; True if that is to be resumed again."""
+        again = False
+        for received in self._intents.drain():
+            intent = received.message
+            if intent.lease == self._lease.number:
+                continue  # Its own words.
+            late = self._resumed_s is not None
+            if late and received.arrived_s - (self._resumed_s or 0.0) > LATE_INTENT_S:
+                continue
+            before, self.predecessor = self.predecessor, intent
+            self._predecessor_s = received.arrived_s
+            if not self._lease.held:
+                self._restore_configuration(intent)
+            again = again or (late and before is not None and _meant(before) != _meant(intent))
+        return again
+
     def resume(self) -> bool:
         """Go on with the task of the predecessor, in flight; False without one."""
         intent, clock = self.predecessor, self._pilot.clock
+        self._resumed_s = self._bus.clock()
         if intent is None:
             return False
         self._restore_configuration(intent)
@@ -103,11 +139,16 @@ class Handover:
         clock, now_s = self._pilot.clock, self._bus.clock()
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
         intent = intent_of(
-            self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous, clock.epoch,
-            clock.current_frame, clock.time_s, yaw_rad,
+            self._lease.number, self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous,
+            clock.epoch, clock.current_frame, clock.time_s, yaw_rad,
         )  # fmt: skip
-        meant = replace(intent, epoch=0, frame=0, yaw_rad=None, path_elapsed_s=0.0, moves=())
+        meant = _meant(intent)
         if intent.path is not None and meant == self._told and now_s - self._told_s < LONG_PERIOD_S:
             return
         self._told, self._told_s = meant, now_s
         self._bus.publish(channels.INTENT, self._vehicle, intent)
+
+
+def _meant(intent: Intent) -> Intent:
+    """What is the same in two intents if nothing was asked for and nothing happened between them."""
+    return replace(intent, lease=0, epoch=0, frame=0, yaw_rad=None, path_elapsed_s=0.0, moves=())

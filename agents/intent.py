@@ -29,6 +29,7 @@ _END_OF_TIME_S: Final = 1e9
 
 
 def intent_of(
+    lease: int,
     task: Task,
     configuration: Configuration,
     previous: Configuration | None,
@@ -41,6 +42,8 @@ def intent_of(
 
     Parameters
     ----------
+    lease
+        Control lease of the agent.
     task
         The task, its times on the vehicle's clock.
     configuration, previous
@@ -58,6 +61,7 @@ def intent_of(
     path = _path(task.source)
     end = task.source.sample(_END_OF_TIME_S, 1.0, 2)
     return Intent(
+        lease=lease,
         phase=task.phase.value,
         epoch=epoch,
         frame=frame,

@@ -7,14 +7,15 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.lease import ControlLease
 from rcopterx.agents.pacing import Pacing
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.telemetry import prefixed
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.subscription import Inbox, Received
 
-SEQUENCES_UNDER_WAY: Final = 64
-"""More commands of a predecessor than can be under way to the transmitter gateway."""
+OF_ANOTHER_AGENT: Final = -1
+"""Sequence of no command of this agent."""
 
 
 class Observation:
@@ -26,14 +27,10 @@ class Observation:
         The vehicle's.
     poses, applied
         Filled by the bus.
+    lease
+        Of the agent.
     clock
         Monotonic clock [s].
-
-    Attributes
-    ----------
-    first_sequence
-        What the agent's command numbers are counted from: beyond all of its predecessor, by what the
-        transmitter gateway told before the first command. No clock of any host matters.
     """
 
     events: Mapping[str, int] = MappingProxyType({})
@@ -44,13 +41,14 @@ class Observation:
         pacing: Pacing,
         poses: Inbox[Pose],
         applied: Inbox[Applied],
+        lease: ControlLease,
         clock: Callable[[], float],
     ) -> None:
         self._pilot = pilot
         self._pacing = pacing
         self._poses = poses
         self._applied = applied
-        self.first_sequence = 0
+        self._lease = lease
         self._clock = clock
         self.seen: Received[Pose] | None = None
         """Newest pose that the pilot took in."""
@@ -71,13 +69,15 @@ class Observation:
         return self._pacing.coast_at_s(self._pilot.clock.period_s)
 
     def take_applied(self) -> None:
-        """Tell the pilot what was written to the radio; its sequences count from the first command."""
-        for applied in self._applied.drain():
-            message = applied.message
-            if self._pilot.sequence == 0:
-                self.first_sequence = message.sequence + SEQUENCES_UNDER_WAY
-            sequence = message.sequence - self.first_sequence
-            self._pilot.note_applied(message.state, sequence, np.array(message.input))
+        """Tell the pilot what was written to the radio; what another agent flies is only watched."""
+        for received in self._applied.drain():
+            applied, lease = received.message, self._lease
+            lease.note_applied(applied.lease, self._clock())
+            if not lease.held:
+                self._pilot.watch(applied.state, np.array(applied.input))
+                continue
+            sequence = applied.sequence if applied.lease == lease.number else OF_ANOTHER_AGENT
+            self._pilot.note_applied(applied.state, sequence, np.array(applied.input))
 
     def frames(self) -> Iterator[float]:
         """Tell the pilot each new frame, and one that is overdue; yields when it began [monotonic s]."""

@@ -139,6 +139,8 @@ class Pilot:
         self.informed = False
         """Whether the state of the transmitter is known; before that nothing may be commanded."""
         self._seen = False
+        self._watched = False
+        """Whether another agent flies the vehicle in the air, and this one watches."""
         self._expected_yaw_rad = 0.0
         self._lift_off = LiftOff(model)
         self._blind_s = 0.0
@@ -239,11 +241,18 @@ class Pilot:
         event = _EVENT_OF_STATE[state]
         if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
-            # What acts now is what the earlier process commanded; the first step starts from there.
-            self.input_history = InputHistory(value)
-        self.informed = True
+            if not self._watched:
+                # What acts now is what the earlier process commanded; the first step starts from there.
+                self.input_history = InputHistory(value)
+        self.informed, self._watched = True, False
         self.guidance.on_event(event, self.estimate)
         self.guidance.go_on(self.estimate, self.clock.time_s)
+
+    def watch(self, state: str, value: Array) -> None:
+        """Take in what another agent's commands became: the estimate is warm when this one takes over."""
+        if self.clock.started:
+            self._watched = _EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
+            self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
 
     def take_off(self, height_m: float) -> str | None:
         """Begin to take off; a refusal is returned as its reason."""
@@ -372,7 +381,8 @@ class Pilot:
 
     @property
     def _standing(self) -> bool:
-        return not self.guidance.rotor_on or self._lift_off.under_way
+        in_the_air = self.guidance.rotor_on or self._watched
+        return not in_the_air or self._lift_off.under_way
 
     def _tend_lift_off(self, time_s: float) -> None:
         """Let the controller take over once the vehicle has lifted, and give up one that does not."""

@@ -16,6 +16,7 @@ from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.telemetry import command_message, plan_message, timing_of
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.bus.messages import LeaseBid
 from rcopterx.bus.realtime import request_realtime, settle
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
@@ -56,33 +57,59 @@ class Agent:
         self._began_s = self._step_s = 0.0
         self._estimate: list[float] | None = None
         self._timing: CommandTiming | None = None
-        # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
-        self._answer_from_s = self._clock() + ORIENTATION_S
-        bus.serve(settings.vehicle, self._parts.requests.verbs)
-        bus.announce(settings.vehicle, "agent")
+        self._leases = bus.subscribe(channels.LEASE, settings.vehicle, depth=16)
+        self._answer_from_s = math.inf
+        self._speaks = False
+
+    @property
+    def lost(self) -> bool:
+        """Whether another agent flies the vehicle now: there is nothing left to do."""
+        return self._parts.lease.lost
 
     def step(self) -> None:
         """Everything that is due now: read, decide, control, publish."""
         self._bus.begin_step()
         self._step_s = self._stopwatch()
         self._estimate = None
+        self._tend_lease()
         self._read()
-        self._decide()
-        if self._control_by_s is not None and (self._clock() >= self._control_by_s or self._plans_are_here()):
-            self._publish(self._control())
-        if self._clock() >= self._reporter.due_s:
-            self._reporter.report()
+        if not self.lost:
+            self._decide()
+            if self._control_by_s is not None and self._time_to_control():
+                self._publish(self._control())
+            if self._clock() >= self._reporter.due_s and not self._parts.lease.quiet:
+                self._reporter.report()
         self._bus.end_step(self._settings.vehicle, self._estimate)
+
+    def _tend_lease(self) -> None:
+        """Ask for a lease as long as there is none, and speak for the vehicle from then on."""
+        parts, vehicle, now_s = self._parts, self._settings.vehicle, self._clock()
+        lease = parts.lease
+        for received in self._leases.drain():
+            answer = received.message
+            lease.hear(answer.agent, answer.number, answer.commanding, now_s)
+        if lease.bid(now_s, warm=self._pilot.ready):
+            host = self._settings.bus.host or None
+            bid = LeaseBid(agent=lease.agent, host=host, take_over=lease.take_over)
+            self._bus.publish(channels.LEASE_BID, vehicle, bid)
+        if lease.held and not self._speaks:
+            self._speaks = True
+            # What is asked of an agent that has just restarted in flight waits until it knows that it flies.
+            self._answer_from_s = now_s + ORIENTATION_S
+            self._bus.serve(vehicle, parts.requests.verbs)
+            self._bus.announce(vehicle, "agent")
+            self._reporter.begin()
 
     def _read(self) -> None:
         """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle."""
         parts, guidance = self._parts, self._pilot.guidance
         oriented = self._pilot.informed or self._clock() >= self._answer_from_s
-        if oriented and parts.requests.take(self._bus.pending()):
+        if oriented and not self.lost and parts.requests.take(self._bus.pending()):
             self._reporter.soon()
         was_flying = guidance.rotor_on
         parts.observation.take_applied()
-        if not was_flying and guidance.rotor_on and parts.handover.resume():
+        found_flying = not was_flying and guidance.rotor_on
+        if (parts.handover.hear() or found_flying) and parts.handover.resume():
             parts.changes.keep_leaders()
             parts.lost.expect()
         for began_s in parts.observation.frames():
@@ -111,6 +138,9 @@ class Agent:
             self._control_by_s = now_s + (self._settings.leader_wait_s if guidance.follows else 0)
         elif parts.pacing.left_out(clock.current_frame, clock.period_s):
             self._pilot.fly_as_planned()
+
+    def _time_to_control(self) -> bool:
+        return self._clock() >= (self._control_by_s or 0.0) or self._plans_are_here()
 
     def _plans_are_here(self) -> bool:
         followed = [link.leader for link in self._pilot.guidance.followed]
@@ -153,8 +183,8 @@ class Agent:
             parts.traffic.tend(self._reporter.said, parts.peers.statuses())
 
     def _publish_command(self, output: ControlOutput) -> None:
-        sequence = self._parts.observation.first_sequence + self._pilot.sequence
-        command = command_message(self._settings, self._pilot, output, sequence, self._timing)
+        lease = self._parts.lease.number
+        command = command_message(self._settings, self._pilot, output, lease, self._timing)
         self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
 
     def _publish_plan(self, output: ControlOutput) -> None:
@@ -178,11 +208,14 @@ class Agent:
         if self._control_by_s is not None:
             return self._control_by_s
         overdue_at_s = self._parts.observation.overdue_at_s
-        return min(self._reporter.due_s, math.inf if overdue_at_s is None else overdue_at_s)
+        report_at_s = math.inf if self._parts.lease.quiet else self._reporter.due_s
+        return min(
+            report_at_s, self._parts.lease.next_s(), math.inf if overdue_at_s is None else overdue_at_s
+        )
 
 
-def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
-    """Run the agent of one vehicle until SIGTERM or SIGINT.
+def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
+    """Run the agent of one vehicle until SIGTERM or SIGINT, or until another agent flies the vehicle.
 
     Parameters
     ----------
@@ -190,6 +223,11 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
         The vehicle's settings.
     pilot
         Its pilot, built from the same settings; a spare process has it ready.
+
+    Returns
+    -------
+    bool
+        Whether another agent flies the vehicle now.
 
     Raises
     ------
@@ -205,9 +243,10 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> None:
         agent = Agent(settings, pilot, SteppedSession(session), realtime)
         heartbeat = own_heartbeat()
         settle()
-        while not stop.is_set():
+        while not stop.is_set() and not agent.lost:
             heartbeat.beat(agent.flying)
             wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
             wake.clear()
             agent.step()
         heartbeat.ending()
+        return agent.lost

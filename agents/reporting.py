@@ -42,8 +42,12 @@ class Reporter:
     def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts) -> None:
         self._vehicle, self._pilot, self._bus, self._parts = settings.vehicle, pilot, bus, parts
         self._remarked: set[str] = set()
-        self.due_s = bus.clock() + REPORT_PERIOD_S
+        self.begin()
         self.said: AgentStatus | None = None
+
+    def begin(self) -> None:
+        """Report a period from now on: an agent that takes over knows by then whether it flies."""
+        self.due_s = self._bus.clock() + REPORT_PERIOD_S
 
     def soon(self) -> None:
         """Whoever restarts this agent a moment later must know of a change."""

@@ -40,6 +40,8 @@ class AgentSettings:
         Ellipsoid around a vehicle that no other one is to enter; None for no avoidance.
     hover_thrust_limits
         When its battery counts as empty.
+    take_over
+        Whether it takes over from an agent that flies the vehicle, once it is warm.
     """
 
     bus: BusAddress
@@ -63,6 +65,7 @@ class AgentSettings:
     succession: Succession = field(default_factory=Succession)
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
     hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS
+    take_over: bool = False
 
     @property
     def configuration(self) -> Configuration:

@@ -41,7 +41,7 @@ def command_message(
     settings: AgentSettings,
     pilot: Pilot,
     flight: ControlOutput,
-    sequence: int,
+    lease: int,
     timing: CommandTiming | None,
 ) -> Command:
     """Stick command of a control period."""
@@ -49,8 +49,8 @@ def command_message(
     return Command(
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
-        source=settings.vehicle,
-        sequence=sequence,
+        lease=lease,
+        sequence=pilot.sequence,
         input=(pitch, roll, thrust, yaw),
         next_inputs=FloatArray.of(flight.next_inputs),
         period_s=settings.period_s,
@@ -152,6 +152,8 @@ class DiagnosticsCollector:
         All parts of the agent that count what happens to them.
     realtime
         Whether the process runs in a real-time scheduling class.
+    host
+        Where it runs; empty where hosts have no names.
     """
 
     def __init__(
@@ -163,7 +165,9 @@ class DiagnosticsCollector:
         relief: LoadRelief,
         sources: Sequence[Source],
         realtime: bool,
+        host: str,
     ) -> None:
+        self._host = host or None
         self._pilot = pilot
         self._tuning = tuning
         self._pacing = pacing
@@ -198,6 +202,7 @@ class DiagnosticsCollector:
             closest_plan_m=pilot.avoidance.closest_m,
             realtime=self._realtime,
             process=os.getpid(),
+            host=self._host,
             remarks=(*pilot.remarks, *filter(None, (self._tuning.remark, self._relief.remark))),
             processor_share=self._relief.processor_share(),
         )

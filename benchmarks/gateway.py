@@ -18,7 +18,7 @@ import numpy as np
 
 from rcopterx.bus import channels
 from rcopterx.bus.message import FloatArray
-from rcopterx.bus.messages import Command, Pose
+from rcopterx.bus.messages import Command, LeaseBid, Pose
 from rcopterx.bus.requests import Arm
 from rcopterx.bus.router import run_router
 from rcopterx.bus.session import BusAddress, Session
@@ -32,6 +32,9 @@ from rcopterx.transmitter_gateway.protocols.registry import create_protocol, def
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 
 PERIOD_S = 0.02
+LEASE_S = 20.0
+AGENT = 1
+"""Who flies all the vehicles."""
 IDLE_S = 1.5
 PLAN_STEPS = 6
 NEXT_INPUTS = FloatArray.of(np.tile([0.0, 0.0, 0.55, 0.0], (PLAN_STEPS, 1)))
@@ -158,6 +161,7 @@ class _Commander:
         self._session = session
         self._names = names
         self._frame = 0
+        self._leases = _leases(session, names)
         self.sent = 0
 
     def fly(self, seconds: float, thrust: float) -> None:
@@ -184,10 +188,30 @@ class _Commander:
                     channels.COMMAND,
                     name,
                     Command(
-                        epoch=1, frame=self._frame, source=name, sequence=self._frame,
+                        epoch=1, frame=self._frame, lease=self._leases[name], sequence=self._frame,
                         input=(0.0, 0.0, thrust, 0.0), next_inputs=NEXT_INPUTS, period_s=PERIOD_S,
                     ),
                 )  # fmt: skip
+
+
+def _leases(session: Session, names: list[str]) -> dict[str, int]:
+    """Control leases of all vehicles."""
+    answers = {name: session.subscribe(channels.LEASE, name, depth=8) for name in names}
+    leases: dict[str, int] = {}
+    give_up_s = time.monotonic() + LEASE_S
+    while len(leases) < len(names):
+        if time.monotonic() > give_up_s:
+            raise RuntimeError("the transmitter gateway issues no leases")
+        for name in names:
+            session.publish(channels.LEASE_BID, name, LeaseBid(agent=AGENT))
+        time.sleep(PERIOD_S)
+        leases |= {
+            name: received.message.number
+            for name, inbox in answers.items()
+            for received in inbox.drain()
+            if received.message.number
+        }
+    return leases
 
 
 def _arm(pilot: _Commander, session: Session, names: list[str]) -> None:
@@ -195,7 +219,7 @@ def _arm(pilot: _Commander, session: Session, names: list[str]) -> None:
     waiting = list(names)
     while waiting:
         pilot.fly(IDLE_S if len(waiting) == len(names) else 0.2, thrust=0.0)
-        reply = session.request(waiting[0], Arm(lease=waiting[0]), patience_s=10.0)
+        reply = session.request(waiting[0], Arm(), patience_s=10.0)
         if reply.accepted:
             waiting.pop(0)
         elif time.monotonic() > give_up_s:

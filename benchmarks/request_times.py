@@ -22,7 +22,7 @@ Tell = Callable[[str], None]
 Ask = Callable[[Fleet, int], object]
 
 VERBS: Final[dict[str, Ask]] = {
-    "recall": lambda fleet, _: fleet.session.request("h1", Recall()),
+    "recall": lambda fleet, _: fleet.session.request(fleet.file.vehicles["h1"].host, Recall(vehicle="h1")),
     "go_to": lambda fleet, number: fleet["h1"].go_to((0.05 * (number % 2), 0.0, 1.0)),
     "follow_same_leader": lambda fleet, number: fleet["h3"].follow("h1", WIDE if number % 2 else NEAR),
     "follow_other_leader": lambda fleet, number: (

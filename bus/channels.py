@@ -27,9 +27,9 @@ from rcopterx.bus.message import SCHEMA_VERSION, Message
 __all__ = [
     "AGENT_STATUS", "AGENT_STEPS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK",
     "DATA_HIGH", "DATA_LOW", "EVERY_FLEET", "EXTERNAL_INPUT", "FLEET_UNIT", "INTENT", "INTERACTIVE_HIGH",
-    "KILL", "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "PLAN", "POSE", "REAL_TIME", "RECORDER", "ROOT",
-    "ROUTER_STATUS", "SIMULATOR_UNIT", "TRACKER_STATUS", "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel",
-    "alive_key", "key", "request_key",
+    "KILL", "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "LEASE", "LEASE_BID", "PLAN", "POSE", "REAL_TIME",
+    "RECORDER", "ROOT", "ROUTER_STATUS", "SIMULATOR_UNIT", "TRACKER_STATUS", "TRACKER_UNIT",
+    "TRANSMITTER_STATUS", "Channel", "alive_key", "key", "request_key",
 ]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
@@ -93,6 +93,14 @@ PLAN: Final = Channel(
 COMMAND: Final = Channel(
     "command", messages.Command, "vehicle", "agent", 50, 0.06, REAL_TIME, True,
     "stick command and the inputs that follow it",
+)  # fmt: skip
+LEASE_BID: Final = Channel(
+    "lease_bid", messages.LeaseBid, "vehicle", "agent", 0, 1.0, REAL_TIME, True,
+    "an agent that starts asks for the lease that its commands need",
+)  # fmt: skip
+LEASE: Final = Channel(
+    "lease", messages.Lease, "vehicle", "transmitter_gateway", 0, 1.0, REAL_TIME, True,
+    "which agent may command",
 )  # fmt: skip
 APPLIED: Final = Channel(
     "applied", messages.Applied, "vehicle", "transmitter_gateway", 50, 0.1, DATA_HIGH, True,
@@ -161,7 +169,7 @@ RECORDER: Final = Channel(
 )  # fmt: skip
 
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
-    POSE, PLAN, COMMAND, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT, TRANSMITTER_STATUS,
-    TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED, LAUNCHER_EVENT, RECORDER,
-    AGENT_STEPS,
+    POSE, PLAN, COMMAND, LEASE_BID, LEASE, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT,
+    TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED,
+    LAUNCHER_EVENT, RECORDER, AGENT_STEPS,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows

@@ -65,6 +65,8 @@ class Intent(Message, frozen=True, kw_only=True):
     """Phase that goes on once the transmitter gateway obeys again; only in the phase `emergency`."""
     previous: FlownBy | None = None
     """What flew before the last change, to go back to if the change ends the process."""
+    lease: Count = 0
+    """Control lease of the agent."""
 
     def check(self) -> None:
         """See `Message.check`."""

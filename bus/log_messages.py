@@ -59,7 +59,7 @@ class AgentSteps(Message, frozen=True, kw_only=True):
     MAX_BYTES: ClassVar[int] = 131072
 
     life: Count
-    """Identifies the process: wall clock at its start [ms]."""
+    """Identifies the process."""
     began_s: float
     """Monotonic clock of the host when the agent was made."""
     number: Count

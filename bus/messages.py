@@ -137,10 +137,10 @@ class Command(Message, frozen=True, kw_only=True):
     epoch: Count
     frame: Count
     """Epoch and frame of the pose it was computed from."""
-    source: Name
-    """Who commands: the holder of the lease, or the command is refused."""
+    lease: Count
+    """Control lease of the agent; commands of an earlier one than that which commands are refused."""
     sequence: Count
-    """Strictly increasing, also over restarts of the source."""
+    """Strictly increasing within a lease."""
     input: Four
     """Pitch, roll, thrust, yaw; normalised sticks."""
     next_inputs: FloatArray
@@ -152,6 +152,30 @@ class Command(Message, frozen=True, kw_only=True):
     def check(self) -> None:
         """See `Message.check`."""
         self.next_inputs.check("next_inputs", 4, MAX_NEXT_INPUTS)
+
+
+class LeaseBid(Message, frozen=True, kw_only=True):
+    """An agent asks the transmitter gateway for the lease that its commands need, until it has one."""
+
+    agent: Count
+    """Identifies the process."""
+    host: Name | None = None
+    """Where it runs."""
+    take_over: bool = False
+    """It is ready to take over from the agent that commands, as an operator wants it to."""
+
+
+class Lease(Message, frozen=True, kw_only=True):
+    """Answer to a bid, and news that another agent commands."""
+
+    agent: Count
+    """Whom it is about."""
+    number: Count
+    """Its lease; 0 if it is given none while another agent commands."""
+    commanding: Count
+    """Lease whose commands count."""
+    issued: Count
+    """Newest lease of the vehicle."""
 
 
 class ControlTask(Message, frozen=True, kw_only=True):
@@ -236,6 +260,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """The process runs in a real-time scheduling class."""
     process: Count = 0
     """Process id."""
+    host: Name | None = None
+    """Where the agent runs."""
     remarks: Annotated[tuple[Text, ...], Meta(max_length=MAX_REMARKS)] = ()
     """What people should know of the vehicle: what failed, and what takes its place."""
     processor_share: Seconds = 0.0
@@ -278,8 +304,8 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
     module: Text
     """What the radio module says of itself."""
     ready: bool
-    lease: Name | None = None
-    """Source whose commands are accepted."""
+    lease: Count = 0
+    """Control lease whose commands count; 0 before the first command."""
     command_age_s: Seconds | None = None
     pose_age_s: Seconds | None = None
     last_sequence: Count = 0
@@ -309,6 +335,8 @@ class Applied(Message, frozen=True, kw_only=True):
     """Of the gateway."""
     timing: CommandTiming | None = None
     """Of the command, where it is fresh."""
+    lease: Count = 0
+    """Control lease whose commands count; 0 before the first command."""
 
 
 class SubjectState(Struct, frozen=True, kw_only=True):

@@ -38,7 +38,7 @@ EXAMPLE: Final[dict[str, Any]] = {
     "schema_version": 1,
     "epoch": 1700000000000,
     "frame": 4711,
-    "source": "h1",
+    "lease": 1,
     "sequence": 1,
     "input": [0.0, 0.0, 0.55, 0.0],
     "next_inputs": {"shape": [1, 4], "data": struct.pack("<4d", 0.0, 0.0, 0.55, 0.0)},
@@ -74,11 +74,15 @@ Zenoh *client* to the router of its host, put and subscribe to the keys below.
 
 _EXAMPLE: Final = """\
 ## A controller in another language
+First ask for a control lease: choose a number for `agent` by chance and put a `lease_bid` every 10 ms until
+an answer on `rcopterx/<fleet>/h1/lease` names that number. While another agent commands, the answer is 0; with
+`take_over` you get a lease all the same, and your first command takes over. You have lost the vehicle as soon
+as `commanding` of a `lease`, or `lease` of an `applied`, is greater than your lease: then stop.
+
 Subscribe to `rcopterx/<fleet>/h1/pose`; for every pose put a command on `rcopterx/<fleet>/h1/command`. The
-transmitter gateway obeys it once the vehicle is armed for its source: request `arm` with `lease` equal to the
-command's `source`, after half a second of commands with thrust 0. `sequence` must grow with every command,
-also over restarts: begin well above `sequence` of the newest `applied`. `next_inputs` are played when
-commands are late. A command as a map:
+transmitter gateway obeys it once the vehicle is armed: request `arm` after half a second of commands with
+thrust 0. `sequence` must grow with every command. `next_inputs` are played when commands are late. A command
+as a map:
 
 ```
 {fields}

@@ -10,7 +10,16 @@ from msgspec import Meta, Struct
 
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import SIMULATOR_UNIT
-from rcopterx.bus.message import FloatArray, InvalidMessageError, Message, Name, Seconds, Settings, Text
+from rcopterx.bus.message import (
+    Count,
+    FloatArray,
+    InvalidMessageError,
+    Message,
+    Name,
+    Seconds,
+    Settings,
+    Text,
+)
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, Applied, LeaderLink, SetPoint
 
 MAX_PATH_S: Final = 600.0
@@ -42,10 +51,7 @@ class Reply(Message, frozen=True, kw_only=True):
 
 
 class Arm(Request, frozen=True, kw_only=True):
-    """Let commands of `lease` reach the transmitter."""
-
-    lease: Name
-    """Source whose commands are to be obeyed: the vehicle's own agent as a rule."""
+    """Let commands reach the transmitter."""
 
 
 class Disarm(Request, frozen=True, kw_only=True):
@@ -189,7 +195,9 @@ class StopHost(Request, frozen=True, kw_only=True):
 
 
 class Recall(Request, frozen=True, kw_only=True):
-    """What did the agent of this vehicle mean to do? Asked by an agent that restarts."""
+    """What did the agent of a vehicle mean to do? Agents that start ask the launcher of their host."""
+
+    vehicle: Name
 
 
 class RecallReply(Reply, frozen=True, kw_only=True):
@@ -212,8 +220,10 @@ class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
     applied: Applied | None = None
     age_s: Seconds = 0.0
     """Time since the last frame it wrote became known."""
-    lease: Name | None = None
-    """Source whose commands it accepted."""
+    lease: Count = 0
+    """Control lease whose commands counted."""
+    issued: Count = 0
+    """Newest control lease."""
     killed: bool = False
     """It was killed and not reset, even if that could not be written because its port was closed."""
 
@@ -295,7 +305,13 @@ VERBS: Final = {
         Verb("start_host", "launcher", StartHost, "start the processes of a host", unit="host"),
         Verb("stop_host", "launcher", StopHost, "end the processes of a host", unit="host"),
         Verb(
-            "recall", "launcher", Recall, "last intent of the vehicle's previous agent", RecallReply, "agent"
+            "recall",
+            "launcher",
+            Recall,
+            "last intent of a vehicle's previous agent",
+            RecallReply,
+            "agent",
+            "host",
         ),
         Verb(
             "recall_transmitter",

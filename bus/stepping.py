@@ -4,7 +4,7 @@ Within a step nothing changes but by the process itself: neither the time nor wh
 inputs at the same steps make the process do the same again.
 """
 
-import time
+import secrets
 import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -26,6 +26,8 @@ MOST_WAITING: Final = 4096
 STEPS_TOLD: Final = 20
 """Steps without a control period that are told together."""
 REQUEST: Final = "request"
+LIFE_BITS: Final = 53
+"""Chosen by chance: enough that no two processes have the same number, and exact in every language."""
 
 
 class Inboxes(Protocol[M]):
@@ -38,7 +40,15 @@ class Inboxes(Protocol[M]):
 
 
 class StepBus(Protocol):
-    """What a process that works in steps needs of the bus; `Session` tells more of each."""
+    """What a process that works in steps needs of the bus; `Session` tells more of each.
+
+    Attributes
+    ----------
+    life
+        Identifies the process.
+    """
+
+    life: int
 
     def clock(self) -> float:
         """Time at which the present step began [monotonic s]."""
@@ -112,7 +122,7 @@ class SteppedSession:
     """
 
     def __init__(self, session: Session) -> None:
-        self._life = time.time_ns() // 1_000_000
+        self.life = secrets.randbits(LIFE_BITS)
         self._session = session
         self._now_s = self._began_s = session.clock()
         self._waiting: deque[_Input] = deque(maxlen=MOST_WAITING)
@@ -163,7 +173,7 @@ class SteppedSession:
 
     def _tell(self, vehicle: str, estimate: tuple[float, ...]) -> None:
         steps = AgentSteps(
-            life=self._life,
+            life=self.life,
             began_s=self._began_s,
             number=self._told,
             times_s=tuple(self._times_s),

@@ -9,6 +9,8 @@ from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 
 ROUTER: Final = "router"
 """Name and role of the process that routes messages."""
+EXIT_ELSEWHERE: Final = 4
+"""Exit code of an agent whose vehicle another agent flies; it is not started again."""
 RECORDER: Final = "recorder"
 """Name and role of the process that writes the flight log."""
 

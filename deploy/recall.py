@@ -46,9 +46,9 @@ class RecallService:
         self._intents = {vehicle: self._session.subscribe(channels.INTENT, vehicle) for vehicle in agents}
         # Fifty messages a second and vehicle: they wake nobody and are read only when somebody asks.
         self._applied = self._session.subscribe_all(channels.APPLIED, waking=False)
+        self._leases = self._session.subscribe_all(channels.LEASE, waking=False)
         self._transmitters = self._session.subscribe_all(channels.TRANSMITTER_STATUS, waking=False)
-        for vehicle in agents:
-            self._session.serve(vehicle, ["recall"])
+        self._session.serve(address.host, ["recall"])
         for vehicle in transmitters:
             self._session.serve(vehicle, ["recall_transmitter"])
         self._thread = threading.Thread(target=self._run, name="recall", daemon=True)
@@ -60,11 +60,13 @@ class RecallService:
             self._wake.clear()
             for incoming in self._session.pending():
                 if isinstance(incoming.request, Recall):
-                    incoming.answer(self._recall(incoming.unit))
+                    incoming.answer(self._recall(incoming.request.vehicle))
                 elif isinstance(incoming.request, RecallTransmitter):
                     incoming.answer(self._recall_transmitter(incoming.unit))
 
     def _recall(self, vehicle: str) -> RecallReply:
+        if vehicle not in self._intents:
+            return RecallReply(accepted=False, reason=f"the agent of {vehicle} does not run here")
         received, deaths = self._intents[vehicle].latest(), self._quick_deaths(vehicle)
         if received is None:
             reason = f"{vehicle} has not reported anything yet"
@@ -75,6 +77,7 @@ class RecallService:
     def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
         applied = _newest(self._applied.inboxes.get(vehicle))
         status = _newest(self._transmitters.inboxes.get(vehicle))
+        lease = _newest(self._leases.inboxes.get(vehicle))
         known = [(told.arrived_s, told.message.state) for told in (applied, status) if told is not None]
         if not known:
             return RecallTransmitterReply(accepted=False, reason=f"nothing is known of {vehicle} yet")
@@ -84,7 +87,10 @@ class RecallService:
             accepted=True,
             applied=None if applied is None else applied.message,
             age_s=max(0.0, self._session.clock() - (newest_s if applied is None else applied.arrived_s)),
-            lease=None if status is None else status.message.lease,
+            lease=max(
+                0 if status is None else status.message.lease, 0 if applied is None else applied.message.lease
+            ),
+            issued=0 if lease is None else lease.message.issued,
             killed=state == "killed",
         )
 

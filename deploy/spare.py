@@ -11,11 +11,10 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rcopterx.agents.process import run_agent
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.process_log import set_up
-from rcopterx.deploy.roles.agent import pilot_of
+from rcopterx.deploy.roles.agent import fly, pilot_of
 from rcopterx.deploy.roles.run import end_with_parent, log_start, name_process, run_reporting, runner
 from rcopterx.deploy.spare_process import Job
 
@@ -43,7 +42,7 @@ def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | No
     name_process(role, unit)
     log_start(role, unit)
     if role == "agent":
-        return lambda: run_agent(*pilots[unit])
+        return lambda: fly(*pilots[unit])
     return lambda: runners[role](fleet, unit)
 
 

@@ -14,7 +14,7 @@ from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.deploy.forking import ForkedProcess, ForkServer, Started
 from rcopterx.deploy.liveness import Liveness
 from rcopterx.deploy.process_log import rotate
-from rcopterx.deploy.processes import ProcessSpec
+from rcopterx.deploy.processes import EXIT_ELSEWHERE, ProcessSpec
 from rcopterx.deploy.spare_process import SPARES, SpareProcesses
 from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
@@ -285,6 +285,9 @@ class Supervisor:
         verdict, child.verdict = child.verdict, None
         if not child.wanted:
             return f"{name}: ended"
+        if code == EXIT_ELSEWHERE:
+            child.wanted = False
+            return f"{name}: ended, because another agent flies {child.spec.unit}"
         now = self._clock()
         quick = now - child.started_s < STABLE_AFTER_S
         child.quick_deaths = child.quick_deaths + 1 if quick else 0

@@ -69,7 +69,7 @@ class Vehicle:
 
     def arm(self) -> None:
         """Let the vehicle's agent command its transmitter."""
-        self._ask(Arm(lease=self.name))
+        self._ask(Arm())
 
     def disarm(self) -> None:
         """Keep the throttle low; refused while the vehicle may be in the air."""

@@ -1,4 +1,4 @@
-"""Which commands are accepted: form, limits, order, epoch, control lease (section 8.3)."""
+"""Which commands are accepted: form, limits, control lease, epoch, order (section 8.3)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from numbers import Real
 from msgspec import Struct
 
 from rcopterx.transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
+from rcopterx.transmitter_gateway.leases import Leases
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 LONGEST_PLAN = 64
-MOST_SOURCES = 8
-FORGET_AFTER_S = 2.0
 
 
 class Rejection(StrEnum):
@@ -29,8 +28,8 @@ class Rejection(StrEnum):
     OLDER_EPOCH = "older epoch"
     UNKNOWN_EPOCH = "epoch not in the raw poses"
     OLD_POSE = "command computed from an old pose"
-    NO_LEASE = "source without control lease"
-    TOO_MANY_SOURCES = "too many sources"
+    NO_LEASE = "no such control lease"
+    LEASE_LOST = "control lease lost"
 
 
 class AcceptedCommand(Struct, frozen=True):
@@ -44,7 +43,7 @@ class AcceptedCommand(Struct, frozen=True):
 
 @dataclass(slots=True)
 class Stream:
-    """The newest valid command of one source, when it arrived, and since when its thrust is low."""
+    """The newest valid command, when it arrived, and since when the commanded thrust is low."""
 
     command: AcceptedCommand
     arrival_s: float
@@ -52,17 +51,21 @@ class Stream:
 
 
 class Admission:
-    """Checks commands and keeps one `Stream` per source.
-
-    The stream of a source without the lease is kept as well, so that a hand-over can be refused to a silent
-    source; it has no influence on the vehicle.
+    """Checks commands and keeps the newest valid one.
 
     Parameters
     ----------
     limits : ArbiterLimits
         Input limits and times.
     counters : Counter
-        Rejections are counted here by reason.
+        Rejections, and changes of the agent that commands, are counted here.
+
+    Attributes
+    ----------
+    stream : Stream or None
+        What the agent with the newest lease commands; None before the first command.
+    leases : Leases
+        Whose commands count.
     """
 
     def __init__(self, limits: ArbiterLimits, counters: Counter[str]) -> None:
@@ -72,12 +75,13 @@ class Admission:
             for lower, upper in zip(limits.lower, limits.upper, strict=True)
         )
         self._counters = counters
-        self.streams: dict[str, Stream] = {}
+        self.stream: Stream | None = None
+        self.leases = Leases()
 
     def consider(
-        self, command: CommandInput, now_s: float, *, pose: PoseStamp | None, holder: str | None
+        self, command: CommandInput, now_s: float, *, pose: PoseStamp | None, flying: bool
     ) -> Rejection | None:
-        """Accept `command` into its source's stream or say why not.
+        """Accept `command` or say why not; the first one of a later lease takes over.
 
         Parameters
         ----------
@@ -87,27 +91,28 @@ class Admission:
             Time of arrival [s].
         pose : PoseStamp or None
             Newest raw pose of the vehicle, if any was received.
-        holder : str or None
-            Source with the control lease; None while the vehicle is not flying.
+        flying : bool
+            Whether the vehicle may be in the air.
         """
         checked = self._check_form(command)
         if isinstance(checked, AcceptedCommand):
-            rejection = self._check_order(checked.cause, now_s, None if pose is None else pose.epoch, holder)
+            rejection = self._check_order(checked.cause, None if pose is None else pose.epoch, flying)
             if rejection is None and pose is not None:
                 rejection = self._check_age(checked.cause, pose)
             if rejection is None:
                 self._store(checked, now_s)
-                rejection = None if holder in (None, checked.cause.source) else Rejection.NO_LEASE
         else:
             rejection = checked
         if rejection is not None:
             self._counters[rejection] += 1
         return rejection
 
+    def fresh(self, now_s: float) -> bool:
+        """Whether the newest command is not late."""
+        return self.stream is not None and now_s < self.stream.arrival_s + self._limits.hold_after_s
+
     def _check_form(self, command: CommandInput) -> AcceptedCommand | Rejection:
-        if not (isinstance(command.source, str) and command.source):
-            return Rejection.MALFORMED
-        for number in (command.epoch, command.sequence, command.frame):
+        for number in (command.lease, command.epoch, command.sequence, command.frame):
             if type(number) is not int or number < 0:
                 return Rejection.MALFORMED
         period = command.period_s
@@ -127,7 +132,7 @@ class Admission:
             if isinstance(checked, Rejection):
                 return checked
             inputs.append(checked)
-        cause = Cause(command.source, command.epoch, command.sequence, command.frame)
+        cause = Cause(command.lease, command.epoch, command.sequence, command.frame)
         return AcceptedCommand(cause, inputs[0], tuple(inputs[1:]), float(period))
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
@@ -152,45 +157,30 @@ class Admission:
                 rejection = Rejection.OUT_OF_LIMITS if abs(value) < math.inf else Rejection.NOT_FINITE
         return rejection or (clamped[0], clamped[1], clamped[2], clamped[3])
 
-    def _check_order(
-        self, cause: Cause, now_s: float, pose_epoch: int | None, holder: str | None
-    ) -> Rejection | None:
-        """Judge epoch and sequence number against the source's last accepted command.
+    def _check_order(self, cause: Cause, pose_epoch: int | None, flying: bool) -> Rejection | None:
+        """Judge lease, epoch and sequence number against the last accepted command.
 
         A change of epoch is believed only when the raw poses, which do not come from the agent, carry that
-        epoch too: then the Tracker's stream has restarted. A changed epoch starts a new count. A source may
-        be behind the raw poses for a moment, but not ahead of them: what was believed before there were any
-        is not believed when they contradict it.
+        epoch too: then the Tracker's stream has restarted. A changed epoch starts a new count, and so does
+        a later lease. An agent may be behind the raw poses for a moment, but not ahead of them: what was
+        believed before there were any is not believed when they contradict it.
         """
-        flying = holder is not None
-        self._forget_silent(now_s, holder)
-        stream = self.streams.get(cause.source)
-        if stream is None:
-            if len(self.streams) >= MOST_SOURCES:
-                return Rejection.TOO_MANY_SOURCES
+        if self.leases.lost(cause.lease):
+            return Rejection.LEASE_LOST
+        if not self.leases.was_issued(cause.lease):
+            return Rejection.NO_LEASE
+        if self.stream is None or self.stream.command.cause.lease != cause.lease:
             return Rejection.UNKNOWN_EPOCH if pose_epoch not in (None, cause.epoch) else None
-        last = stream.command.cause
+        last = self.stream.command.cause
         if cause.epoch == last.epoch:
             if pose_epoch is not None and cause.epoch > pose_epoch:
                 return Rejection.UNKNOWN_EPOCH
-            return None if self._follows(cause, stream, now_s) else Rejection.OLD_SEQUENCE
+            return None if cause.sequence > last.sequence else Rejection.OLD_SEQUENCE
         if cause.epoch < last.epoch and (flying or cause.epoch != pose_epoch):
             return Rejection.OLDER_EPOCH
         if pose_epoch is None:
             return Rejection.UNKNOWN_EPOCH if flying else None
         return None if cause.epoch == pose_epoch else Rejection.UNKNOWN_EPOCH
-
-    def _follows(self, cause: Cause, stream: Stream, now_s: float) -> bool:
-        """Whether a command comes after the last one of its source and epoch.
-
-        An agent counts on from what the gateway told last; a source of somebody else's may begin at a wall
-        clock, and wall clocks are set back. So a source whose last command is overdue may count from
-        anywhere, with a newer frame; one that was only delayed has an older frame, and an earlier process of
-        a source that commands is refused.
-        """
-        last = stream.command.cause
-        overdue = now_s >= stream.arrival_s + self._limits.hold_after_s
-        return cause.sequence > last.sequence or (overdue and cause.frame > last.frame)
 
     def _check_age(self, cause: Cause, pose: PoseStamp) -> Rejection | None:
         """Refuse a command that is behind the raw poses: its source does not hear them any more."""
@@ -199,18 +189,13 @@ class Admission:
         age_s = (pose.frame - cause.frame) * pose.period_s + pose.latency_s
         return Rejection.OLD_POSE if age_s > self._limits.command_age_s else None
 
-    def _forget_silent(self, now_s: float, holder: str | None) -> None:
-        """Let a source that fell silent start over, so that one wild sequence number is not for ever."""
-        silent = [name for name, s in self.streams.items() if now_s - s.arrival_s > FORGET_AFTER_S]
-        for name in silent:
-            if name != holder:
-                del self.streams[name]
-
     def _store(self, command: AcceptedCommand, now_s: float) -> None:
-        before = self.streams.get(command.cause.source)
+        if self.leases.command(command.cause.lease):
+            self._counters["agents that took over"] += 1
+        before = self.stream
         low_since_s: float | None = None
         if command.u[2] <= self._limits.low_thrust:
             gapless = before is not None and now_s - before.arrival_s < self._limits.hold_after_s
             low_since_s = before.low_since_s if before is not None and gapless else now_s
             low_since_s = now_s if low_since_s is None else low_since_s
-        self.streams[command.cause.source] = Stream(command, now_s, low_since_s)
+        self.stream = Stream(command, now_s, low_since_s)

@@ -58,8 +58,9 @@ class Arbiter:
         Current state and why.
     counters : Counter
         Rejections, state entries, planned inputs played and steps that slew rates limited, by name.
-    holder : str or None
-        Source with the control lease.
+    commanded : bool
+        Whether commands count: from arming until the flight is over, but not in a landing that an earlier
+        process began.
     """
 
     def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
@@ -67,13 +68,13 @@ class Arbiter:
         self.state = State.DISARMED
         self.reason = "started"
         self.counters: Counter[str] = Counter()
-        self.holder: str | None = None
+        self.commanded = False
         self.surveillance = Surveillance(vehicle, limits.surveillance, self.counters)
         self._admission = Admission(limits, self.counters)
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
         self._link = LinkState.LOST
-        self._candidate: str | None = None
+        self._arming = False
         self._shutdown = False
         self._motion: Motion | None = None
         self._now_s = -math.inf
@@ -92,8 +93,29 @@ class Arbiter:
         # The next step follows at once and judges the command; before it, time matters only to what is due.
         if now_s >= self.next_event_s():
             self._pass(now_s)
-        rejection = self._admission.consider(command, now_s, pose=self.surveillance.stamp, holder=self.holder)
+        rejection = self._admission.consider(
+            command, now_s, pose=self.surveillance.stamp, flying=self.commanded
+        )
         return Answer(rejection is None, rejection or "accepted")
+
+    def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
+        """Control lease of an agent that asks for one, 0 while it is not given any; see `Leases.bid`."""
+        fresh = self._admission.fresh(now_s)
+        return self._admission.leases.bid(agent, now_s, fresh=fresh, take_over=take_over)
+
+    @property
+    def lease(self) -> int:
+        """Control lease whose commands count; 0 before the first command."""
+        return self._admission.leases.commanding
+
+    @property
+    def issued(self) -> int:
+        """Newest control lease."""
+        return self._admission.leases.issued
+
+    def resume_leases(self, commanding: int, issued: int, now_s: float) -> None:
+        """Count leases on from an earlier process; see `Leases.resume`."""
+        self._admission.leases.resume(commanding, issued, now_s)
 
     def pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of the own or another vehicle."""
@@ -106,7 +128,7 @@ class Arbiter:
     def request(self, request: ActionRequest, now_s: float) -> Answer:
         """Carry out or refuse a request; `permissions` says whose requests count."""
         self.step(now_s)
-        problem = refusal(request, self.holder, self.limits.operators)
+        problem = refusal(request, self.limits.operators)
         if problem is None:
             problem = self._carry_out(request, now_s)
         if problem is not None:
@@ -117,14 +139,12 @@ class Arbiter:
     def _carry_out(self, request: ActionRequest, now_s: float) -> str | None:
         """Apply an allowed request; return why it had no effect, if so."""
         match request.action:
-            case Action.HAND_OVER:
-                return self._hand_over(request.source, now_s)
             case Action.SHUTDOWN:
                 self._shutdown = True
                 self.step(now_s)
                 return None
             case Action.ARM:
-                return self._arm(request.source, now_s)
+                return self._arm(request.by, now_s)
             case Action.RESET:
                 if self.state is not State.KILLED:
                     return "not killed"
@@ -137,13 +157,13 @@ class Arbiter:
                 self._take(Condition.KILL, request.by, now_s)
         return None
 
-    def _arm(self, source: str, now_s: float) -> str | None:
+    def _arm(self, by: str, now_s: float) -> str | None:
         if self.state in FLYING:
             return None
-        self._candidate = source
-        state = self._take(Condition.ARM, source, now_s)
+        self._arming = True
+        state = self._take(Condition.ARM, by, now_s)
         conditions = self._conditions(now_s, self._stream(), 0)
-        self._candidate = None
+        self._arming = False
         if state is State.ARMED:
             return None
         if state is State.KILLED:
@@ -157,14 +177,14 @@ class Arbiter:
     def take_over(self, last: LastApplied, now_s: float) -> Answer:
         """Go on with the flight of an earlier process, or say why not and stay as after any start.
 
-        The vehicle is taken over landing; fresh commands of the source that had the lease then count again.
+        The vehicle is taken over landing; fresh commands then count again.
         A landing goes on to its end, because why it was begun is not known any more. So does a descent, open
         loop: its poses may have been those of another body.
         """
         self.step(now_s)
         problem = take_over_problem(last, self.state, self.surveillance.own_track, self.limits, now_s)
         if problem is None:
-            self.holder = last.holder if last.state in (State.ARMED, State.HOLD) else None
+            self.commanded = last.state in (State.ARMED, State.HOLD)
             self._shaping.u = last.u
             distrust = "an earlier process descended" if last.state is State.DESCEND else None
             self.surveillance.take_over(distrust)
@@ -172,20 +192,10 @@ class Arbiter:
             if self.state in FLYING:
                 return Answer(True, f"{self.state}: {self.reason}")
             problem = "serial link lost"
-        self.holder = None
+        self.commanded = False
         self.counters["refused: take over"] += 1
         self.reason = f"not taken over: {problem}"
         return Answer(False, problem)
-
-    def _hand_over(self, source: str, now_s: float) -> str | None:
-        if self.holder is None:
-            return "nobody has the control lease: arm instead"
-        stream = self._admission.streams.get(source)
-        if stream is None or not self._is_fresh(stream, now_s):
-            return f"{source} sends no fresh commands"
-        self.holder = source
-        self.reason = f"control handed over to {source}"
-        return None
 
     def _take(self, condition: Condition, by: str, now_s: float) -> State:
         """Step once with a requested condition; return the state after it."""
@@ -195,11 +205,8 @@ class Arbiter:
     # Conditions ---------------------------------------------------------------------------------------
 
     def _stream(self) -> Stream | None:
-        source = self.holder or self._candidate
-        return None if source is None else self._admission.streams.get(source)
-
-    def _is_fresh(self, stream: Stream, now_s: float) -> bool:
-        return now_s < stream.arrival_s + self.limits.hold_after_s
+        """What is commanded, while it counts or decides about arming."""
+        return self._admission.stream if self.commanded or self._arming else None
 
     def _grounded(self, now_s: float) -> bool:
         return self._low_since_s is not None and now_s >= self._low_since_s + self.limits.arm_low_s
@@ -240,7 +247,7 @@ class Arbiter:
 
     def _judge_stream(self, found: set[Condition], stream: Stream, bridging: int, now_s: float) -> None:
         limits = self.limits
-        if self._is_fresh(stream, now_s):
+        if self._admission.fresh(now_s):
             found.add(Condition.FRESH)
         if bridging:
             found.add(Condition.BRIDGING)
@@ -252,10 +259,9 @@ class Arbiter:
             found.add(Condition.LOW_COMMANDED)
 
     def _thrust_wanted(self, now_s: float) -> bool:
-        return any(
-            stream.command.u[THRUST] > self.limits.low_thrust and self._is_fresh(stream, now_s)
-            for stream in self._admission.streams.values()
-        )
+        stream = self._admission.stream
+        wanted = stream is not None and stream.command.u[THRUST] > self.limits.low_thrust
+        return wanted and self._admission.fresh(now_s)
 
     def _judge_poses(self, found: set[Condition], now_s: float) -> None:
         """Judge the raw poses; a vehicle that stands on the floor is left alone unless it is to be armed."""
@@ -265,7 +271,7 @@ class Arbiter:
             found.add(Condition.GROUNDED)
             return
         self._judge_motion(found, now_s)
-        if not flying and self._candidate is None:
+        if not flying and not self._arming:
             return
         judgement = self.surveillance.judge(now_s, self._thrust_time_s if flying else 0.0)
         for condition, reason in (
@@ -353,10 +359,10 @@ class Arbiter:
         details = [self._details[c] for c in row.needs if c in self._details]
         self.reason = ": ".join([row.reason, *details])
         if row.target is State.ARMED and self.state not in FLYING:
-            self.holder = self._candidate
+            self.commanded = True
             self._thrust_time_s = 0.0
         if row.target not in FLYING:
-            self.holder = None
+            self.commanded = False
             self.surveillance.release()
         if row.target in ON_THE_WAY_DOWN and self.state not in ON_THE_WAY_DOWN:
             self._landing_since_s = now_s

@@ -50,7 +50,6 @@ class Action(StrEnum):
     DISARM = "disarm"
     KILL = "kill"
     RESET = "reset"
-    HAND_OVER = "hand over"
     SHUTDOWN = "shutdown"
 
 
@@ -59,12 +58,12 @@ class CommandInput(Struct, frozen=True):
 
     Parameters
     ----------
-    source : str
-        Who sends it.
+    lease : int
+        Control lease of the agent that sends it.
     epoch, frame : int
         Pose frame it was computed from.
     sequence : int
-        Grows with every command of the source, also over a restart of the source.
+        Grows with every command of a lease.
     u : sequence of float, shape (4,)
         Normalised inputs (pitch, roll, thrust, yaw).
     next_u : sequence of sequences of float, shape (k, 4)
@@ -73,7 +72,7 @@ class CommandInput(Struct, frozen=True):
         Command period [s].
     """
 
-    source: str
+    lease: int
     epoch: int
     sequence: int
     frame: int
@@ -130,11 +129,10 @@ class PoseStamp(Struct, frozen=True):
 
 
 class ActionRequest(Struct, frozen=True):
-    """A request: `by` whom, and for arming and hand-over the `source` that shall command."""
+    """A request, and by whom."""
 
     action: Action
     by: str
-    source: str = ""
 
 
 class LastApplied(Struct, frozen=True):
@@ -148,14 +146,17 @@ class LastApplied(Struct, frozen=True):
         Inputs it applied.
     written_s : float
         When it wrote them, on the local clock [s]; never later than the truth by more than the bus takes.
-    holder : str or None
-        Source with the control lease.
+    lease : int
+        Control lease whose commands counted.
+    issued : int
+        Newest control lease that was heard of.
     """
 
     state: State
     u: Input
     written_s: float
-    holder: str | None
+    lease: int
+    issued: int
 
 
 class Answer(Struct, frozen=True):
@@ -168,7 +169,7 @@ class Answer(Struct, frozen=True):
 class Cause(Struct, frozen=True):
     """Identity of the command that an output comes from."""
 
-    source: str
+    lease: int
     epoch: int
     sequence: int
     frame: int

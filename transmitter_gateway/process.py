@@ -93,6 +93,8 @@ class Gateway:
             self._take_poses()
         for vehicle, last in self._recall.answers():
             self._stations[vehicle].transmitter.recall(last, self._clock())
+        for station in self._stations.values():
+            station.take_bids(self._clock())
         commanded = [station for station in self._stations.values() if station.commands_wait]
         for station in commanded:
             station.take_commands(self._clock)

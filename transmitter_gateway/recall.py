@@ -83,8 +83,12 @@ def last_applied(reply: Reply, asked_s: float) -> LastApplied | None:
     if not isinstance(reply, RecallTransmitterReply):
         return None
     if reply.killed:
-        return LastApplied(State.KILLED, NEUTRAL, asked_s - reply.age_s, holder=None)
+        return LastApplied(
+            State.KILLED, NEUTRAL, asked_s - reply.age_s, lease=reply.lease, issued=reply.issued
+        )
     if reply.applied is None:
         return None
     state = State(reply.applied.state.upper())
-    return LastApplied(state, reply.applied.input, asked_s - reply.age_s, holder=reply.lease)
+    return LastApplied(
+        state, reply.applied.input, asked_s - reply.age_s, lease=reply.lease, issued=reply.issued
+    )

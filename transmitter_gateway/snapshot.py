@@ -44,8 +44,8 @@ class TransmitterSnapshot:
         Port and module.
     module : str
         The module, or what is wrong with the port, as text.
-    holder : str or None
-        Source with the control lease.
+    lease : int
+        Control lease whose commands count; 0 before the first command.
     binding : bool
         Bind frames are being sent.
     bridging_step : int
@@ -58,7 +58,7 @@ class TransmitterSnapshot:
     reason: str
     link: LinkState
     module: str
-    holder: str | None
+    lease: int
     binding: bool
     bridging_step: int
     counters: Mapping[str, int]

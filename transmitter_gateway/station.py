@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import Applied, Command, Kill, TransmitterStatus
+from rcopterx.bus.messages import Applied, Command, Kill, Lease, LeaseBid, TransmitterStatus
 from rcopterx.bus.requests import (
     Arm,
     Disarm,
@@ -24,6 +24,7 @@ COMMANDS_KEPT = 256
 """A flood of wrong commands must not push out the right ones between them."""
 COMMANDS_AT_ONCE = 8
 """So that a flood for one vehicle keeps no other one waiting."""
+BIDS_KEPT = 16
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
@@ -56,8 +57,12 @@ class Station:
         self._commands: Subscription[Command] = session.subscribe(
             channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT
         )
+        self._bids: Subscription[LeaseBid] = session.subscribe(
+            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT
+        )
         self._unpublished: list[Applied] = []
-        self._written_command: tuple[int, int] | None = None
+        self._written_command: tuple[int, int, int] | None = None
+        self._told_lease = 0
         self._accepted_s: float | None = None
         self._timing: CommandTiming | None = None
         self._last_sequence = 0
@@ -70,7 +75,7 @@ class Station:
         for received in self._commands.drain(COMMANDS_AT_ONCE):
             message = received.message
             command = CommandInput(
-                source=message.source,
+                lease=message.lease,
                 epoch=message.epoch,
                 sequence=message.sequence,
                 frame=message.frame,
@@ -83,6 +88,24 @@ class Station:
                 self._accepted_s, self._timing = received.arrived_s, message.timing
                 self._last_sequence = message.sequence
                 self.tick(now_s)
+
+    def take_bids(self, now_s: float) -> None:
+        """Answer agents that ask for a control lease, and tell everybody that another one commands."""
+        arbiter = self.transmitter.arbiter
+        if self.transmitter.awaiting_recall:
+            return  # Which leases were issued before is not known yet.
+        for received in self._bids.drain():
+            bid = received.message
+            number = arbiter.bid(bid.agent, now_s, take_over=bid.take_over)
+            self._tell_lease(bid.agent, number)
+        if arbiter.lease != self._told_lease:
+            self._tell_lease(0, 0)
+
+    def _tell_lease(self, agent: int, number: int) -> None:
+        arbiter = self.transmitter.arbiter
+        self._told_lease = arbiter.lease
+        lease = Lease(agent=agent, number=number, commanding=arbiter.lease, issued=arbiter.issued)
+        self._session.publish(channels.LEASE, self.vehicle, lease)
 
     @property
     def commands_wait(self) -> bool:
@@ -104,7 +127,7 @@ class Station:
         """Carry out a request and answer it."""
         request = incoming.request
         if isinstance(request, Arm):
-            action = ActionRequest(Action.ARM, by=request.source, source=request.lease)
+            action = ActionRequest(Action.ARM, by=request.source)
         elif isinstance(request, Disarm):
             action = ActionRequest(Action.DISARM, by=request.source)
         elif isinstance(request, KillVehicle):
@@ -130,7 +153,7 @@ class Station:
 
     def _applied(self, write: Write) -> Applied:
         cause = write.output.cause
-        identity = None if cause is None else (cause.epoch, cause.sequence)
+        identity = None if cause is None else (cause.lease, cause.epoch, cause.sequence)
         fresh = identity is not None and identity != self._written_command and not write.output.bridging_step
         self._written_command = identity
         return Applied(
@@ -140,6 +163,7 @@ class Station:
             epoch=0 if cause is None else cause.epoch,
             frame=0 if cause is None else cause.frame,
             sequence=0 if cause is None else cause.sequence,
+            lease=self.transmitter.arbiter.lease,
             fresh=fresh,
             command_arrived_s=self._accepted_s if fresh else None,
             written_s=write.time_s,
@@ -162,7 +186,7 @@ class Station:
                 link=snapshot.link.value,
                 module=snapshot.module[:400],
                 ready=snapshot.link.value == "ready",
-                lease=snapshot.holder,
+                lease=snapshot.lease,
                 command_age_s=None if accepted_s is None else max(0.0, now_s - accepted_s),
                 last_sequence=self._last_sequence,
                 bridging=snapshot.bridging_step > 0,

@@ -110,10 +110,10 @@ class Transmitter:
     # What arrives -------------------------------------------------------------------------------------
 
     def on_command(self, command: CommandInput, now_s: float) -> Answer:
-        """Take a command; an accepted one from the lease holder is written by the next `tick`."""
+        """Take a command; an accepted one is written by the next `tick`, if it flies the vehicle."""
         answer = self.arbiter.command(command, now_s)
         if answer.accepted:
-            self._decide_at_once(urgent=self.arbiter.holder == command.source)
+            self._decide_at_once(urgent=self.arbiter.commanded)
         else:
             self._deadline_s = None
         return answer
@@ -148,6 +148,11 @@ class Transmitter:
         self._silent_until_s = now_s + RECALL_LIMIT_S
         self._deadline_s = None
 
+    @property
+    def awaiting_recall(self) -> bool:
+        """Whether it is still open what an earlier process did."""
+        return self._awaiting_recall
+
     def recall(self, last: LastApplied | None, now_s: float) -> None:
         """Hear what an earlier process wrote last, None if there was none.
 
@@ -160,6 +165,7 @@ class Transmitter:
         self._decide_at_once()
         if last is None:
             return
+        self.arbiter.resume_leases(last.lease, last.issued, now_s)
         if last.state is State.KILLED:
             self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
         elif last.state in FLYING and not in_time:
@@ -358,7 +364,7 @@ class Transmitter:
             reason=self.arbiter.reason,
             link=self._link(module, now_s),
             module="waiting for the recall" if self._awaiting_recall else self.port.problem or module.text,
-            holder=self.arbiter.holder,
+            lease=self.arbiter.lease,
             binding=self._bind_since_s is not None,
             bridging_step=self._output.bridging_step,
             counters={str(k): n for k, n in (self.arbiter.counters + self.port.counters).items()},

@@ -56,7 +56,7 @@ def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
         Seat("router", host=host),
         Seat("recorder", host=host),
         Seat("launcher", tuple(dict.fromkeys((*agents, *transmitters))), host),
-        Seat("agent", agents),
+        Seat("agent", agents, host),
         Seat("transmitter_gateway", transmitters),
     ]
     if fleet.tracker.host == host:

@@ -1,5 +1,8 @@
 """The role of a vehicle's agent: its settings and its pilot from the fleet file."""
 
+import logging
+import sys
+
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
 from rcopterx.agents.formation.limit_scaling import limit_scale_of
@@ -10,6 +13,7 @@ from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.formation_check import links_of
+from rcopterx.deploy.processes import EXIT_ELSEWHERE
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.arbiter_limits import limits_of
 from rcopterx.deploy.roles.priorities import Priority
@@ -18,7 +22,14 @@ from rcopterx.deploy.roles.vehicle_models import model_of
 
 def run(fleet: FleetFile, vehicle: str) -> None:
     """Fly a vehicle."""
-    run_agent(*pilot_of(fleet, vehicle))
+    fly(*pilot_of(fleet, vehicle))
+
+
+def fly(settings: AgentSettings, pilot: Pilot) -> None:
+    """Fly a vehicle; the exit code `EXIT_ELSEWHERE` says that another agent does."""
+    if run_agent(settings, pilot):
+        logging.info("agent %s: another agent flies it", settings.vehicle)
+        sys.exit(EXIT_ELSEWHERE)
 
 
 def pilot_of(fleet: FleetFile, name: str) -> tuple[AgentSettings, Pilot]:

@@ -202,7 +202,7 @@ class _LifeComparison:
             result.unmatched += 1
             self._first(step, 0, "input", "the recorded agent controlled here, the replayed one did not")
             return
-        then = self._life.commands.get(command.sequence)
+        then = self._life.commands.get((command.lease, command.sequence))
         plan_then = self._plan_then((plan.epoch, plan.frame))
         if then is None or plan_then is None:
             # The last moments of a log may lack what was under way.

@@ -51,7 +51,7 @@ class AgentLife:
     replies
         To what the agent asked when it was made.
     commands
-        Of all lives, encoded, by sequence: each life counts on from the one before.
+        Of all lives, encoded, by lease and sequence.
     plans
         Of all lives, encoded, by the frame they were made for, in order.
     lost_steps
@@ -63,7 +63,7 @@ class AgentLife:
     from_start: bool
     replies: tuple[bytes, ...]
     steps: list[AgentStep] = field(default_factory=list)
-    commands: dict[int, bytes] = field(default_factory=dict)
+    commands: dict[tuple[int, int], bytes] = field(default_factory=dict)
     plans: dict[Frame, list[bytes]] = field(default_factory=dict)
     lost_steps: int = 0
 
@@ -121,10 +121,9 @@ class _Own:
                 (channels.PLAN, self._plan),
             )
         }
-        self._vehicle = vehicle
         self.steps: list[AgentSteps] = []
         self.requests: dict[tuple[str, int], bytes] = {}
-        self.commands: dict[int, bytes] = {}
+        self.commands: dict[tuple[int, int], bytes] = {}
         self.plans: dict[Frame, list[bytes]] = {}
 
     def take(self, topic: str, payload: bytes) -> None:
@@ -144,8 +143,7 @@ class _Own:
 
     def _command(self, payload: bytes) -> None:
         command = decode(payload, Command)
-        if command.source == self._vehicle:
-            self.commands[command.sequence] = payload
+        self.commands[command.lease, command.sequence] = payload
 
     def _plan(self, payload: bytes) -> None:
         plan = decode(payload, Plan)

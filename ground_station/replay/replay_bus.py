@@ -49,11 +49,14 @@ class ReplayBus:
 
     Attributes
     ----------
+    life
+        Identifies the process that was recorded.
     missing
         Inputs so far that the flight log does not have.
     """
 
     def __init__(self, life: AgentLife, published: Callable[[Channel[Any], Message], None]) -> None:
+        self.life = life.life
         self.missing = 0
         self._published = published
         self._now_s = life.began_s

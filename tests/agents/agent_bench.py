@@ -12,12 +12,13 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import Agent
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
-from rcopterx.bus.messages import AgentStatus, Applied, Command, LeaderLink, Pose
+from rcopterx.bus.messages import AgentStatus, Applied, Command, LeaderLink, Lease, Pose
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.stepping import SteppedSession
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
+LEASE = 1
 FOLLOWING = (LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0)),)
 Join = Callable[..., Session]
 
@@ -46,6 +47,9 @@ class Bench:
         self.others = join()
         self.commands = self.others.subscribe(channels.COMMAND, "h9", depth=256)
         self.plans = self.others.subscribe(channels.PLAN, "h9", depth=256)
+        self.bids = self.others.subscribe(channels.LEASE_BID, "h9", depth=256)
+        self.lease = LEASE
+        """What the gateway answers to bids; 0 for another agent commands."""
         self.statuses = self.others.subscribe(channels.AGENT_STATUS, "h9")
         self.agent = Agent(self.settings, self.pilot, SteppedSession(join(clock=self.clock)), realtime=False)
         self.frame = 100
@@ -54,10 +58,17 @@ class Bench:
     def step_until(self, condition: Callable[[], object], what: str) -> None:
         def stepped() -> bool:
             self.agent.step()
+            for bid in self.bids.drain():
+                self.answer(bid.message.agent)
             self.sent += [received.message for received in self.commands.drain()]
             return bool(condition())
 
         wait_for(stepped, what)
+
+    def answer(self, agent: int, commanding: int = 0) -> None:
+        """Tell an agent its lease, and which lease commands."""
+        answer = Lease(agent=agent, number=self.lease, commanding=commanding, issued=self.lease)
+        self.others.publish(channels.LEASE, "h9", answer)
 
     def pose(self, occluded: bool = False, publish: bool = True) -> Pose:
         place = {} if occluded else {"position_m": (0.0, 0.0, 1.0), "quaternion_xyzw": (0.0, 0.0, 0.0, 1.0)}
@@ -89,13 +100,13 @@ class Bench:
 
         self.step_until(seen, f"frame {self.frame} does not arrive")
 
-    def apply(self, state: str, thrust: float = 0.0, sequence: int = 0) -> None:
+    def apply(self, state: str, thrust: float = 0.0, sequence: int = 0, lease: int = LEASE) -> None:
         self.others.publish(
             channels.APPLIED,
             "h9",
             Applied(
                 state=state, input=(0.0, 0.0, thrust, 0.0), pulse_width_us=(1500.0,), epoch=0, frame=0,
-                sequence=sequence, fresh=False,
+                sequence=sequence, lease=lease, fresh=False,
             ),
         )  # fmt: skip
 

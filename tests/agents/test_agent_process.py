@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from agent_bench import FOLLOWING, HOVER, Bench, Join, settings_of
+from agent_bench import FOLLOWING, HOVER, LEASE, Bench, Join, settings_of
 from support.bus import raw_session
 from support.plans import plan_of
 
@@ -50,7 +50,7 @@ def test_on_the_floor_every_pose_is_answered_by_thrust_zero(bench: Bench) -> Non
         bench.see()
         command = bench.command_of(bench.frame)
         assert command.input == (0.0, 0.0, 0.0, 0.0)
-        assert command.source == "h9"
+        assert command.lease == LEASE
         assert (command.epoch, command.period_s) == (1, 0.02)
     sequences = [command.sequence for command in bench.sent]
     assert sequences == sorted(set(sequences))

@@ -19,26 +19,6 @@ from rcopterx.bus.requests import GoTo, RecallReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.stepping import SteppedSession
 
-FAR_AHEAD = 10**15
-"""Sequence that a predecessor counted from a wall clock which has been set back since."""
-
-
-def test_an_agent_counts_on_from_the_last_command_that_the_transmitter_gateway_obeyed(bench: Bench) -> None:
-    bench.start(sequence=FAR_AHEAD)
-    sent = [command.sequence for command in bench.sent]
-    assert sent[0] > FAR_AHEAD
-    assert sent == list(range(sent[0], sent[0] + len(sent)))
-
-
-def test_what_is_told_of_other_sources_later_does_not_change_how_an_agent_counts(bench: Bench) -> None:
-    bench.start(sequence=5)
-    bench.apply("armed", 0.545, sequence=FAR_AHEAD)
-    bench.settle()
-    bench.settle()
-    sent = [command.sequence for command in bench.sent]
-    assert sent == list(range(sent[0], sent[0] + len(sent)))
-    assert sent[-1] < FAR_AHEAD
-
 
 def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench: Bench) -> None:
     answers: list[bool] = []
@@ -47,6 +27,7 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
     def ask() -> None:
         answers.append(bench.others.request("h9", goal, timeout_s=10, patience_s=10).accepted)
 
+    bench.step_until(lambda: bench.agent._speaks, "the agent has no lease")
     asker = threading.Thread(target=ask)
     asker.start()
     wait_for(lambda: not bench.agent._bus._session._incoming.empty(), "the request does not arrive")
@@ -61,7 +42,7 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
 @contextmanager
 def remembering(session: Session, intent: Intent) -> Iterator[None]:
     """A launcher that remembers an intent."""
-    session.serve("h9", ["recall"])
+    session.serve("main", ["recall"])
     with answering(session, lambda _: RecallReply(accepted=True, intent=intent)):
         yield
 

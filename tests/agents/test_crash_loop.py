@@ -1,6 +1,7 @@
 """An agent that dies again and again comes back with what flew before, and then with the defaults."""
 
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -10,6 +11,7 @@ from pilot_bench import seen
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.handover import Handover
+from rcopterx.agents.lease import ControlLease
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
@@ -19,6 +21,7 @@ from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import SetPoint
 from rcopterx.bus.requests import RecallReply
 from rcopterx.bus.session import BusAddress
+from rcopterx.bus.subscription import Inbox
 
 FILE = Configuration("pid", "kalman", {"horizon": 10})
 CHANGED = Configuration("lqr", "extended_kalman", {"horizon": 12})
@@ -56,6 +59,9 @@ class Launcher:
     def clock(self) -> float:
         return 0.0
 
+    def subscribe(self, channel: Any, unit: str, depth: int, **_: object) -> Inbox[Any]:
+        return Inbox(channel, depth, unit)
+
     def request(self, *_: object, **__: object) -> RecallReply:
         return self._reply
 
@@ -75,7 +81,13 @@ class Restarted:
         self.tuning = Tuning(settings.configuration, self.pilot, 0.02, settings.limit_scale)
         reply = RecallReply(accepted=intent is not None, intent=intent, quick_deaths=quick_deaths)
         self.launcher = Launcher(reply)
-        self.handover = Handover(self.launcher, "h9", self.pilot, self.tuning)  # type: ignore[arg-type]
+        self.handover = Handover(
+            self.launcher,  # type: ignore[arg-type]  # answers like one
+            settings,
+            ControlLease(1, take_over=False, now_s=0.0),
+            self.pilot,
+            self.tuning,
+        )
         self.pilot.observe(seen(1))
         self.pilot.note_applied("armed", -1, HOVER)
         self.handover.resume()

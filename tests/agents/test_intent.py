@@ -79,7 +79,7 @@ def tasks(draw: st.DrawFn) -> Task:
 
 def told(task: Task, time_s: float) -> Intent:
     """The intent as a successor gets it over the bus."""
-    return decode(encode(intent_of(task, CONFIGURATION, None, 7, 100, time_s, 0.5)), Intent)
+    return decode(encode(intent_of(1, task, CONFIGURATION, None, 7, 100, time_s, 0.5)), Intent)
 
 
 @given(tasks(), times, times, st.floats(0.0, 3.0))

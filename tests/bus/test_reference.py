@@ -57,7 +57,7 @@ def test_units_types_and_meanings_come_from_the_fields() -> None:
     assert "| `period_s` | float, 0.0005 to 1 | s |" in section(text, "Pose")
     assert "| `velocity_m_s` | 3 times float or nil | m/s | `nil` |" in section(text, "AgentStatus")
     assert "| `solve_ms_p99` | float, from 0 | ms |" in section(text, "Diagnostics")
-    assert "Strictly increasing, also over restarts" in section(text, "Command")
+    assert "Strictly increasing within a lease" in section(text, "Command")
 
 
 def test_every_link_of_the_page_leads_to_a_heading() -> None:
@@ -69,6 +69,6 @@ def test_every_link_of_the_page_leads_to_a_heading() -> None:
 def test_the_printed_example_is_a_valid_command() -> None:
     block = printed().split("bytes of MessagePack:\n\n```\n")[1].split("```")[0]
     command = decode(bytes.fromhex(block), Command)
-    assert command.source == EXAMPLE["source"]
+    assert command.lease == EXAMPLE["lease"]
     assert command.input == tuple(EXAMPLE["input"])
     assert command.next_inputs.to_numpy().tolist() == [[0.0, 0.0, 0.55, 0.0]]

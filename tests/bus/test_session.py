@@ -223,7 +223,7 @@ def test_a_reply_may_have_its_own_type(join: Join) -> None:
     server, asker = join(), join()
     server.serve("h1", ["recall"])
     with answering(server, lambda _: RecallReply(accepted=True, age_s=1.5)):
-        answer = answer_of(asker, "h1", Recall())
+        answer = answer_of(asker, "h1", Recall(vehicle="h1"))
     assert answer == RecallReply(accepted=True, age_s=1.5)
 
 

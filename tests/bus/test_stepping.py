@@ -82,7 +82,7 @@ def test_steps_are_told_with_all_that_they_took_in(join: Join) -> None:
     # The first ones may have been told before the subscription was known everywhere.
     received = told.latest()
     assert received is not None
-    assert received.message.life == stepped._life
+    assert received.message.life == stepped.life
     assert list(received.message.estimate) == estimate
 
 
@@ -149,7 +149,7 @@ def test_requests_are_inputs_and_replies_are_told(join: Join) -> None:
     stepped, other, sent = SteppedSession(join()), join(), []
     other.serve("h1", ["recall"])
     with answering(other, lambda _: RecallReply(accepted=True, age_s=2.0)):
-        reply = stepped.request("h1", Recall(), patience_s=5.0)
+        reply = stepped.request("h1", Recall(vehicle="h1"), patience_s=5.0)
     stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
     stepped.begin_step()
     stepped.end_step("h1", [0.0])

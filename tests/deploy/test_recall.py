@@ -1,6 +1,7 @@
 """Promises of the launcher's recall: an agent that restarts learns what its predecessor meant to do."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from support.waiting import wait_for
 
@@ -25,11 +26,13 @@ INTENT = Intent(
 def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(bus_address, ["h1", "h2"], ["h1"], {"h1": 2, "h2": 0}.__getitem__)
+    service = RecallService(
+        replace(bus_address, host="main"), ["h1", "h2"], ["h1"], {"h1": 2, "h2": 0}.__getitem__
+    )
     agent = join()
 
     def recalled() -> RecallReply:
-        reply = agent.request("h1", Recall(), patience_s=10.0)
+        reply = agent.request("main", Recall(vehicle="h1"), patience_s=10.0)
         assert isinstance(reply, RecallReply)
         return reply
 
@@ -48,14 +51,14 @@ def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
         assert reply.intent == INTENT
         assert 0 <= reply.age_s < 10
         assert reply.quick_deaths == 2
-        other = agent.request("h2", Recall())
+        other = agent.request("main", Recall(vehicle="h2"))
         assert not other.accepted
     finally:
         service.close()
 
 
 def transmitter_status(state: str) -> TransmitterStatus:
-    return TransmitterStatus(state=state, reason="", link="lost", module="", ready=False, lease=None)
+    return TransmitterStatus(state=state, reason="", link="lost", module="", ready=False)
 
 
 APPLIED = Applied(
@@ -72,7 +75,7 @@ APPLIED = Applied(
 def test_kill_is_recalled_although_it_could_not_be_written_and_a_reset_ends_it(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(bus_address, [], ["h1"])
+    service = RecallService(replace(bus_address, host="main"), [], ["h1"])
     gateway = join()
 
     def recalled() -> RecallTransmitterReply:

@@ -57,7 +57,7 @@ def test_vehicles_fly_and_land_at_the_same_time(path: Path, vehicles: Vehicles) 
 
     run(script())
     for vehicle in vehicles.values():
-        assert vehicle.requests[:2] == [Arm(lease=vehicle.name), TakeOff(height_m=0.7)]
+        assert vehicle.requests[:2] == [Arm(), TakeOff(height_m=0.7)]
         assert isinstance(vehicle.requests[2], GoTo)
         assert vehicle.phase == "ground"
 

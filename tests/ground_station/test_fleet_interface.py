@@ -127,7 +127,7 @@ def test_take_off_arms_and_climbs_every_vehicle_and_waits(fleet: Fleet, vehicles
     fleet.take_off(height_m=0.7)
     assert phases(vehicles) == ["flying", "flying"]
     for vehicle in vehicles.values():
-        assert vehicle.requests == [Arm(lease=vehicle.name), TakeOff(height_m=0.7)]
+        assert vehicle.requests == [Arm(), TakeOff(height_m=0.7)]
 
 
 def test_take_off_leaves_others_and_those_in_the_air_alone(fleet: Fleet, vehicles: Vehicles) -> None:

@@ -35,6 +35,7 @@ class Bench:
         self.arbiter = Arbiter("h1", limits or ArbiterLimits(), u_hover, SLEW)
         self.arbiter.link(LinkState.READY)
         self.now_s = start_s
+        self.lease = self.arbiter.bid(1, start_s, take_over=False)
         self.frame = 0
         self.sequence = 0
         self.position: Position | None = (0.0, 0.0, 1.0)
@@ -65,7 +66,7 @@ class Bench:
     def command(self, u: Sequence[float] = HOVER, **changes: Any) -> Answer:
         self.sequence += 1
         fields: dict[str, Any] = {
-            "source": "agent",
+            "lease": self.lease,
             "epoch": self.epoch,
             "sequence": self.sequence,
             "frame": self.frame,
@@ -77,8 +78,8 @@ class Bench:
         self.outputs.append(self.arbiter.step(self.now_s))
         return answer
 
-    def request(self, action: Action, by: str = "operator", source: str = "") -> Answer:
-        return self.arbiter.request(ActionRequest(action, by, source), self.now_s)
+    def request(self, action: Action, by: str = "operator") -> Answer:
+        return self.arbiter.request(ActionRequest(action, by), self.now_s)
 
     def run(self, seconds: float, u: Sequence[float] | None = HOVER, **changes: Any) -> ArbiterOutput:
         """Poses and, unless `u` is None, commands for `seconds`."""
@@ -92,7 +93,7 @@ class Bench:
 
     def arm(self) -> Answer:
         self.run(0.6, IDLE)
-        return self.request(Action.ARM, source="agent")
+        return self.request(Action.ARM)
 
     def fly(self, u: Sequence[float] = HOVER) -> "Bench":
         assert self.arm().accepted

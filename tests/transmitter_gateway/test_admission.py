@@ -14,15 +14,20 @@ from rcopterx.transmitter_gateway.admission import Admission, Rejection
 from rcopterx.transmitter_gateway.inputs import CommandInput, PoseStamp
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
-GOOD = CommandInput(
-    "agent", epoch=5, sequence=10, frame=100, u=(0.1, -0.2, 0.5, 0.0), next_u=((0, 0, 0.5, 0),)
-)
+GOOD = CommandInput(1, epoch=5, sequence=10, frame=100, u=(0.1, -0.2, 0.5, 0.0), next_u=((0, 0, 0.5, 0),))
+
+
+def admission_of(limits: ArbiterLimits, counters: Counter[str]) -> Admission:
+    """An admission that has issued the lease of `GOOD`."""
+    admission = Admission(limits, counters)
+    assert admission.leases.bid(99, 0.0, fresh=False, take_over=False) == GOOD.lease
+    return admission
 
 
 class Gate:
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
-        self.admission = Admission(ArbiterLimits(), self.counters)
+        self.admission = admission_of(ArbiterLimits(), self.counters)
 
     def consider(
         self,
@@ -31,21 +36,21 @@ class Gate:
         pose_epoch: int | None = 5,
         pose_frame: int = 100,
         latency_s: float = 0.0,
-        holder: str | None = None,
+        flying: bool = False,
         **changes: Any,
     ) -> Rejection | None:
         return self.admission.consider(
             structs.replace(command, **changes),
             now_s,
             pose=None if pose_epoch is None else PoseStamp(pose_epoch, pose_frame, 0.02, latency_s),
-            holder=holder,
+            flying=flying,
         )
 
 
 def test_a_good_command_is_accepted_and_kept() -> None:
     gate = Gate()
     assert gate.consider() is None
-    stream = gate.admission.streams["agent"]
+    stream = gate.admission.stream
     assert stream.command.u == (0.1, -0.2, 0.5, 0.0)
     assert stream.command.next_u == ((0.0, 0.0, 0.5, 0.0),)
     assert stream.arrival_s == 1.0
@@ -56,8 +61,9 @@ def test_a_good_command_is_accepted_and_kept() -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"source": ""},
-        {"source": 7},
+        {"lease": "1"},
+        {"lease": None},
+        {"lease": -1},
         {"epoch": -1},
         {"epoch": True},
         {"epoch": 5.0},
@@ -85,7 +91,7 @@ def test_malformed_commands_are_rejected_and_counted(changes: dict[str, Any]) ->
     gate = Gate()
     assert gate.consider(**changes) is Rejection.MALFORMED
     assert gate.counters == {Rejection.MALFORMED: 1}
-    assert not gate.admission.streams
+    assert gate.admission.stream is None
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -109,7 +115,7 @@ def test_values_a_little_outside_are_clamped_and_further_outside_rejected(
     u[place] = limit + outward * 0.0199
     gate = Gate()
     assert gate.consider(u=u, next_u=[u]) is None
-    command = gate.admission.streams["agent"].command
+    command = gate.admission.stream.command
     assert command.u[place] == limit
     assert command.next_u[0][place] == limit
     u[place] = limit + outward * 0.0201
@@ -127,7 +133,7 @@ def test_numbers_of_any_real_type_are_taken() -> None:
     gate = Gate()
     assert gate.consider(u=np.array([0.1, 0.2, 0.5, 0.0], dtype=np.float32), next_u=np.zeros((6, 4))) is None
     assert gate.consider(u=(0, Fraction(1, 4), 1, 0), sequence=11) is None
-    assert all(type(value) is float for value in gate.admission.streams["agent"].command.u)
+    assert all(type(value) is float for value in gate.admission.stream.command.u)
 
 
 def test_counting_may_start_at_zero() -> None:
@@ -137,18 +143,18 @@ def test_counting_may_start_at_zero() -> None:
 def test_values_exactly_at_the_tolerance_are_accepted() -> None:
     limits = ArbiterLimits(tolerance=0.25)
     for u in ((1.25, 0, 0.5, 0), (-1.25, 0, 0.5, 0), (0, 0, 1.25, 0), (0, 0, -0.25, 0)):
-        admission = Admission(limits, Counter())
+        admission = admission_of(limits, Counter())
         assert (
-            admission.consider(structs.replace(GOOD, u=u), 1.0, pose=PoseStamp(5, 100), holder=None) is None
+            admission.consider(structs.replace(GOOD, u=u), 1.0, pose=PoseStamp(5, 100), flying=False) is None
         )
 
 
 def test_gap_exactly_at_the_limit_is_a_gap() -> None:
     gate = Gate()
-    gate.admission = Admission(ArbiterLimits(hold_after_s=0.0625), gate.counters)
+    gate.admission = admission_of(ArbiterLimits(hold_after_s=0.0625), gate.counters)
     gate.consider(u=(0, 0, 0, 0))
     gate.consider(sequence=11, now_s=1.0625, u=(0, 0, 0, 0))
-    assert gate.admission.streams["agent"].low_since_s == 1.0625
+    assert gate.admission.stream.low_since_s == 1.0625
 
 
 def test_longest_plan_is_accepted() -> None:
@@ -162,29 +168,37 @@ def test_sequence_must_grow_within_an_epoch(sequence: int, rejection: bool) -> N
     assert gate.consider(sequence=sequence) is (Rejection.OLD_SEQUENCE if rejection else None)
 
 
-@pytest.mark.parametrize(
-    ("gap_s", "frame", "accepted"),
-    [(0.06, 101, True), (0.059, 101, False), (0.06, 100, False), (10.0, 99, False)],
-    ids=["overdue", "in time", "same frame", "older frame"],
-)
-def test_source_that_restarts_with_its_clock_set_back_counts_with_a_newer_frame(
-    gap_s: float, frame: int, accepted: bool
-) -> None:
+def test_silence_lets_no_earlier_command_count() -> None:
+    gate = Gate()
+    gate.consider()
+    assert gate.consider(sequence=7, frame=150, pose_frame=150, now_s=100.0) is Rejection.OLD_SEQUENCE
+
+
+def test_a_later_lease_starts_a_new_count() -> None:
     gate = Gate()
     gate.consider(sequence=10**12)
-    rejection = gate.consider(sequence=7, frame=frame, now_s=1.0 + gap_s, holder="agent")
-    assert rejection is (None if accepted else Rejection.OLD_SEQUENCE)
-    if accepted:
-        assert gate.consider(sequence=8, frame=frame + 1, now_s=1.02 + gap_s, holder="agent") is None
+    lease = gate.admission.leases.bid(100, 1.0, fresh=True, take_over=True)
+    assert gate.consider(lease=lease, sequence=1) is None
+    assert gate.consider(sequence=10**12 + 1) is Rejection.LEASE_LOST
+    assert gate.consider(lease=lease, sequence=1) is Rejection.OLD_SEQUENCE
+
+
+def test_a_command_that_is_refused_for_another_reason_does_not_take_over() -> None:
+    gate = Gate()
+    gate.consider()
+    lease = gate.admission.leases.bid(100, 1.0, fresh=True, take_over=True)
+    assert gate.consider(lease=lease, u=(9, 0, 0, 0)) is Rejection.OUT_OF_LIMITS
+    assert gate.consider(lease=lease, epoch=6) is Rejection.UNKNOWN_EPOCH
+    assert gate.consider(sequence=11) is None
 
 
 def test_rejected_commands_do_not_refresh_the_stream() -> None:
     gate = Gate()
     gate.consider()
-    before = replace(gate.admission.streams["agent"])
+    before = replace(gate.admission.stream)
     for changes in ({"sequence": 10}, {"epoch": 4}, {"epoch": 6}, {"u": (9, 0, 0, 0)}, {"u": None}):
-        assert gate.consider(now_s=1.5, holder="agent", **{"sequence": 11, **changes}) is not None
-    assert gate.admission.streams["agent"] == before
+        assert gate.consider(now_s=1.5, flying=True, **{"sequence": 11, **changes}) is not None
+    assert gate.admission.stream == before
     assert sum(gate.counters.values()) == 5
 
 
@@ -217,11 +231,10 @@ def test_a_change_of_epoch_is_believed_only_with_the_raw_poses(
 ) -> None:
     gate = Gate()
     gate.consider()
-    holder = "agent" if flying else None
-    assert gate.consider(epoch=epoch, sequence=sequence, pose_epoch=pose_epoch, holder=holder) is expected
+    assert gate.consider(epoch=epoch, sequence=sequence, pose_epoch=pose_epoch, flying=flying) is expected
 
 
-def test_first_command_of_a_source_must_belong_to_the_raw_poses() -> None:
+def test_first_command_of_a_lease_must_belong_to_the_raw_poses() -> None:
     assert Gate().consider(pose_epoch=4) is Rejection.UNKNOWN_EPOCH
     assert Gate().consider(pose_epoch=None) is None
 
@@ -242,7 +255,7 @@ def test_command_computed_from_an_old_pose_is_rejected(
 ) -> None:
     gate = Gate()
     assert gate.consider(pose_frame=pose_frame, latency_s=latency_s) is expected
-    assert ("agent" in gate.admission.streams) == (expected is None)
+    assert (gate.admission.stream is not None) == (expected is None)
 
 
 def test_age_of_a_command_of_another_epoch_is_not_judged() -> None:
@@ -251,27 +264,11 @@ def test_age_of_a_command_of_another_epoch_is_not_judged() -> None:
     assert gate.consider(sequence=11, pose_epoch=6, pose_frame=5000) is None
 
 
-def test_sources_without_the_lease_are_rejected_but_known() -> None:
+def test_commands_without_a_lease_that_was_issued_are_rejected() -> None:
     gate = Gate()
-    assert gate.consider(holder="other") is Rejection.NO_LEASE
-    assert "agent" in gate.admission.streams
-    assert gate.consider(holder="other", sequence=10) is Rejection.OLD_SEQUENCE
-
-
-def test_a_silent_source_starts_over_unless_it_has_the_lease() -> None:
-    gate = Gate()
-    gate.consider(sequence=10**12)
-    assert gate.consider(now_s=3.0) is Rejection.OLD_SEQUENCE
-    assert gate.consider(now_s=3.01, holder="agent") is Rejection.OLD_SEQUENCE
-    assert gate.consider(now_s=3.01) is None
-
-
-def test_number_of_sources_is_limited() -> None:
-    gate = Gate()
-    for n in range(8):
-        assert gate.consider(source=f"agent{n}") is None
-    assert gate.consider(source="one more") is Rejection.TOO_MANY_SOURCES
-    assert gate.consider(source="one more", now_s=3.01) is None
+    assert gate.consider(lease=0) is Rejection.NO_LEASE
+    assert gate.consider(lease=2) is Rejection.NO_LEASE
+    assert gate.admission.stream is None
 
 
 def test_low_thrust_is_timed_from_its_first_command() -> None:
@@ -280,7 +277,7 @@ def test_low_thrust_is_timed_from_its_first_command() -> None:
         [(0.05, 1.0), (0.0, 1.0), (0.051, None), (0.05, 1.06), (0.0, 1.06)], start=11
     ):
         gate.consider(sequence=n, now_s=1.0 + (n - 11) * 0.02, u=(0, 0, thrust, 0))
-        low_since_s = gate.admission.streams["agent"].low_since_s
+        low_since_s = gate.admission.stream.low_since_s
         assert low_since_s == (None if expected is None else pytest.approx(expected))
 
 
@@ -289,7 +286,7 @@ def test_low_thrust_is_timed_anew_after_a_gap() -> None:
         gate = Gate()
         gate.consider(u=(0, 0, 0, 0))
         gate.consider(sequence=11, now_s=1.0 + gap_s, u=(0, 0, 0, 0))
-        assert gate.admission.streams["agent"].low_since_s == pytest.approx(expected)
+        assert gate.admission.stream.low_since_s == pytest.approx(expected)
 
 
 anything = st.one_of(
@@ -300,10 +297,11 @@ anything = st.one_of(
 @given(st.lists(st.tuples(*[st.one_of(anything, st.lists(anything, max_size=5))] * 7), max_size=20))
 def test_no_content_whatever_raises_or_stores_bad_inputs(contents: list[tuple[Any, ...]]) -> None:
     gate = Gate()
-    for source, epoch, sequence, frame, u, next_u, period_s in contents:
-        command = CommandInput(source, epoch, sequence, frame, u, next_u, period_s)
-        gate.admission.consider(command, 1.0, pose=None, holder=None)
-    for stream in gate.admission.streams.values():
+    for lease, epoch, sequence, frame, u, next_u, period_s in contents:
+        command = CommandInput(lease, epoch, sequence, frame, u, next_u, period_s)
+        gate.admission.consider(command, 1.0, pose=None, flying=False)
+    stream = gate.admission.stream
+    if stream is not None:
         for u in (stream.command.u, *stream.command.next_u):
             limits = zip(u, ArbiterLimits().lower, ArbiterLimits().upper, strict=True)
             assert all(lower <= value <= upper for value, lower, upper in limits)

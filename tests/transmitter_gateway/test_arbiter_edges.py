@@ -38,6 +38,7 @@ PLAN = tuple((0.0, 0.0, 0.5, 0.0) for _ in range(12))
 class Clockwork:
     def __init__(self, limits: ArbiterLimits = LIMITS) -> None:
         self.arbiter = Arbiter("h1", limits, U_HOVER, SLEW)
+        self.arbiter.bid(1, 0.0, take_over=False)
         self.now_s = 0.0
         self.frame = 0
         self.sequence = 0
@@ -64,7 +65,7 @@ class Clockwork:
         period_s: float = PERIOD_S,
     ) -> Answer:
         self.sequence += 1
-        command = CommandInput("agent", self.epoch, self.sequence, self.frame, u, plan, period_s)
+        command = CommandInput(1, self.epoch, self.sequence, self.frame, u, plan, period_s)
         answer = self.arbiter.command(command, self.now_s)
         self.arbiter.step(self.now_s)
         return answer
@@ -77,8 +78,8 @@ class Clockwork:
             if u is not None:
                 self.command(u)
 
-    def request(self, action: Action, by: str = "operator", source: str = "agent") -> Answer:
-        return self.arbiter.request(ActionRequest(action, by, source), self.now_s)
+    def request(self, action: Action, by: str = "operator") -> Answer:
+        return self.arbiter.request(ActionRequest(action, by), self.now_s)
 
     def fly(self) -> "Clockwork":
         self.arbiter.link(LinkState.READY)
@@ -348,5 +349,5 @@ def test_no_event_is_left_when_only_the_past_has_limits() -> None:
     limits = ArbiterLimits(surveillance=SurveillanceLimits(tracking_hold_s=None, tracking_descend_s=None))
     clock = Clockwork(limits).fly()
     clock.run(400)
-    clock.arbiter._admission.streams.clear()
+    clock.arbiter._admission.stream = None
     assert clock.arbiter.next_event_s() == math.inf

@@ -26,7 +26,8 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, Surveillan
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition
 
 LIMITS = ArbiterLimits(surveillance=SurveillanceLimits(fence=Fence((-2, -2, -0.5), (2, 2, 2))))
-SOURCES = ("agent", "other")
+AGENTS = (1, 2, 3)
+PEOPLE = ("operator", "anybody")
 PERIOD_S = 0.02
 ROUNDING_S = 1e-6
 
@@ -59,7 +60,8 @@ class ArbiterMachine(RuleBasedStateMachine):
         self.epoch = 3
         self.frame = 0
         self.sequence = 0
-        self.fed_s = dict.fromkeys(SOURCES, -math.inf)
+        self.fed_s = -math.inf
+        self.lease = self.arbiter.bid(1, self.now_s, take_over=False)
         self.last: ArbiterOutput = self.arbiter.step(self.now_s)
         self.last_s = self.now_s
         self.moved_s = 4 * [-math.inf]
@@ -69,7 +71,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         if armed:
             for _ in range(30):
                 self.fly_on(1, (0, 0, 0, 0), 0)
-            self.request(Action.ARM, "operator", "agent")
+            self.request(Action.ARM, "operator")
             assert self.arbiter.state is State.ARMED
             self.fly_on(20 * armed, (0.2, 0, 0.56, 0), 6)
 
@@ -97,7 +99,7 @@ class ArbiterMachine(RuleBasedStateMachine):
     def command(self, **changes: Any) -> Answer:
         self.sequence += 1
         fields = {
-            "source": "agent",
+            "lease": self.lease,
             "epoch": self.epoch,
             "sequence": self.sequence,
             "frame": self.frame,
@@ -108,9 +110,10 @@ class ArbiterMachine(RuleBasedStateMachine):
         self.step()
         before = self.snapshot()
         answer = self.arbiter.command(command, self.now_s)
-        if answer.accepted or answer.reason == "source without control lease":
-            self.fed_s[command.source] = self.now_s
-        if not answer.accepted:
+        if answer.accepted:
+            self.fed_s = self.now_s
+            assert command.lease == self.arbiter.lease
+        else:
             assert self.snapshot() == before
         self.step()
         return answer
@@ -118,14 +121,16 @@ class ArbiterMachine(RuleBasedStateMachine):
     def snapshot(self) -> tuple[Any, ...]:
         """What a rejected command must not change: all that decides about the vehicle."""
         arbiter = self.arbiter
-        holder = arbiter.holder
-        stream = None if holder is None else copy.copy(arbiter._admission.streams.get(holder))
-        return (arbiter.state, arbiter.reason, holder, stream, arbiter._shaping.u, arbiter.next_event_s())
+        stream = copy.copy(arbiter._admission.stream)
+        return (
+            arbiter.state, arbiter.reason, arbiter.commanded, arbiter.lease, stream, arbiter._shaping.u,
+            arbiter.next_event_s(),
+        )  # fmt: skip
 
-    def request(self, action: Action, by: str, source: str = "") -> Answer:
+    def request(self, action: Action, by: str) -> Answer:
         self.step()
         self.armed, self.reset = action is Action.ARM, action is Action.RESET and by == "operator"
-        answer = self.arbiter.request(ActionRequest(action, by, source), self.now_s)
+        answer = self.arbiter.request(ActionRequest(action, by), self.now_s)
         self.step()
         self.armed = self.reset = False
         return answer
@@ -147,9 +152,27 @@ class ArbiterMachine(RuleBasedStateMachine):
             self.pose()
             self.command(u=u, next_u=(u,) * plan)
 
-    @rule(u=u_good, source=st.sampled_from(SOURCES), period_s=st.floats(0.005, 0.1))
-    def good_command(self, u: tuple[float, ...], source: str, period_s: float) -> None:
-        self.command(u=u, source=source, next_u=((0, 0, 0.6, 0),) * 6, period_s=period_s)
+    @rule(u=u_good, period_s=st.floats(0.005, 0.1))
+    def good_command(self, u: tuple[float, ...], period_s: float) -> None:
+        self.command(u=u, next_u=((0, 0, 0.6, 0),) * 6, period_s=period_s)
+
+    @rule(agent=st.sampled_from(AGENTS), take_over=st.booleans())
+    def agent_bids(self, agent: int, take_over: bool) -> None:
+        """Who gets a lease commands from now on; until then nothing changes."""
+        self.step()
+        before, fresh = self.snapshot(), self.now_s < self.fed_s + LIMITS.hold_after_s
+        lease = self.arbiter.bid(agent, self.now_s, take_over=take_over)
+        assert self.snapshot() == before
+        assert lease >= self.arbiter.lease or not lease
+        if fresh and not take_over:
+            assert lease <= max(self.lease, self.arbiter.lease)
+        if lease:
+            self.lease = lease
+
+    @rule(behind=st.integers(1, 3), ahead=st.integers(1, 100))
+    def command_of_another_lease(self, behind: int, ahead: int) -> None:
+        assert not self.command(lease=self.arbiter.lease - behind).accepted
+        assert not self.command(lease=self.arbiter._admission.leases.issued + ahead).accepted
 
     @rule(u=u_bad, in_plan=st.booleans())
     def bad_command(self, u: Any, in_plan: bool) -> None:
@@ -179,14 +202,13 @@ class ArbiterMachine(RuleBasedStateMachine):
         self.pose(position_m=position)
 
     @rule(
-        action=st.sampled_from([Action.ARM, Action.DISARM, Action.RESET, Action.HAND_OVER]),
-        by=st.sampled_from(["operator", *SOURCES]),
-        source=st.sampled_from(SOURCES),
+        action=st.sampled_from([Action.ARM, Action.DISARM, Action.RESET]),
+        by=st.sampled_from(PEOPLE),
     )
-    def any_request(self, action: Action, by: str, source: str) -> None:
-        self.request(action, by, source)
+    def any_request(self, action: Action, by: str) -> None:
+        assert not self.request(action, by).accepted or by == "operator"
 
-    @rule(by=st.sampled_from(["operator", "anybody"]))
+    @rule(by=st.sampled_from(PEOPLE))
     def kill(self, by: str) -> None:
         assert self.request(Action.KILL, by).accepted
         assert self.arbiter.state is State.KILLED
@@ -248,10 +270,10 @@ class ArbiterMachine(RuleBasedStateMachine):
 
     def check_ages(self, output: ArbiterOutput) -> None:
         if output.state not in FLYING:
-            assert self.arbiter.holder is None
+            assert not self.arbiter.commanded
             return
-        assert self.arbiter.holder is not None
-        age_s = self.now_s - self.fed_s[self.arbiter.holder] - ROUNDING_S
+        assert self.arbiter.commanded
+        age_s = self.now_s - self.fed_s - ROUNDING_S
         if output.state in (State.ARMED, State.HOLD):
             assert age_s < LIMITS.descend_after_s
         if output.state is State.LAND:

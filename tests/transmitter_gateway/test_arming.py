@@ -18,25 +18,25 @@ def test_arbiter_starts_disarmed_with_neutral_output() -> None:
     assert output.cause is None
 
 
-def test_arming_gives_the_source_control() -> None:
+def test_arming_lets_commands_count() -> None:
     bench = Bench()
     answer = bench.arm()
     assert answer.accepted
-    assert answer.reason == "ARMED: armed: by agent"
-    assert bench.arbiter.holder == "agent"
+    assert answer.reason == "ARMED: armed: by operator"
+    assert bench.arbiter.commanded
     output = bench.run(0.2, (0.1, -0.1, 0.04, 0.05))
     assert output.u == (0.1, -0.1, 0.04, 0.05)
-    assert output.cause == Cause("agent", bench.epoch, bench.sequence, bench.frame)
+    assert output.cause == Cause(1, bench.epoch, bench.sequence, bench.frame)
 
 
 def test_arming_needs_low_thrust_for_half_a_second() -> None:
     bench = Bench()
     bench.run(0.5, HOVER)
     bench.run(0.5, (0, 0, 0.05, 0))
-    answer = bench.request(Action.ARM, source="agent")
+    answer = bench.request(Action.ARM)
     assert answer.reason == "missing: commanded thrust low long enough"
     bench.run(0.04, (0, 0, 0.05, 0))
-    assert bench.request(Action.ARM, source="agent").accepted
+    assert bench.request(Action.ARM).accepted
 
 
 def test_thrust_above_the_low_limit_restarts_the_half_second() -> None:
@@ -44,7 +44,7 @@ def test_thrust_above_the_low_limit_restarts_the_half_second() -> None:
     bench.run(0.6, IDLE)
     bench.run(0.02, (0, 0, 0.051, 0))
     bench.run(0.4, IDLE)
-    assert not bench.request(Action.ARM, source="agent").accepted
+    assert not bench.request(Action.ARM).accepted
 
 
 def test_a_gap_in_the_stream_restarts_the_half_second() -> None:
@@ -52,22 +52,22 @@ def test_a_gap_in_the_stream_restarts_the_half_second() -> None:
     bench.run(0.5, IDLE)
     bench.run(0.08, None)
     bench.run(0.4, IDLE)
-    assert not bench.request(Action.ARM, source="agent").accepted
+    assert not bench.request(Action.ARM).accepted
     bench.run(0.14, IDLE)
-    assert bench.request(Action.ARM, source="agent").accepted
+    assert bench.request(Action.ARM).accepted
 
 
 def test_arming_needs_fresh_commands() -> None:
     bench = Bench()
     bench.run(0.6, IDLE)
     bench.run(0.08, None)
-    assert bench.request(Action.ARM, source="agent").reason == "missing: commands fresh"
+    assert bench.request(Action.ARM).reason == "missing: commands fresh"
 
 
-def test_arming_a_source_that_never_spoke_says_all_that_is_missing() -> None:
+def test_arming_a_vehicle_that_nobody_commands_says_all_that_is_missing() -> None:
     bench = Bench()
-    bench.run(0.6, IDLE)
-    answer = bench.request(Action.ARM, source="other")
+    bench.run(0.6, None)
+    answer = bench.request(Action.ARM)
     assert answer.reason == "missing: commanded thrust low long enough; missing: commands fresh"
     assert bench.state is State.DISARMED
 
@@ -95,29 +95,22 @@ def test_arming_beside_another_vehicle_is_refused() -> None:
     bench = Bench()
     bench.run(0.6, IDLE)
     bench.pose("h2", (0.2, 0.0, 1.0))
-    assert bench.request(Action.ARM, source="agent").reason == "surveillance: hold: h2 closer than 0.3 m"
+    assert bench.request(Action.ARM).reason == "surveillance: hold: h2 closer than 0.3 m"
 
 
-def test_only_an_operator_or_the_source_itself_may_arm() -> None:
+def test_only_an_operator_may_arm() -> None:
     bench = Bench()
     bench.run(0.6, IDLE)
-    refused = bench.request(Action.ARM, by="stranger", source="agent")
-    assert refused.reason == "only an operator or the source itself may arm"
-    assert bench.request(Action.ARM, by="agent", source="agent").accepted
+    assert bench.request(Action.ARM, by="stranger").reason == "only an operator may arm"
+    assert bench.request(Action.ARM).accepted
     assert bench.arbiter.counters["refused: arm"] == 1
 
 
 def test_arming_again_changes_nothing() -> None:
     bench = flying()
     entered = bench.arbiter.counters["entered ARMED"]
-    assert bench.request(Action.ARM, source="agent").accepted
+    assert bench.request(Action.ARM).accepted
     assert bench.arbiter.counters["entered ARMED"] == entered
-
-
-def test_arming_another_source_in_flight_is_refused() -> None:
-    bench = flying()
-    answer = bench.request(Action.ARM, source="other")
-    assert answer.reason == "agent has the control lease: hand over instead"
 
 
 def test_arming_while_shutting_down_is_refused() -> None:

@@ -31,7 +31,7 @@ def test_planned_inputs_are_applied() -> None:
     silent(bench, 0.059)
     assert bench.outputs[-1].bridging_step == 2
     assert bench.outputs[-1].u == pytest.approx((0, 0, 0.52, 0))
-    assert bench.outputs[-1].cause == Cause("agent", 7, bench.sequence, bench.outputs[-1].cause.frame)  # type: ignore[union-attr]  # fails if None
+    assert bench.outputs[-1].cause == Cause(1, 7, bench.sequence, bench.outputs[-1].cause.frame)  # type: ignore[union-attr]  # fails if None
 
 
 @pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02, 0.04])

@@ -13,7 +13,7 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT
 from rcopterx.bus.message import FloatArray, Message
-from rcopterx.bus.messages import Applied, Command, Kill, Pose, TransmitterStatus
+from rcopterx.bus.messages import Applied, Command, Kill, LeaseBid, Pose, TransmitterStatus
 from rcopterx.bus.session import BusAddress, Incoming, NobodyServesError
 from rcopterx.bus.subscription import Inbox
 from rcopterx.bus.timing import CommandTiming
@@ -125,6 +125,7 @@ class Laboratory(Wakeup):
         self.gateway._recall.join()
         for name in NAMES:
             self._note_writes(name)
+            self.bus.arrive("lease_bid", name, LeaseBid(agent=1))
 
     def close(self) -> None:
         for name, radio in self.radios.items():
@@ -162,7 +163,7 @@ class Laboratory(Wakeup):
             for number, name in enumerate(NAMES):
                 self.bus.arrive("pose", name, self.pose(float(number)))
                 if self.thrust is not None:
-                    self.bus.arrive("command", name, self.command(name, self.thrust))
+                    self.bus.arrive("command", name, self.command(self.thrust))
         return super().wait(descriptors, 0.0)
 
     def _serve(self, name: str, radio: RadioPty) -> None:
@@ -178,9 +179,9 @@ class Laboratory(Wakeup):
             position_m=(x_m, 0.0, self.height_m), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0),
         )  # fmt: skip
 
-    def command(self, source: str, thrust: float) -> Command:
+    def command(self, thrust: float, lease: int = 1) -> Command:
         return Command(
-            epoch=1, frame=self._frame, source=source, sequence=self._frame, input=(0.0, 0.0, thrust, 0.0),
+            epoch=1, frame=self._frame, lease=lease, sequence=self._frame, input=(0.0, 0.0, thrust, 0.0),
             next_inputs=NO_PLAN, period_s=PERIOD_S, timing=self.timing(),
         )  # fmt: skip
 
@@ -202,7 +203,7 @@ class Laboratory(Wakeup):
     def fly(self) -> None:
         self.run(1.5)
         for name in NAMES:
-            arm = ActionRequest(Action.ARM, by=name, source=name)
+            arm = ActionRequest(Action.ARM, by="operator")
             assert self.transmitter(name).request(arm, self.bus.now_s).accepted
         self.thrust = 0.55
         self.run(1.0)
@@ -322,8 +323,8 @@ def test_flood_of_commands_for_one_vehicle_is_read_in_portions_between_those_of_
     laboratory._frame += 1
     flood = 200
     for _ in range(flood):
-        laboratory.bus.arrive("command", "h2", laboratory.command("stranger", 0.5))
-    laboratory.bus.arrive("command", "h3", laboratory.command("h3", 0.6))
+        laboratory.bus.arrive("command", "h2", laboratory.command(0.5, lease=2))
+    laboratory.bus.arrive("command", "h3", laboratory.command(0.6))
     laboratory.gateway.step()
     write = laboratory.writes["h3"][-1]
     assert write.output.cause is not None
@@ -335,7 +336,7 @@ def test_flood_of_commands_for_one_vehicle_is_read_in_portions_between_those_of_
 
 
 def refused(counters: Counter[str]) -> int:
-    return counters["source without control lease"] + counters["old sequence number"]
+    return counters["no such control lease"] + counters["old sequence number"]
 
 
 def test_kill_is_reported_at_once_also_where_it_cannot_be_written(laboratory: Laboratory) -> None:

@@ -1,4 +1,4 @@
-"""Who may kill, reset, disarm and hand over a vehicle."""
+"""Who may kill, reset, disarm and command a vehicle."""
 
 import pytest
 from arbiter_bench import HOVER, IDLE, Bench, flying, silent
@@ -58,27 +58,24 @@ def test_reset_is_possible_when_nobody_commands() -> None:
     assert bench.request(Action.RESET).accepted
 
 
-def test_disarming_is_for_holder_and_operator() -> None:
-    for by, accepted in (("operator", True), ("agent", True), ("other", False)):
+def test_disarming_is_for_an_operator() -> None:
+    for by, accepted in (("operator", True), ("anybody", False)):
         bench = flying()
         bench.run(0.8, IDLE)
         answer = bench.request(Action.DISARM, by=by)
         assert answer.accepted == accepted
         assert bench.state is (State.DISARMED if accepted else State.ARMED)
-    assert answer.reason == "only the holder of the control lease or an operator may disarm"
+    assert answer.reason == "only an operator may disarm"
 
 
 @pytest.mark.parametrize(
     ("silence_s", "state"), [(0.0, State.ARMED), (0.08, State.HOLD), (1.0, State.DESCEND)]
 )
-@pytest.mark.parametrize("by", ["operator", "agent"])
-def test_disarming_is_refused_while_the_vehicle_may_be_in_the_air(
-    silence_s: float, state: State, by: str
-) -> None:
+def test_disarming_is_refused_while_the_vehicle_may_be_in_the_air(silence_s: float, state: State) -> None:
     bench = flying()
     silent(bench, silence_s)
     assert bench.state is state
-    answer = bench.request(Action.DISARM, by=by)
+    answer = bench.request(Action.DISARM)
     assert answer.reason == "it may be in the air: land it first; kill is what cuts motors"
     assert not answer.accepted
     assert bench.state is state
@@ -125,7 +122,7 @@ def test_disarming_works_when_the_motors_are_cut() -> None:
 def test_a_vehicle_that_stands_on_the_floor_for_long_is_disarmed_by_itself() -> None:
     bench = Bench(ArbiterLimits(disarm_after_s=3.0))
     bench.run(10.0, IDLE)
-    assert bench.request(Action.ARM, source="agent").accepted
+    assert bench.request(Action.ARM).accepted
     bench.run(2.9, IDLE)
     assert bench.state is State.ARMED
     bench.run(0.2, IDLE)
@@ -154,45 +151,37 @@ def test_disarmed_vehicle_has_no_thrust_whatever_is_commanded() -> None:
     bench.run(0.8, IDLE)
     bench.request(Action.DISARM)
     assert bench.run(1.0, HOVER).u == NEUTRAL
-    assert bench.arbiter.holder is None
+    assert not bench.arbiter.commanded
 
 
-def test_control_is_handed_over_by_holder_or_operator_to_a_source_that_streams() -> None:
+def test_the_first_command_of_a_later_lease_takes_over_between_two_commands() -> None:
     bench = flying()
-    silence = bench.request(Action.HAND_OVER, source="other")
-    assert silence.reason == "other sends no fresh commands"
-    refused = bench.command((0, 0, 0.5, 0), source="other")
-    assert refused.reason == "source without control lease"
-    assert bench.request(Action.HAND_OVER, by="other", source="other").reason == (
-        "only the holder of the control lease or an operator may hand over"
-    )
-    assert bench.request(Action.HAND_OVER, by="agent", source="other").accepted
-    assert bench.arbiter.holder == "other"
-    assert bench.reason == "control handed over to other"
-    assert bench.command(HOVER).reason == "source without control lease"
-    assert bench.run(0.2, (0, 0, 0.5, 0), source="other").u == (0, 0, 0.5, 0)
+    successor = bench.arbiter.bid(2, bench.now_s, take_over=True)
+    assert bench.run(0.1, HOVER).u == HOVER
+    assert bench.command((0, 0, 0.5, 0), lease=successor).accepted
+    assert bench.command(HOVER).reason == "control lease lost"
+    assert bench.arbiter.lease == successor
+    assert bench.run(0.2, (0, 0, 0.5, 0), lease=successor).u == (0, 0, 0.5, 0)
+    assert bench.state is State.ARMED
+    assert bench.arbiter.counters["agents that took over"] == 1
 
 
-def test_control_cannot_be_handed_over_to_a_source_that_fell_silent() -> None:
+def test_an_agent_that_only_starts_takes_over_from_nobody_who_commands() -> None:
     bench = flying()
-    bench.command((0, 0, 0.5, 0), source="other")
-    bench.run(0.08, HOVER)
-    assert not bench.request(Action.HAND_OVER, source="other").accepted
+    assert bench.arbiter.bid(2, bench.now_s, take_over=False) == 0
+    bench.run(0.06, None)
+    assert bench.arbiter.bid(2, bench.now_s, take_over=False) == bench.lease + 1
 
 
-def test_nobody_flying_has_nothing_to_hand_over() -> None:
-    bench = Bench()
-    assert (
-        bench.request(Action.HAND_OVER, source="agent").reason == "nobody has the control lease: arm instead"
-    )
-
-
-def test_commands_without_the_lease_never_feed_the_watchdog() -> None:
+def test_commands_of_leases_that_were_lost_or_never_issued_do_not_feed_the_watchdog() -> None:
     bench = flying()
-    for _ in range(203):
+    successor = bench.arbiter.bid(2, bench.now_s, take_over=True)
+    bench.command(HOVER, lease=successor)
+    for number in range(203):
         bench.wait(0.01)
         bench.frame += 1
         bench.pose()
-        bench.command(HOVER, source="other")
+        bench.command(HOVER, lease=bench.lease if number % 2 else successor + 1)
     assert bench.state is State.CUT
-    assert bench.arbiter.counters["source without control lease"] > 200
+    assert bench.arbiter.counters["control lease lost"] > 100
+    assert bench.arbiter.counters["no such control lease"] > 100

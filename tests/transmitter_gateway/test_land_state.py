@@ -278,19 +278,19 @@ def test_pause_of_the_process_beyond_the_limit_cuts_a_vehicle_that_has_come_down
 def taken_over(state: State) -> Arbiter:
     arbiter = Bench().arbiter
     arbiter.pose(PoseInput("h1", 7, 100, (0.0, 0.0, 0.8), 0.02, 0.0), 1000.0)
-    last = LastApplied(state, (0.1, 0.0, 0.56, 0.0), written_s=999.9, holder="agent")
+    last = LastApplied(state, (0.1, 0.0, 0.56, 0.0), written_s=999.9, lease=1, issued=1)
     assert arbiter.take_over(last, 1000.0).accepted
     return arbiter
 
 
 @pytest.mark.parametrize(
-    ("before", "holder"), [(State.ARMED, "agent"), (State.HOLD, "agent"), (State.LAND, None)]
+    ("before", "commanded"), [(State.ARMED, True), (State.HOLD, True), (State.LAND, False)]
 )
 def test_vehicle_of_an_earlier_process_is_landed_until_its_source_commands_again(
-    before: State, holder: str | None
+    before: State, commanded: bool
 ) -> None:
     arbiter = taken_over(before)
-    assert (arbiter.state, arbiter.holder) == (State.LAND, holder)
+    assert (arbiter.state, arbiter.commanded) == (State.LAND, commanded)
     assert arbiter.reason == "taken over: by this gateway"
 
 

@@ -29,7 +29,7 @@ from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.transmitter import FIRST_POSE_S, RECALL_LIMIT_S, Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
-LAST_FLYING = LastApplied(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, holder="agent")
+LAST_FLYING = LastApplied(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, lease=5, issued=6)
 NOW_S = 10.0
 
 
@@ -42,12 +42,14 @@ def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -
 
 
 def take_over(arbiter: Arbiter, **changes: object) -> Answer:
-    fields = {name: getattr(LAST_FLYING, name) for name in ("state", "u", "written_s", "holder")}
-    return arbiter.take_over(LastApplied(**{**fields, **changes}), NOW_S)  # type: ignore[arg-type]  # test data
+    fields = {name: getattr(LAST_FLYING, name) for name in ("state", "u", "written_s", "lease", "issued")}
+    last = LastApplied(**{**fields, **changes})  # type: ignore[arg-type]  # test data
+    arbiter.resume_leases(last.lease, last.issued, NOW_S)
+    return arbiter.take_over(last, NOW_S)
 
 
-def command(arbiter: Arbiter, source: str, now_s: float, sequence: int = 1) -> None:
-    arbiter.command(CommandInput(source, 7, sequence, 100, (0.0, 0.0, 0.55, 0.0)), now_s)
+def command(arbiter: Arbiter, lease: int, now_s: float, sequence: int = 1) -> None:
+    arbiter.command(CommandInput(lease, 7, sequence, 100, (0.0, 0.0, 0.55, 0.0)), now_s)
     arbiter.step(now_s)
 
 
@@ -58,7 +60,7 @@ def test_a_flying_vehicle_is_taken_over_descending_from_the_thrust_that_acts() -
     output = arbiter.step(NOW_S + 0.01)
     assert output.state is State.DESCEND
     assert output.u == pytest.approx((0.0, 0.0, 0.515, 0.0))
-    assert arbiter.holder == "agent"
+    assert arbiter.commanded
 
 
 def test_more_thrust_than_needed_to_hover_is_not_taken_over() -> None:
@@ -67,12 +69,12 @@ def test_more_thrust_than_needed_to_hover_is_not_taken_over() -> None:
     assert arbiter.step(NOW_S).u[2] == U_HOVER
 
 
-def test_the_earlier_source_flies_on_with_its_next_command_and_nobody_else_does() -> None:
+def test_the_earlier_agent_flies_on_with_its_next_command_and_nobody_before_it_does() -> None:
     arbiter = restarted()
     take_over(arbiter)
-    command(arbiter, "stranger", NOW_S + 0.01)
+    command(arbiter, LAST_FLYING.lease - 1, NOW_S + 0.01)
     assert arbiter.state is State.DESCEND
-    command(arbiter, "agent", NOW_S + 0.02)
+    command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
     assert arbiter.state is State.ARMED
 
 
@@ -88,9 +90,9 @@ def test_a_taken_over_vehicle_nobody_commands_comes_down_and_is_cut_in_time() ->
 def test_a_descent_goes_on_to_its_end() -> None:
     arbiter = restarted()
     assert take_over(arbiter, state=State.DESCEND).accepted
-    command(arbiter, "agent", NOW_S + 0.02)
+    command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
     assert arbiter.state is State.DESCEND
-    assert arbiter.holder is None
+    assert not arbiter.commanded
 
 
 @pytest.mark.parametrize(
@@ -109,7 +111,7 @@ def test_what_is_not_certainly_a_flight_stays_disarmed(changes: dict[str, object
     assert answer.reason.startswith(words)
     assert arbiter.reason == f"not taken over: {answer.reason}"
     assert arbiter.state is State.DISARMED
-    assert arbiter.holder is None
+    assert not arbiter.commanded
     take_over(arbiter, **changes)
     assert arbiter.counters["refused: take over"] == 2
 
@@ -128,13 +130,13 @@ def test_poses_and_port_have_to_agree(height_m: float | None, link: LinkState, w
     answer = take_over(arbiter)
     assert (answer.accepted, answer.reason) == (False, words)
     assert arbiter.state is State.DISARMED
-    assert arbiter.holder is None
+    assert not arbiter.commanded
 
 
 def test_an_armed_vehicle_cannot_be_taken_over_a_second_time() -> None:
     arbiter = restarted()
     take_over(arbiter)
-    command(arbiter, "agent", NOW_S + 0.02)
+    command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
     assert not take_over(arbiter).accepted
     assert arbiter.state is State.ARMED
 
@@ -154,6 +156,7 @@ class Restart:
         protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
         port = SerialPort(str(self.path), LINE)
         self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, port)
+        self.transmitter.arbiter.bid(1, self.now_s, take_over=False)
 
     def run(self, seconds: float, thrust: float = 0.55, *, poses: bool = True) -> list[ReceiverState]:
         states = []
@@ -164,7 +167,7 @@ class Restart:
             if poses:
                 self.transmitter.on_pose(PoseInput("h1", 1, self.sequence, (0.0, 0.0, 0.8), 0.02), self.now_s)
                 self.tick()
-            command = CommandInput("agent", 1, self.sequence, self.sequence, (0.0, 0.0, thrust, 0.0))
+            command = CommandInput(1, 1, self.sequence, self.sequence, (0.0, 0.0, thrust, 0.0))
             self.transmitter.on_command(command, self.now_s)
             self.tick()
             self.radio.service(self.now_s + 0.005)
@@ -178,7 +181,7 @@ class Restart:
 
     def fly(self) -> None:
         self.run(1.5, thrust=0.0)
-        assert self.transmitter.request(ActionRequest(Action.ARM, "operator", "agent"), self.now_s).accepted
+        assert self.transmitter.request(ActionRequest(Action.ARM, "operator"), self.now_s).accepted
         self.run(1.0)
         assert self.state is State.ARMED
 
@@ -189,7 +192,13 @@ class Restart:
     def die(self, silence_s: float) -> LastApplied:
         write = self.last_write
         assert write is not None
-        words = LastApplied(write.output.state, write.output.u, write.time_s, self.transmitter.arbiter.holder)
+        words = LastApplied(
+            write.output.state,
+            write.output.u,
+            write.time_s,
+            self.transmitter.arbiter.lease,
+            self.transmitter.arbiter.issued,
+        )
         self.transmitter.close()
         end_s = self.now_s + silence_s
         while self.now_s < end_s:
@@ -298,7 +307,7 @@ def test_recall_that_never_comes_leaves_throttle_low_and_arming_refused(restart:
     restart.run(2.0, thrust=0.0)
     assert set(map(round, restart.throttle_us())) == {1100}
     assert restart.transmitter.snapshot(restart.now_s).module == "waiting for the recall"
-    arm = ActionRequest(Action.ARM, "operator", "agent")
+    arm = ActionRequest(Action.ARM, "operator")
     assert restart.transmitter.request(arm, restart.now_s).reason == "missing: transmitter ready"
     restart.transmitter.recall(None, restart.now_s)
     restart.run(0.1, thrust=0.0)

@@ -43,6 +43,7 @@ class Bench:
         protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
         self.port = SerialPort(str(path), LINE)
         self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, self.port)
+        self.transmitter.arbiter.bid(1, 0.0, take_over=False)
         self.sequence = 0
         self.next_command_s = 0.02
         self.frames: list[SerialFrame] = []
@@ -79,9 +80,7 @@ class Bench:
         pose = PoseInput("h1", 1, self.sequence, (0.0, 0.0, 1.0), 0.02)
         self.transmitter.on_pose(pose, self.now_s)
         self._tick()
-        answer = self.transmitter.on_command(
-            CommandInput("agent", 1, self.sequence, self.sequence, u), self.now_s
-        )
+        answer = self.transmitter.on_command(CommandInput(1, 1, self.sequence, self.sequence, u), self.now_s)
         self.exchange()
         return answer
 
@@ -110,7 +109,7 @@ class Bench:
         self.run(0.005, None)
 
     def request(self, action: Action) -> Answer:
-        answer = self.transmitter.request(ActionRequest(action, "operator", "agent"), self.now_s)
+        answer = self.transmitter.request(ActionRequest(action, "operator"), self.now_s)
         self.exchange()
         return answer
 
@@ -186,7 +185,7 @@ def test_rejected_commands_write_nothing_and_feed_nothing(bench: Bench) -> None:
         bench.run(0.02, None)
         bench.sequence += 1
         bench.transmitter.on_pose(PoseInput("h1", 1, bench.sequence, (0, 0, 1), 0.02), bench.now_s)
-        bad = CommandInput("agent", 1, bench.sequence, 0, (float("nan"), 0, 0.5, 0))
+        bad = CommandInput(1, 1, bench.sequence, 0, (float("nan"), 0, 0.5, 0))
         assert not bench.transmitter.on_command(bad, bench.now_s).accepted
         bench.exchange()
     assert bench.state is State.CUT
@@ -244,6 +243,7 @@ def test_shutdown_on_the_ground_sends_throttle_low_too(tmp_path: Path) -> None:
     calibration = Calibration(throttle=ThrottleCalibration(us0=1180))
     protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
     bench.transmitter = Transmitter("h1", ArbiterLimits(), calibration, protocol, bench.port)
+    bench.transmitter.arbiter.bid(1, bench.now_s, take_over=False)
     bench.run(1.0, IDLE)
     assert set(bench.received()) == {1180}
     bench.request(Action.SHUTDOWN)

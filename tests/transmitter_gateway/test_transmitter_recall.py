@@ -16,6 +16,7 @@ APPLIED = Applied(
     epoch=1,
     frame=2,
     sequence=3,
+    lease=7,
     fresh=True,
 )
 
@@ -50,9 +51,9 @@ def recalled(script: dict[str, list[Reply | Exception]]) -> tuple[dict[str, Last
 
 
 def test_every_vehicle_is_asked_for_and_each_answer_wakes_the_loop() -> None:
-    reply = RecallTransmitterReply(accepted=True, applied=APPLIED, age_s=0.25, lease="h1")
+    reply = RecallTransmitterReply(accepted=True, applied=APPLIED, age_s=0.25, lease=7, issued=9)
     answers, bus = recalled({"h1": [reply], "h2": []})
-    assert answers == {"h1": LastApplied(State.HOLD, (0.1, 0.2, 0.5, 0.0), 99.75, "h1"), "h2": None}
+    assert answers == {"h1": LastApplied(State.HOLD, (0.1, 0.2, 0.5, 0.0), 99.75, 7, 9), "h2": None}
     assert bus.woken == 2
 
 
@@ -82,12 +83,12 @@ def test_close_ends_the_asking() -> None:
         (Reply(accepted=False), None),
         (RecallTransmitterReply(accepted=False), None),
         (
-            RecallTransmitterReply(accepted=True, applied=APPLIED, age_s=1.0, lease="h1", killed=True),
-            LastApplied(State.KILLED, NEUTRAL, 9.0, None),
+            RecallTransmitterReply(accepted=True, applied=APPLIED, age_s=1.0, lease=7, issued=9, killed=True),
+            LastApplied(State.KILLED, NEUTRAL, 9.0, 7, 9),
         ),
         (
             RecallTransmitterReply(accepted=True, age_s=1.0, killed=True),
-            LastApplied(State.KILLED, NEUTRAL, 9.0, None),
+            LastApplied(State.KILLED, NEUTRAL, 9.0, 0, 0),
         ),
     ],
     ids=["another reply", "nothing known", "killed", "killed and never written"],

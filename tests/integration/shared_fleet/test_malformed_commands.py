@@ -47,14 +47,14 @@ def paced(period_s: float) -> Iterator[None]:
 
 
 def bad_command(number: int) -> Command:
-    source, thrust, sequence = (
-        ("h3", 0.5, 10**15),
-        ("h2", 7.0, 10**15),
-        ("h2", float("nan"), 10**15),
-        ("h2", 0.5, 3),
+    lease, thrust, sequence = (
+        (10**15, 0.5, 10**15),
+        (1, 7.0, 10**15),
+        (1, float("nan"), 10**15),
+        (1, 0.5, 0),
     )[number % 4]
     return Command(
-        epoch=1, frame=number, source=source, sequence=sequence, input=(0.0, 0.0, thrust, 0.0),
+        epoch=1, frame=number, lease=lease, sequence=sequence, input=(0.0, 0.0, thrust, 0.0),
         next_inputs=FloatArray.of(np.zeros((0, 4))), period_s=0.02,
     )  # fmt: skip
 
@@ -65,7 +65,8 @@ def refused_commands(flying: Flying, name: str) -> int:
     if status is None:
         return 0
     kinds = (
-        "source without control lease",
+        "no such control lease",
+        "control lease lost",
         "old sequence number",
         "command out of limits",
         "older epoch",

@@ -1,0 +1,111 @@
+"""Whatever agents ask for and whenever they command: at most one of them counts, and the newest one."""
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from rcopterx.transmitter_gateway.leases import MOST_AGENTS, RESERVED_S, UNDER_WAY, Leases
+
+
+def test_the_first_agent_that_asks_gets_a_lease_and_keeps_it() -> None:
+    leases = Leases()
+    assert leases.bid(7, 0.0, fresh=False, take_over=False) == 1
+    assert leases.bid(7, 0.01, fresh=False, take_over=False) == 1
+    assert leases.commanding == 0
+    assert not leases.command(1)
+    assert leases.commanding == 1
+    assert leases.bid(7, 5.0, fresh=True, take_over=False) == 1
+
+
+def test_an_agent_gets_no_lease_while_another_one_commands_unless_it_is_to_take_over() -> None:
+    leases = Leases()
+    leases.command(leases.bid(7, 0.0, fresh=False, take_over=False))
+    assert leases.bid(8, 1.0, fresh=True, take_over=False) == 0
+    assert leases.bid(8, 1.0, fresh=True, take_over=True) == 2
+    assert leases.commanding == 1
+    assert not leases.lost(1)
+    assert leases.command(2)
+    assert leases.lost(1)
+
+
+def test_of_two_agents_that_start_at_once_the_first_one_has_time_to_command() -> None:
+    leases = Leases()
+    assert leases.bid(7, 0.0, fresh=False, take_over=False) == 1
+    assert leases.bid(8, RESERVED_S / 2, fresh=False, take_over=False) == 0
+    assert leases.bid(8, RESERVED_S, fresh=False, take_over=False) == 2
+
+
+def test_an_agent_that_lost_gets_a_later_lease_once_nobody_commands() -> None:
+    leases = Leases()
+    leases.command(leases.bid(7, 0.0, fresh=False, take_over=False))
+    leases.command(leases.bid(8, 1.0, fresh=True, take_over=True))
+    assert leases.bid(7, 2.0, fresh=True, take_over=False) == 0
+    assert leases.bid(7, 3.0, fresh=False, take_over=False) == 3
+
+
+def test_a_restarted_gateway_counts_on_beyond_what_it_may_have_issued() -> None:
+    leases = Leases()
+    leases.resume(4, 5, 0.0)
+    assert not leases.lost(4)
+    assert leases.was_issued(6)
+    assert not leases.was_issued(5 + UNDER_WAY + 1)
+    assert leases.bid(7, 0.0, fresh=False, take_over=False) == 0
+    assert leases.bid(7, RESERVED_S, fresh=False, take_over=False) == 5 + UNDER_WAY + 1
+
+
+def test_agents_that_only_ask_fill_no_memory() -> None:
+    leases = Leases()
+    for agent in range(1000):
+        leases.bid(agent, 0.0, fresh=False, take_over=True)
+    assert len(leases._of_agents) == MOST_AGENTS
+
+
+AGENTS = st.integers(0, 4)
+
+
+class LeaseMachine(RuleBasedStateMachine):
+    """Agents that believe what they were told, and a gateway that is restarted."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.leases = Leases()
+        self.now_s = 0.0
+        self.told: dict[int, int] = {}
+        self.commanded: list[int] = []
+
+    @rule(seconds=st.floats(0, 0.3))
+    def let_time_pass(self, seconds: float) -> None:
+        self.now_s += seconds
+
+    @rule(agent=AGENTS, fresh=st.booleans(), take_over=st.booleans())
+    def bid(self, agent: int, fresh: bool, take_over: bool) -> None:
+        number = self.leases.bid(agent, self.now_s, fresh=fresh, take_over=take_over)
+        if number:
+            assert not self.leases.lost(number)
+            self.told[agent] = number
+
+    @rule(agent=AGENTS)
+    def command(self, agent: int) -> None:
+        lease = self.told.get(agent, 0)
+        if self.leases.was_issued(lease) and not self.leases.lost(lease):
+            self.leases.command(lease)
+            self.commanded.append(lease)
+
+    @rule()
+    def gateway_restarts(self) -> None:
+        """The launcher has heard what it told."""
+        restarted = Leases()
+        restarted.resume(self.leases.commanding, self.leases.issued, self.now_s)
+        self.leases = restarted
+
+    @invariant()
+    def no_lease_has_two_agents(self) -> None:
+        assert len(set(self.told.values())) == len(self.told)
+
+    @invariant()
+    def leases_that_command_only_grow(self) -> None:
+        assert self.commanded == sorted(self.commanded)
+
+
+LeaseMachine.TestCase.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
+TestLeasesAreUnambiguous = LeaseMachine.TestCase

@@ -1,0 +1,91 @@
+"""Control leases: numbers by which an arbiter tells the agents of one vehicle apart.
+
+An agent asks for a lease and carries its number in every command. Numbers only grow, and nobody else hands
+them out, so no clock of any host matters. The newest lease that has commanded counts; commands of all
+earlier ones are refused from then on, whatever they were delayed by.
+"""
+
+import math
+from typing import Final
+
+RESERVED_S: Final = 0.1
+"""How long an agent that was given a lease has time to command before another one is given the next."""
+UNDER_WAY: Final = 64
+"""More leases than an earlier process of the gateway can have issued since it was last heard."""
+MOST_AGENTS: Final = 16
+"""Agents whose leases are remembered."""
+
+
+class Leases:
+    """Issues the leases of one vehicle, and knows which one commands.
+
+    Attributes
+    ----------
+    commanding
+        Lease whose commands count; 0 before the first command.
+    issued
+        Newest lease.
+    """
+
+    def __init__(self) -> None:
+        self.commanding = 0
+        self.issued = 0
+        self._of_agents: dict[int, int] = {}
+        self._reserved_until_s = -math.inf
+
+    def bid(self, agent: int, now_s: float, *, fresh: bool, take_over: bool) -> int:
+        """Lease of an agent that asks for one; 0 while another agent commands.
+
+        Parameters
+        ----------
+        agent
+            Identifies the process. Asking again gives the same answer.
+        now_s
+            Now [s].
+        fresh
+            Whether the vehicle is commanded at this moment.
+        take_over
+            Whether the agent shall take over from the one that commands.
+        """
+        known = self._of_agents.get(agent, 0)
+        if known and known >= self.commanding:
+            return known
+        if not take_over and (fresh or now_s < self._reserved_until_s):
+            return 0
+        self.issued += 1
+        self._of_agents.pop(agent, None)
+        self._of_agents[agent] = self.issued
+        if len(self._of_agents) > MOST_AGENTS:
+            del self._of_agents[next(iter(self._of_agents))]
+        self._reserved_until_s = now_s + RESERVED_S
+        return self.issued
+
+    def lost(self, lease: int) -> bool:
+        """Whether a later lease commands."""
+        return lease < self.commanding
+
+    def was_issued(self, lease: int) -> bool:
+        """Whether anybody can have this lease."""
+        return 1 <= lease <= self.issued
+
+    def command(self, lease: int) -> bool:
+        """A valid command of a lease takes effect; True if it is the first one after another lease."""
+        changed = 0 < self.commanding < lease
+        self.commanding = max(self.commanding, lease)
+        return changed
+
+    def resume(self, commanding: int, issued: int, now_s: float) -> None:
+        """Count on from an earlier process of the gateway, which may have issued more than was heard of.
+
+        Parameters
+        ----------
+        commanding
+            Lease whose commands counted last.
+        issued
+            Newest lease that was heard of.
+        now_s
+            Now [s].
+        """
+        self.commanding = max(self.commanding, commanding)
+        self.issued = max(self.issued, max(commanding, issued) + UNDER_WAY)
+        self._reserved_until_s = now_s + RESERVED_S
