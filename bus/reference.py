@@ -75,9 +75,9 @@ Zenoh *client* to the router of its host, put and subscribe to the keys below.
 _EXAMPLE: Final = """\
 ## A controller in another language
 First ask for a control lease: choose a number for `agent` by chance and put a `lease_bid` every 10 ms until
-an answer on `rcopterx/<fleet>/h1/lease` names that number. While another agent commands, the answer is 0; with
-`take_over` you get a lease all the same, and your first command takes over. You have lost the vehicle as soon
-as `commanding` of a `lease`, or `lease` of an `applied`, is greater than your lease: then stop.
+an answer on `rcopterx/<fleet>/h1/lease` names that number. While another agent commands, the answer is 0;
+with `take_over` you get a lease all the same, and your first command takes over. You have lost the vehicle as
+soon as `commanding` of a `lease`, or `lease` of an `applied`, is greater than your lease: then stop.
 
 Subscribe to `rcopterx/<fleet>/h1/pose`; for every pose put a command on `rcopterx/<fleet>/h1/command`. The
 transmitter gateway obeys it once the vehicle is armed: request `arm` after half a second of commands with
