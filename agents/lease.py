@@ -86,36 +86,36 @@ class ControlLease:
     def _refuse(self, now_s: float) -> None:
         if self._refused_since_s is None:
             self._refused_since_s = now_s
-        elif now_s - self._refused_since_s >= REFUSED_S:
+        elif now_s - self._refused_since_s >= REFUSED_S and not self.take_over:
             self.lost = True
 
     def _lose_to(self, commanding: int) -> None:
         if self.number and commanding > self.number:
             self.lost = True
 
-    def bid(self, now_s: float, warm: bool) -> bool:
-        """Whether to ask for a lease now; to be asked for again before long if no answer arrives.
+    def bid_due(self, now_s: float) -> bool:
+        """Whether to ask for a lease now, as long as there is no answer."""
+        if self.lost or now_s < self._bid_at_s or (self.number and not self._ignored(now_s)):
+            return False
+        eager = now_s - self._began_s < EAGER_S
+        self._bid_at_s = now_s + (BID_PERIOD_S if eager else LATER_BID_PERIOD_S)
+        return True
+
+    def _ignored(self, now_s: float) -> bool:
+        return self._ignored_since_s is not None and now_s - self._ignored_since_s >= IGNORED_S
+
+    def takes_over(self, now_s: float, ready: bool) -> bool:
+        """Whether to ask for the lease of an agent that commands.
 
         Parameters
         ----------
         now_s
             Now [monotonic s].
-        warm
-            Whether the agent could fly its vehicle at once.
+        ready
+            Whether the vehicle is seen.
         """
-        if now_s < self._bid_at_s or not self._wanted(now_s, warm):
-            return False
-        eager = now_s - self._began_s < (WARM_S if self.take_over else 0.0) + EAGER_S
-        self._bid_at_s = now_s + (BID_PERIOD_S if eager else LATER_BID_PERIOD_S)
-        return True
-
-    def _wanted(self, now_s: float, warm: bool) -> bool:
-        if self.lost:
-            return False
-        if self.number:
-            return self._ignored_since_s is not None and now_s - self._ignored_since_s >= IGNORED_S
-        return not self.take_over or (warm and now_s - self._began_s >= WARM_S)
+        return self.take_over and ready and now_s - self._began_s >= WARM_S
 
     def next_s(self) -> float:
-        """When `bid` has to be called next, as far as time decides [monotonic s]."""
+        """When `bid_due` has to be asked next, as far as time decides [monotonic s]."""
         return math.inf if self.number or self.lost else self._bid_at_s

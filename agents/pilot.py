@@ -250,9 +250,14 @@ class Pilot:
 
     def watch(self, state: str, value: Array) -> None:
         """Take in what another agent's commands became: the estimate is warm when this one takes over."""
-        if self.clock.started:
-            self._watched = _EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
-            self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
+        if not self.clock.started:
+            return
+        before = self._watched
+        self._watched = _EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
+        if self._watched and not before:
+            # What acts now was commanded before this agent was there.
+            self.input_history = InputHistory(value)
+        self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
 
     def take_off(self, height_m: float) -> str | None:
         """Begin to take off; a refusal is returned as its reason."""

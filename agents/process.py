@@ -88,9 +88,9 @@ class Agent:
         for received in self._leases.drain():
             answer = received.message
             lease.hear(answer.agent, answer.number, answer.commanding, now_s)
-        if lease.bid(now_s, warm=self._pilot.ready):
-            host = self._settings.bus.host or None
-            bid = LeaseBid(agent=lease.agent, host=host, take_over=lease.take_over)
+        if lease.bid_due(now_s):
+            take_over = lease.takes_over(now_s, self._pilot.ready)
+            bid = LeaseBid(agent=lease.agent, host=self._settings.bus.host or None, take_over=take_over)
             self._bus.publish(channels.LEASE_BID, vehicle, bid)
         if lease.held and not self._speaks:
             self._speaks = True

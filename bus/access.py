@@ -147,7 +147,7 @@ def asked_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
         for seat in seats
         for verb in VERBS.values()
         if verb.asker == seat.role
-        for unit in _units(verb.unit, seat)
+        for unit in (("*",) if verb.unit == "host" and seat.host is None else _units(verb.unit, seat))
     }
 
 

@@ -404,9 +404,9 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     """What the launcher of a host keeps running."""
 
     running: tuple[Name, ...]
-    """Vehicles of this host that take part; their agents are started again when they die."""
+    """Vehicles whose agents are to run here; they are started again when they die."""
     absent: tuple[Name, ...]
-    """Vehicles of this host that do not take part."""
+    """Vehicles whose agents run here by the fleet file, and do not at present."""
     restarts: dict[Text, Count] = field(default_factory=dict)
     """How often each process was started again."""
     spare_ready: bool = False

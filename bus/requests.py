@@ -176,11 +176,21 @@ class WithdrawLeaders(Request, frozen=True, kw_only=True):
 
 
 class StartVehicle(Request, frozen=True, kw_only=True):
-    """Let a vehicle of the fleet file take part: start its agent and keep it running."""
+    """Let a vehicle of the fleet file take part: start its agent on this host and keep it running."""
+
+    vehicle: Name
 
 
 class StopVehicle(Request, frozen=True, kw_only=True):
-    """Let a vehicle that stands on the floor leave: end its agent."""
+    """Let a vehicle that stands on the floor leave: end its agent on this host."""
+
+    vehicle: Name
+
+
+class TakeVehicle(Request, frozen=True, kw_only=True):
+    """Start a vehicle's agent on this host, and let it take over from the one elsewhere once it is warm."""
+
+    vehicle: Name
 
 
 class StartHost(Request, frozen=True, kw_only=True):
@@ -300,8 +310,9 @@ VERBS: Final = {
         ),
         Verb("commit_leaders", "agent", CommitLeaders, "take the prepared leaders at a frame"),
         Verb("withdraw_leaders", "agent", WithdrawLeaders, "forget the prepared leaders"),
-        Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part"),
-        Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave"),
+        Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part", unit="host"),
+        Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave", unit="host"),
+        Verb("take_vehicle", "launcher", TakeVehicle, "move the agent of a vehicle here", unit="host"),
         Verb("start_host", "launcher", StartHost, "start the processes of a host", unit="host"),
         Verb("stop_host", "launcher", StopHost, "end the processes of a host", unit="host"),
         Verb(

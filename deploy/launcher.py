@@ -19,9 +19,10 @@ from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
 from rcopterx.deploy.forking import ForkServer
+from rcopterx.deploy.guarding import Guard
 from rcopterx.deploy.membership import MembershipService
 from rcopterx.deploy.process_log import append
-from rcopterx.deploy.processes import RECORDER, ROUTER, processes_of
+from rcopterx.deploy.processes import RECORDER, ROUTER, agent_process, processes_of
 from rcopterx.deploy.recall import RecallService
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
@@ -182,7 +183,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         check_certificate(fleet, host)
         missing = check_resources(fleet, host, directory, without)
         self.directory = directory
-        absent = {f"agent-{name}" for name in without}
+        absent = {agent_process(name) for name in without}
+        absent |= {agent_process(name) for name in fleet.agents_on(host) if fleet.vehicles[name].host != host}
         if idle:
             absent = {spec.name for spec in specs if spec.role != ROUTER}
         self._idle = idle
@@ -198,6 +200,8 @@ class Launcher(AbstractContextManager["Launcher"]):
             without=absent,
             watchdog=limits,
             priority=Priority.GATEWAY.of(fleet),
+            host=host,
+            guarded=sum(fleet.vehicles[name].host != host for name in fleet.agents_on(host)),
         )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._news: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
@@ -205,6 +209,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._host = host
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
+        turns = {name: fleet.agent_hosts(name).index(host) for name in fleet.agents_on(host)}
+        self._guard = Guard(turns)
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
 
@@ -213,7 +219,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._begin_flight()
         self._thread.start()
         vehicles = self._fleet.vehicles.items()
-        agents = [name for name, vehicle in vehicles if vehicle.host == self._host]
+        agents = list(self._fleet.agents_on(self._host))
         transmitters = [
             name
             for name, vehicle in vehicles
@@ -223,10 +229,13 @@ class Launcher(AbstractContextManager["Launcher"]):
             address = bus_address(self._fleet, self._host)
             deaths = self.supervisor.quick_deaths
             self._recall = RecallService(
-                address, agents, transmitters, lambda vehicle: deaths(f"agent-{vehicle}")
+                address, agents, transmitters, lambda vehicle: deaths(agent_process(vehicle))
             )
             begin = self._begin_flight if self._idle else None
-            self._membership = MembershipService(address, self._host, self.supervisor, self._news, begin)
+            home = [name for name in agents if self._fleet.vehicles[name].host == self._host]
+            self._membership = MembershipService(
+                address, self._host, self.supervisor, self._news, home, begin
+            )
         except BusUnreachableError:
             self.stop()
             raise
@@ -245,8 +254,21 @@ class Launcher(AbstractContextManager["Launcher"]):
         # Children are told when the thread that started them ends, so this one starts and stops them all.
         self._tell(self.supervisor.start_all())
         while not self._stopping.is_set():
-            self._tell(self.supervisor.watch(WATCH_S))
+            self._tell([*self._replace_lost_agents(), *self.supervisor.watch(WATCH_S)])
         self.supervisor.stop_all()
+
+    def _replace_lost_agents(self) -> list[str]:
+        """Let agents run here whose vehicles nobody commands in flight; a line for each."""
+        recall, membership = self._recall, self._membership
+        if recall is None or membership is None or not membership.started:
+            return []
+        lines = []
+        for vehicle in self._guard.look(time.monotonic(), recall.frames()):
+            child = self.supervisor.children[agent_process(vehicle)]
+            if not child.wanted:
+                child.wanted = True
+                lines.append(f"{vehicle}: nobody commands it in flight; its agent runs here now")
+        return lines
 
     def _tell(self, lines: list[str]) -> None:
         """For whoever started the fleet, and for everybody on the bus."""

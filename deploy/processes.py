@@ -11,6 +11,8 @@ ROUTER: Final = "router"
 """Name and role of the process that routes messages."""
 EXIT_ELSEWHERE: Final = 4
 """Exit code of an agent whose vehicle another agent flies; it is not started again."""
+TAKE_OVER: Final = "--take-over"
+"""Word of the command line of an agent that takes over from another one."""
 RECORDER: Final = "recorder"
 """Name and role of the process that writes the flight log."""
 
@@ -29,16 +31,28 @@ class ProcessSpec:
         What the role is for: a host, a gateway or a vehicle.
     stop_order
         Processes with lower numbers are stopped first.
+    host
+        Where it runs; empty for where the fleet file has it.
     """
 
     name: str
     role: str
     unit: str
     stop_order: int
+    host: str = ""
 
-    def command(self, snapshot: Path) -> list[str]:
-        """Command line that starts the process by the snapshot of a fleet file."""
-        return [sys.executable, "-m", "rcopterx.deploy.roles", self.role, self.unit, str(snapshot)]
+    def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
+        """Command line that starts the process by the snapshot of a fleet file.
+
+        Parameters
+        ----------
+        snapshot
+            The snapshot.
+        take_over
+            Whether an agent shall take over from one that flies its vehicle.
+        """
+        words = [self.role, self.unit, str(snapshot), self.host, TAKE_OVER if take_over else ""]
+        return [sys.executable, "-m", "rcopterx.deploy.roles", *filter(None, words)]
 
 
 def recording_host(fleet: FleetFile) -> str:
@@ -70,9 +84,10 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
         if gateway.host == host
         and any(vehicle.transmitter.gateway == name for vehicle in fleet.vehicles.values())
     ]
-    specs += [
-        ProcessSpec(f"agent-{name}", "agent", name, 0)
-        for name, vehicle in fleet.vehicles.items()
-        if vehicle.host == host
-    ]
+    specs += [ProcessSpec(agent_process(name), "agent", name, 0, host) for name in fleet.agents_on(host)]
     return specs
+
+
+def agent_process(vehicle: str) -> str:
+    """Name of the process of a vehicle's agent."""
+    return f"agent-{vehicle}"

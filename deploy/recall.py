@@ -9,6 +9,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import Inbox, Received
+from rcopterx.deploy.guarding import LastFrame
 
 M = TypeVar("M", bound=Message)
 
@@ -93,6 +94,17 @@ class RecallService:
             issued=0 if lease is None else lease.message.issued,
             killed=state == "killed",
         )
+
+    def frames(self) -> dict[str, LastFrame]:
+        """Newest serial frame of every vehicle that was heard of."""
+        newest = {vehicle: inbox.latest() for vehicle, inbox in tuple(self._applied.inboxes.items())}
+        return {
+            vehicle: LastFrame(
+                told.message.state, (told.message.lease, told.message.sequence), told.arrived_s
+            )
+            for vehicle, told in newest.items()
+            if told is not None
+        }
 
     def close(self) -> None:
         """Answer no more."""

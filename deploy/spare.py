@@ -19,7 +19,7 @@ from rcopterx.deploy.roles.run import end_with_parent, log_start, name_process, 
 from rcopterx.deploy.spare_process import Job
 
 
-def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | None:
+def wait_for_job(snapshot: Path, host: str, jobs: Sequence[Job]) -> Callable[[], None] | None:
     """Prepare these jobs, wait for one of them on standard input.
 
     Returns
@@ -29,7 +29,7 @@ def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | No
     """
     name_process("spare")
     fleet = load_fleet(snapshot)
-    pilots = {unit: pilot_of(fleet, unit) for role, unit in jobs if role == "agent"}
+    pilots = {unit: pilot_of(fleet, unit, host or None) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs}
     line = _order()
     if not line:
@@ -42,7 +42,7 @@ def wait_for_job(snapshot: Path, jobs: Sequence[Job]) -> Callable[[], None] | No
     name_process(role, unit)
     log_start(role, unit)
     if role == "agent":
-        return lambda: fly(*pilots[unit])
+        return lambda: fly(*pilots[unit], take_over=order["take_over"])
     return lambda: runners[role](fleet, unit)
 
 
@@ -57,11 +57,11 @@ def _order() -> str:
 
 
 def main() -> None:
-    """Entry point: `python -m rcopterx.deploy.spare SNAPSHOT ROLE:UNIT...`."""
+    """Entry point: `python -m rcopterx.deploy.spare SNAPSHOT HOST ROLE:UNIT...`."""
     end_with_parent()
     set_up()
-    jobs = [(role, unit) for role, _, unit in (word.partition(":") for word in sys.argv[2:])]
-    run = wait_for_job(Path(sys.argv[1]), jobs)
+    jobs = [(role, unit) for role, _, unit in (word.partition(":") for word in sys.argv[3:])]
+    run = wait_for_job(Path(sys.argv[1]), sys.argv[2], jobs)
     if run is not None:
         run_reporting(run)
 

@@ -50,11 +50,20 @@ class SpareProcess:
         Starts it.
     priority
         Real-time priority at which it begins to take over; 0 for none.
+    host
+        Where it is; empty for where the fleet file has its agents.
     """
 
     def __init__(
-        self, snapshot: Path, jobs: Sequence[Job], log: Path, forks: ForkServer, priority: int = 0
+        self,
+        snapshot: Path,
+        jobs: Sequence[Job],
+        log: Path,
+        forks: ForkServer,
+        priority: int = 0,
+        host: str = "",
     ) -> None:
+        self._host = host
         self._forks = forks
         self._snapshot = snapshot
         self._jobs = tuple(jobs)
@@ -75,15 +84,24 @@ class SpareProcess:
             return
         self.close()
         words = [f"{role}:{unit}" for role, unit in self._jobs]
-        command = [sys.executable, "-m", "rcopterx.deploy.spare", str(self._snapshot), *words]
+        command = [sys.executable, "-m", "rcopterx.deploy.spare", str(self._snapshot), self._host, *words]
         self._started = self._forks.start(command, self._log, piped=True)
 
-    def take(self, role: str, unit: str, log: Path) -> Started | None:
-        """Let the spare take over a job; None if that is none of its jobs or it is not ready."""
+    def take(self, role: str, unit: str, log: Path, *, take_over: bool = False) -> Started | None:
+        """Let the spare take over a job; None if that is none of its jobs or it is not ready.
+
+        Parameters
+        ----------
+        role, unit, log
+            The job, and where to write from now on.
+        take_over
+            Whether an agent shall take over from one that flies its vehicle.
+        """
         started = self._started
         if (role, unit) not in self._jobs or started is None or not self.ready():
             return None
-        order = json.dumps({"role": role, "unit": unit, "log": str(log)}) + "\n"
+        words = {"role": role, "unit": unit, "log": str(log), "take_over": take_over}
+        order = json.dumps(words) + "\n"
         prefer(started.process.pid, self._priority)
         stdin = started.process.stdin
         try:
@@ -129,14 +147,23 @@ class SpareProcesses:
 
     Parameters
     ----------
-    snapshot, jobs, log, forks, priority
+    snapshot, jobs, log, forks, priority, host
         As for `SpareProcess`.
+    count
+        How many there shall be.
     """
 
     def __init__(
-        self, snapshot: Path, jobs: Sequence[Job], log: Path, forks: ForkServer, priority: int = 0
+        self,
+        snapshot: Path,
+        jobs: Sequence[Job],
+        log: Path,
+        forks: ForkServer,
+        priority: int = 0,
+        host: str = "",
+        count: int = SPARES,
     ) -> None:
-        self._spares = tuple(SpareProcess(snapshot, jobs, log, forks, priority) for _ in range(SPARES))
+        self._spares = tuple(SpareProcess(snapshot, jobs, log, forks, priority, host) for _ in range(count))
 
     def prepare(self) -> None:
         """Start what is missing next.
@@ -154,7 +181,15 @@ class SpareProcesses:
             if not spare.ready():
                 return
 
-    def take(self, role: str, unit: str, log: Path, usable: Callable[[int], bool]) -> Started | None:
+    def take(
+        self,
+        role: str,
+        unit: str,
+        log: Path,
+        usable: Callable[[int], bool],
+        *,
+        take_over: bool = False,
+    ) -> Started | None:
         """Let a spare that is ready, and usable by its process id, take over a job; None if there is none.
 
         The last one is only for roles that everybody needs.
@@ -163,7 +198,7 @@ class SpareProcesses:
         if len(ready) == 1 and role not in NEEDED_BY_ALL:
             return None
         for spare in ready:
-            started = spare.take(role, unit, log)
+            started = spare.take(role, unit, log, take_over=take_over)
             if started is not None:
                 return started
         return None

@@ -64,6 +64,8 @@ class Child:
     last_exit: int | None = None
     wanted: bool = True
     """Whether it shall run; may be changed at any time, from any thread."""
+    take_over: bool = False
+    """Whether it begins by taking over from an agent that flies its vehicle elsewhere."""
     leaving_since_s: float | None = None
     """When it was asked to end, if it was."""
     verdict: Hung | None = None
@@ -92,6 +94,10 @@ class Supervisor:
         For how long processes may make no progress; None for as long as they like.
     priority
         Real-time priority at which spare processes begin to take over; 0 for none.
+    host
+        This host; empty for where the fleet file has its agents.
+    guarded
+        How many agents of another host may have to be started at once.
     """
 
     def __init__(
@@ -104,6 +110,8 @@ class Supervisor:
         without: Collection[str] = (),
         watchdog: WatchdogLimits | None = None,
         priority: int = 0,
+        host: str = "",
+        guarded: int = 0,
     ) -> None:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
         self._snapshot = snapshot.resolve()
@@ -114,7 +122,11 @@ class Supervisor:
         self._spare_at_s = 0.0
         self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
-        self._spares = SpareProcesses(self._snapshot, jobs, log_directory / "spare.log", forks, priority)
+        spare_log = log_directory / "spare.log"
+        self._spare_count = SPARES + guarded
+        self._spares = SpareProcesses(
+            self._snapshot, jobs, spare_log, forks, priority, host, self._spare_count
+        )
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
         self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))
@@ -151,7 +163,9 @@ class Supervisor:
     def _launch(self, child: Child, log_path: Path) -> None:
         started = self._successor(child, log_path)
         if started is None:
-            started = self._forks.start(child.spec.command(self._snapshot), log_path)
+            command = child.spec.command(self._snapshot, take_over=child.take_over)
+            started = self._forks.start(command, log_path)
+        child.take_over = False
         child.process, child.page = started
         child.started_s = self._clock()
         self._selector.register(child.process.descriptor, selectors.EVENT_READ, child.spec.name)
@@ -162,7 +176,8 @@ class Supervisor:
         def usable(pid: int) -> bool:
             return self._silent_s(pid) <= SPARE_SILENCE_S
 
-        return self._spares.take(child.spec.role, child.spec.unit, log_path, usable)
+        spec = child.spec
+        return self._spares.take(spec.role, spec.unit, log_path, usable, take_over=child.take_over)
 
     def start_all(self) -> list[str]:
         """Start every wanted process in order; returns what is wrong, as `start`."""
@@ -318,7 +333,7 @@ class Supervisor:
     @property
     def spares_complete(self) -> bool:
         """Whether as many of them wait as there shall be."""
-        return self._spares.ready() == SPARES
+        return self._spares.ready() == self._spare_count
 
     @property
     def spare_pids(self) -> tuple[int, ...]:

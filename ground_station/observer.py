@@ -111,8 +111,10 @@ class Observer:
             self._latency = LatencyWatch(self.session, offset)
 
     def present(self) -> list[str]:
-        """Vehicles of the fleet file that take part: all but those that a launcher says are absent."""
-        absent = {name for status in self.launchers().values() for name in status.absent}
+        """Vehicles of the fleet file that take part: all but those that are absent and run nowhere else."""
+        launchers = self.launchers().values()
+        absent = {name for status in launchers for name in status.absent}
+        absent -= {name for status in launchers for name in status.running}
         return [name for name in self.file.vehicles if name not in absent]
 
     def launchers(self) -> dict[str, LauncherStatus]:

@@ -77,6 +77,11 @@ class VehicleState:
         return f"{client} (external)" if client else self.agent.diagnostics.controller
 
     @property
+    def host(self) -> str | None:
+        """Host its agent runs on, as far as it tells."""
+        return None if self.agent is None else self.agent.diagnostics.host
+
+    @property
     def transmitter_state(self) -> str:
         """State of the arbiter, `unknown` without a status."""
         return "unknown" if self.transmitter is None else self.transmitter.state

@@ -19,6 +19,7 @@ from rcopterx.bus.requests import (
     StartVehicle,
     StopVehicle,
     TakeOff,
+    TakeVehicle,
     Tune,
 )
 from rcopterx.bus.session import RequestFailedError
@@ -27,6 +28,8 @@ from rcopterx.ground_station.state import VehicleState
 from rcopterx.ground_station.waiting import NotReachedError
 
 RUN_IN_LIMIT_S = 30.0
+HOST_PATIENCE_S = 3.0
+"""For a host whose link is just being dialled again."""
 TUNING_LIMIT_S = 10.0
 """Longest time to build a controller; the vehicle flies on with the present one."""
 
@@ -214,11 +217,53 @@ class Vehicle:
 
     def start(self) -> str:
         """Let the vehicle take part: its agent is started and kept running. It stays on the floor."""
-        return self._ask(StartVehicle())
+        return self._ask_host(self._fleet.file.vehicles[self.name].host, StartVehicle(vehicle=self.name))
 
     def stop(self) -> str:
         """Let the vehicle leave: its agent ends. It must be on the floor."""
-        return self._ask(StopVehicle())
+        return self._ask_host(self._agent_host, StopVehicle(vehicle=self.name))
+
+    def move(self, host: str, timeout_s: float = 20.0) -> None:
+        """Let the agent run on another host, also in flight: a new one takes over when it is warm.
+
+        Raises
+        ------
+        RefusedError
+            The fleet file does not let it run there.
+        NotReachedError
+            The new agent did not take over in time; it was stopped, and the old one flies on.
+        """
+        name, fleet = self.name, self._fleet
+        allowed = fleet.file.agent_hosts(name)
+        if host not in allowed:
+            raise RefusedError(
+                f"{name}: its agent may run on {', '.join(allowed)}; vehicles.{name}.spares of the fleet "
+                "file names further hosts"
+            )
+        if self.state.host == host:
+            return
+        self._ask_host(host, TakeVehicle(vehicle=name))
+        try:
+            fleet.wait_until(
+                lambda: self.state.host == host, timeout_s, f"{host} does not take {name} over", [name]
+            )
+        except NotReachedError:
+            self._ask_host(host, StopVehicle(vehicle=name))
+            raise
+
+    @property
+    def _agent_host(self) -> str:
+        """Where its agent runs, or would run by the fleet file."""
+        running = [host for host, status in self._fleet.launchers().items() if self.name in status.running]
+        return running[0] if running else self._fleet.file.vehicles[self.name].host
+
+    def _ask_host(self, host: str, request: Request) -> str:
+        reply = self._fleet.session.request(
+            host, request, timeout_s=HOST_PATIENCE_S, patience_s=HOST_PATIENCE_S
+        )
+        if not reply.accepted:
+            raise RefusedError(f"{self.name}: {reply.reason}")
+        return reply.reason
 
     def _ask(self, request: Request, timeout_s: float = 1.0) -> str:
         reply = self._fleet.session.request(self.name, request, timeout_s)

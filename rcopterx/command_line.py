@@ -46,8 +46,8 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     ),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
-        trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.land, steer.disarm, steer.kill,
-        steer.reset,
+        trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.move, steer.land, steer.disarm,
+        steer.kill, steer.reset,
     ),
     "Flight logs": (flights.flights, replay.replay, report.report, export.export, flights.recover),
     "Prepare a laboratory": (new_lab.new_lab,),

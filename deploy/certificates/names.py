@@ -46,7 +46,7 @@ def operator_seats(fleet: FleetFile) -> tuple[Seat, ...]:
 
 def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
     """Roles that the fleet file gives to a host."""
-    agents = tuple(name for name, vehicle in fleet.vehicles.items() if vehicle.host == host)
+    agents = fleet.agents_on(host)
     transmitters = tuple(
         name
         for name, vehicle in fleet.vehicles.items()

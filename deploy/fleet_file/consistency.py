@@ -71,10 +71,16 @@ def _check_hosts(fleet: FleetFile) -> None:
         uses["simulator.host"] = fleet.simulator.host
     uses |= {f"gateways.{name}.host": gateway.host for name, gateway in fleet.gateways.items()}
     uses |= {f"vehicles.{name}.host": vehicle.host for name, vehicle in fleet.vehicles.items()}
+    for name, vehicle in fleet.vehicles.items():
+        uses |= {f"vehicles.{name}.spares[{n}]": spare for n, spare in enumerate(vehicle.spares)}
     for where, used in uses.items():
         if used not in fleet.hosts:
             raise FleetError(f"{where}: unknown host {used!r}, known are {', '.join(fleet.hosts)}")
     for name, vehicle in fleet.vehicles.items():
+        hosts = fleet.agent_hosts(name)
+        for number, spare in enumerate(vehicle.spares):
+            if spare in hosts[: number + 1]:
+                raise FleetError(f"vehicles.{name}.spares[{number}]: {spare!r} runs its agent already")
         gateway = vehicle.transmitter.gateway
         if gateway not in fleet.gateways:
             known = ", ".join(fleet.gateways)

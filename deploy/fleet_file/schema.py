@@ -197,6 +197,9 @@ class VehicleConfig(Table, frozen=True, kw_only=True):
     """`coaxial`, `coaxial_lag` or `quadrotor`: where its model comes from."""
     host: Name = DEFAULT_HOST
     """Host that runs its agent."""
+    spares: list[Name] = field(default_factory=list)
+    """Hosts that may run its agent as well: it can be moved there, and the first one that is there starts it
+    when nobody commands the vehicle in flight any more."""
     subject: Text
     """Name of the vehicle's subject in the Tracker."""
     control: ControlConfig = field(default_factory=ControlConfig)
@@ -289,6 +292,15 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """For how long processes may make no progress."""
     vehicles: dict[Name, VehicleConfig]
     """Vehicles by name."""
+
+    def agent_hosts(self, vehicle: str) -> tuple[str, ...]:
+        """Hosts that may run the agent of a vehicle, the one that does so from the start first."""
+        config = self.vehicles[vehicle]
+        return (config.host, *config.spares)
+
+    def agents_on(self, host: str) -> tuple[str, ...]:
+        """Vehicles whose agents may run on a host."""
+        return tuple(name for name in self.vehicles if host in self.agent_hosts(name))
 
     def endpoint(self, host: str) -> str:
         """Zenoh endpoint at which other hosts reach the router of a host."""

@@ -1,18 +1,27 @@
-"""Runs one process of a fleet, as its supervisor: `python -m rcopterx.deploy.roles ROLE UNIT FLEET_FILE`."""
+"""Runs one process of a fleet, as its supervisor.
+
+`python -m rcopterx.deploy.roles ROLE UNIT FLEET_FILE [HOST] [--take-over]`; by default the host of the file.
+"""
 
 import sys
 from pathlib import Path
 
 from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.processes import TAKE_OVER
 from rcopterx.deploy.roles.run import ROLES, end_with_parent, run_reporting, run_role
 
 
 def main() -> None:
     """Entry point of a supervised process."""
-    if len(sys.argv) != 4:
-        sys.exit(f"usage: python -m rcopterx.deploy.roles {{{','.join(ROLES)}}} UNIT FLEET_FILE")
+    words = [word for word in sys.argv[1:] if word != TAKE_OVER]
+    if len(words) not in (3, 4):
+        roles = ",".join(ROLES)
+        sys.exit(f"usage: python -m rcopterx.deploy.roles {{{roles}}} UNIT FLEET_FILE [HOST] [{TAKE_OVER}]")
+    role, unit, path, *host = words
     end_with_parent()
-    run_reporting(lambda: run_role(sys.argv[1], sys.argv[2], load_fleet(Path(sys.argv[3]))))
+    run_reporting(
+        lambda: run_role(role, unit, load_fleet(Path(path)), *host, take_over=TAKE_OVER in sys.argv)
+    )
 
 
 if __name__ == "__main__":

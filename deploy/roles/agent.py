@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from dataclasses import replace
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
@@ -20,41 +21,41 @@ from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.vehicle_models import model_of
 
 
-def run(fleet: FleetFile, vehicle: str) -> None:
+def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: bool = False) -> None:
     """Fly a vehicle."""
-    fly(*pilot_of(fleet, vehicle))
+    fly(*pilot_of(fleet, vehicle, host), take_over=take_over)
 
 
-def fly(settings: AgentSettings, pilot: Pilot) -> None:
+def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> None:
     """Fly a vehicle; the exit code `EXIT_ELSEWHERE` says that another agent does."""
-    if run_agent(settings, pilot):
+    if run_agent(replace(settings, take_over=take_over), pilot):
         logging.info("agent %s: another agent flies it", settings.vehicle)
         sys.exit(EXIT_ELSEWHERE)
 
 
-def pilot_of(fleet: FleetFile, name: str) -> tuple[AgentSettings, Pilot]:
-    """Settings and pilot of a vehicle's agent.
+def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
+    """Settings and pilot of a vehicle's agent on a host, by default that of the fleet file.
 
     Raises
     ------
     FleetError
         A field of the vehicle is wrong; controllers and estimators check their settings when they are built.
     """
-    settings = agent_settings(fleet, name)
+    settings = agent_settings(fleet, name, host)
     try:
         return settings, build_pilot(settings)
     except ValueError as error:
         raise FleetError(f"vehicles.{name}.control: {error}") from None
 
 
-def agent_settings(fleet: FleetFile, name: str) -> AgentSettings:
-    """Settings of the agent of a vehicle."""
+def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> AgentSettings:
+    """Settings of the agent of a vehicle on a host, by default that of the fleet file."""
     vehicle = fleet.vehicles[name]
     control = vehicle.control
     links = links_of(fleet)
     models = {other: model_of(fleet, other) for other in fleet.vehicles}
     return AgentSettings(
-        bus=bus_address(fleet, vehicle.host),
+        bus=bus_address(fleet, host or vehicle.host),
         vehicle=name,
         vehicles=tuple(fleet.vehicles),
         model=models[name],

@@ -32,7 +32,9 @@ def end_with_parent() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def run_role(role: str, unit: str, fleet: FleetFile) -> None:
+def run_role(
+    role: str, unit: str, fleet: FleetFile, host: str | None = None, *, take_over: bool = False
+) -> None:
     """Run one role until it is asked to stop.
 
     Parameters
@@ -43,6 +45,10 @@ def run_role(role: str, unit: str, fleet: FleetFile) -> None:
         Host of a router, recorder, simulator or tracker; gateway name of transmitters; vehicle of an agent.
     fleet
         The fleet file.
+    host
+        Where an agent runs; by default the host of the fleet file.
+    take_over
+        Whether an agent shall take over from one that flies its vehicle.
 
     Raises
     ------
@@ -56,7 +62,12 @@ def run_role(role: str, unit: str, fleet: FleetFile) -> None:
     check_unit(fleet, role, unit)
     name_process(role, unit)
     log_start(role, unit)
-    runner(role)(fleet, unit)
+    if role == "agent":
+        from rcopterx.deploy.roles import agent
+
+        agent.run(fleet, unit, host, take_over=take_over)
+    else:
+        runner(role)(fleet, unit)
 
 
 def log_start(role: str, unit: str) -> None:

@@ -130,6 +130,19 @@ def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
         typer.echo("done")
 
 
+def move(
+    vehicle: Vehicle,
+    to: Annotated[str, typer.Option(metavar="HOST", help="Host on which its agent shall run.")],
+    fleet: RunningFleetOption = None,
+) -> None:
+    """Move the agent of a vehicle to another host, also in flight: a warm one takes over there."""
+    with running_fleet(fleet) as running:
+        known_vehicles(running.file.vehicles, [vehicle])
+        running.wait_for_status([vehicle])
+        running[vehicle].move(to)
+        typer.echo(f"the agent of {vehicle} runs on {to}")
+
+
 def _announce(changes: list[str]) -> None:
     """Tell what a change of roles does to whom, before it is done."""
     typer.echo("\n".join(changes))

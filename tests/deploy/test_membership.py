@@ -10,7 +10,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LauncherStatus
-from rcopterx.bus.requests import StartHost, StartVehicle, StopHost, StopVehicle
+from rcopterx.bus.requests import StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
 from rcopterx.bus.session import BusAddress, NobodyServesError, Session
 from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.membership import MembershipService
@@ -29,7 +29,7 @@ def supervisor(tmp_path: Path) -> Supervisor:
 
 @pytest.fixture
 def membership(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[MembershipService]:
-    service = MembershipService(bus_address, "main", supervisor, deque(["router: started"]))
+    service = MembershipService(bus_address, "main", supervisor, deque(["router: started"]), ["h1", "h2"])
     yield service
     service.close()
 
@@ -75,7 +75,9 @@ def daemon(bus_address: BusAddress, supervisor: Supervisor, begun: list[str]) ->
     """The service of a host with a daemon, on which only the router runs at first."""
     for name, child in supervisor.children.items():
         child.wanted = name == "router"
-    service = MembershipService(bus_address, "main", supervisor, deque(), lambda: begun.append("flight"))
+    service = MembershipService(
+        bus_address, "main", supervisor, deque(), ["h1", "h2"], lambda: begun.append("flight")
+    )
     yield service
     service.close()
 
@@ -121,12 +123,12 @@ def test_a_vehicle_takes_part_and_leaves_by_request(
     membership: MembershipService, supervisor: Supervisor, join: Join
 ) -> None:
     session = join()
-    reply = session.request("h2", StartVehicle(), patience_s=10.0)
+    reply = session.request("main", StartVehicle(vehicle="h2"), patience_s=10.0)
     assert (reply.accepted, reply.reason) == (True, "h2 is started")
     assert supervisor.children["agent-h2"].wanted
     assert told(session, lambda status: not status.absent).running == ("h1", "h2")
-    assert session.request("h2", StartVehicle()).reason == "h2 takes part already"
-    reply = session.request("h2", StopVehicle())
+    assert session.request("main", StartVehicle(vehicle="h2")).reason == "h2 takes part already"
+    reply = session.request("main", StopVehicle(vehicle="h2"))
     assert (reply.accepted, reply.reason) == (True, "h2 leaves")
     assert not supervisor.children["agent-h2"].wanted
     told(session, lambda status: status.absent == ("h2",))
@@ -140,8 +142,51 @@ def test_a_vehicle_in_the_air_keeps_its_agent(
     def refused() -> bool:
         session.publish(channels.AGENT_STATUS, "h1", flying_status())
         supervisor.children["agent-h1"].wanted = True
-        reply = session.request("h1", StopVehicle(), patience_s=10.0)
+        reply = session.request("main", StopVehicle(vehicle="h1"), patience_s=10.0)
         return reply.reason == "h1 is in the air, its phase is flying; land it first"
 
     wait_for(refused, "it may leave")
     assert supervisor.children["agent-h1"].wanted
+
+
+@pytest.fixture
+def spare_host(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[MembershipService]:
+    """The service of a host that may run the agent of h2, which runs elsewhere by the fleet file."""
+    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1"])
+    yield service
+    service.close()
+
+
+def test_an_agent_that_may_run_here_but_does_not_is_not_absent(
+    spare_host: MembershipService, join: Join
+) -> None:
+    status = told(join(), lambda _: True)
+    assert (status.running, status.absent) == (("h1",), ())
+
+
+def test_an_agent_is_taken_over_by_request_and_only_where_the_fleet_file_lets_it_run(
+    spare_host: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session, child = join(), supervisor.children["agent-h2"]
+    reply = session.request("main", TakeVehicle(vehicle="h2"), patience_s=10.0)
+    assert (reply.accepted, reply.reason) == (True, "the agent of h2 starts on main")
+    assert (child.wanted, child.take_over) == (True, True)
+    reply = session.request("main", TakeVehicle(vehicle="h2"))
+    assert (reply.accepted, reply.reason) == (True, "the agent of h2 runs on main already")
+    reply = session.request("main", TakeVehicle(vehicle="h7"))
+    assert not reply.accepted
+    assert reply.reason == "the fleet file does not let the agent of h7 run on main"
+
+
+def test_an_agent_that_does_not_fly_its_vehicle_may_be_stopped_in_flight(
+    spare_host: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session, child = join(), supervisor.children["agent-h2"]
+
+    def stopped() -> bool:
+        session.publish(channels.AGENT_STATUS, "h2", flying_status(host="second"))
+        child.wanted = True
+        return session.request("main", StopVehicle(vehicle="h2"), patience_s=10.0).accepted
+
+    wait_for(stopped, "it is not stopped")
+    assert not child.wanted

@@ -21,7 +21,7 @@ from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.supervisor
 from rcopterx.deploy.forking import ForkServer
-from rcopterx.deploy.processes import ProcessSpec
+from rcopterx.deploy.processes import EXIT_ELSEWHERE, ProcessSpec
 from rcopterx.deploy.spare_process import SpareProcess
 from rcopterx.deploy.supervisor import (
     MAX_PAUSE_S,
@@ -57,16 +57,17 @@ class Fake(ProcessSpec):
 
     shell: str = SLEEPS
 
-    def command(self, fleet_path: Path) -> list[str]:
+    def command(self, fleet_path: Path, *, take_over: bool = False) -> list[str]:
         return ["/bin/sh", "-c", self.shell, str(fleet_path)]
 
 
 def beating(name: str, *words: str) -> Fake:
-    return Fake(name, "helper", "main", 0, "exec " + shlex.join([sys.executable, "-S", "-c", BEATS, *words]))
+    shell = "exec " + shlex.join([sys.executable, "-S", "-c", BEATS, *words])
+    return Fake(name, "helper", "main", 0, shell=shell)
 
 
 def fake(name: str, shell: str = SLEEPS, stop_order: int = 0) -> Fake:
-    return Fake(name, "simulator", "main", stop_order, shell)
+    return Fake(name, "simulator", "main", stop_order, shell=shell)
 
 
 Supervise = Callable[..., Supervisor]
@@ -244,6 +245,17 @@ def test_output_is_appended_to_a_log_and_the_environment_is_set(supervise: Super
 def test_the_supervisor_tells_which_role_each_process_has() -> None:
     command = ProcessSpec("agent-h1", "agent", "h1", 0).command(Path("/x/lab.toml"))
     assert command == [sys.executable, "-m", "rcopterx.deploy.roles", "agent", "h1", "/x/lab.toml"]
+    moved = ProcessSpec("agent-h1", "agent", "h1", 0, "second").command(Path("/x/lab.toml"), take_over=True)
+    assert moved == [*command, "second", "--take-over"]
+
+
+def test_an_agent_whose_vehicle_another_one_flies_is_not_started_again(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one", f"exit {EXIT_ELSEWHERE}"))
+    supervisor.start_all()
+    lines = watch_until(supervisor, lambda: not supervisor.children["one"].wanted, "it is started again")
+    assert any(line.startswith("one: ended, because another agent flies") for line in lines)
+    assert supervisor.running() == []
+    assert supervisor.children["one"].restarts == 0
 
 
 def test_processes_come_and_go_while_the_others_run_on(supervise: Supervise) -> None:

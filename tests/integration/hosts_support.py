@@ -1,11 +1,12 @@
-"""A fleet over two network namespaces as hosts, started as a user starts it, and what its gateway did."""
+"""A fleet over network namespaces as hosts, started as a user starts it, and what its gateway did."""
 
 import os
 import signal
 import subprocess
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 
 from integration_support import Flying, fleet_text
@@ -26,27 +27,41 @@ STOP_S = 30.0
 
 
 @contextmanager
-def fleet_on_two_hosts(directory: Path, *, certificates: bool = False) -> Iterator[tuple[Network, Flying]]:
-    """Start a trio whose agents run on another host than its gateways; `RCOPTERX_RUN` has to be set.
+def fleet_on_hosts(
+    directory: Path, names: Sequence[str], *, spares: tuple[str, ...] = (), certificates: bool = False
+) -> Iterator[tuple[Network, Flying]]:
+    """Start a trio over hosts, the first one with its gateways, the second one with its agents.
 
-    With certificates, they are made first, and everything between the hosts is encrypted. The test itself is
-    on neither host: it uses the Unix socket of the router of the host `main`.
+    `RCOPTERX_RUN` has to be set. With certificates, they are made first, and everything between the hosts is
+    encrypted. The test itself is on no host: it uses the Unix socket of the router of the first one.
     """
     with ExitStack() as stack:
-        net = stack.enter_context(network(HOSTS))
+        net = stack.enter_context(network(names))
         path = directory / "lab.toml"
-        hosts = {host: (net.addresses[host], ROUTER_PORT) for host in HOSTS}
+        hosts = {host: (net.addresses[host], ROUTER_PORT) for host in names}
         security = f'certificates = "{directory / "certificates"}"' if certificates else "insecure = true"
-        path.write_text(fleet_text(TRACKER_PORT, hosts, agent_host="second", security=security))
+        text = fleet_text(TRACKER_PORT, hosts, agent_host=names[1], spares=spares, security=security)
+        path.write_text(text)
         if certificates:
             make_certificates(load_fleet(path), datetime.now(UTC), days=1)
-        for host in HOSTS:
+        for host in names:
             command = net.python(host, "-m", "rcopterx", "up", str(path), "--host", host)
             stack.enter_context(_started(command, directory / f"up-{host}.log"))
-        fleet = Fleet(load_fleet(path), host="main", timeout_s=30)
+        fleet = Fleet(load_fleet(path), host=names[0], timeout_s=30)
         stack.callback(fleet.close)
         fleet.wait_ready(timeout_s=40)
         yield net, Flying(path, fleet, {})
+
+
+def kill_host(net: Network, host: str) -> None:
+    """Let a host die: nothing of it is heard any more, and nothing of it runs."""
+    net.cut(host)
+    listed = subprocess.run(
+        ["ip", "netns", "pids", net.namespace(host)], capture_output=True, text=True, check=True
+    )
+    for process in map(int, listed.stdout.split()):
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
 
 
 @contextmanager
@@ -88,6 +103,23 @@ class Obeyed:
             ),
             None,
         )
+
+    def longest_gap_s(self, name: str, from_s: float) -> float:
+        """Longest time between two commands that flew the vehicle, since a moment [monotonic s]."""
+        flown = [
+            frame.arrived_s
+            for frame in self.frames(name)
+            if frame.arrived_s > from_s and frame.message.fresh and frame.message.state == "armed"
+        ]
+        return max(after - before for before, after in pairwise(flown))
+
+    def leases(self, name: str) -> list[int]:
+        """Leases that flew a vehicle, in order."""
+        told: list[int] = []
+        for frame in self.frames(name):
+            if frame.message.fresh and (not told or told[-1] != frame.message.lease):
+                told.append(frame.message.lease)
+        return told
 
     def states(self, name: str, from_s: float) -> list[str]:
         """States of the arbiter after a moment, without repetitions."""

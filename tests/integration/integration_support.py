@@ -90,6 +90,7 @@ def fleet_text(
     control: str = 'controller = "cascade"\nhorizon = 30',
     gateway_host: str = "main",
     agent_host: str = "main",
+    spares: tuple[str, ...] = (),
     security: str = "",
 ) -> str:
     """Fleet file of the trio on its own ports."""
@@ -99,6 +100,7 @@ def fleet_text(
 [vehicles.h{number}]
 subject = "heli{number}"
 host = "{agent_host}"
+spares = {list(spares)}
 transmitter = {{ port = "radio-h{number}", model_match = {number} }}
 {follow}
 """

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from hosts_support import Obeyed, fleet_on_two_hosts
+from hosts_support import HOSTS, Obeyed, fleet_on_hosts
 from integration_support import NAMES, Flying, Truth, landed_gently
 
 from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
@@ -31,7 +31,7 @@ def on_two_hosts(
         # A short path, because the routers' sockets live in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
         monkeypatch.setenv("RCOPTERX_RUN", run)
-        net, flying = stack.enter_context(fleet_on_two_hosts(tmp_path, certificates=request.param))
+        net, flying = stack.enter_context(fleet_on_hosts(tmp_path, HOSTS, certificates=request.param))
         flying.fleet.take_off()
         flying.fleet.wait_for_formation()
         yield net, flying
