@@ -11,8 +11,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Final
 
@@ -21,9 +21,7 @@ from rcopterx.deploy.launcher import Launcher
 from rcopterx.ground_station.launched import launched
 
 PRIORITY: Final = 60
-RATE_HZ: Final = 200
-STARTING_S: Final = 3.0
-"""Until py-spy has read the symbols of a process."""
+RATE_HZ: Final = 100
 
 
 def record(directory: Path, vehicles: int, horizon: int, seconds: float) -> list[Path]:
@@ -36,7 +34,7 @@ def record(directory: Path, vehicles: int, horizon: int, seconds: float) -> list
     vehicles, horizon
         The fleet; the last vehicle's agent stands for all.
     seconds
-        How long samples are taken.
+        How long samples of each process are taken.
 
     Returns
     -------
@@ -52,14 +50,14 @@ def record(directory: Path, vehicles: int, horizon: int, seconds: float) -> list
             fleet.take_off()
             fleet.wait_for_formation()
             time.sleep(SETTLE_S)
-            with ExitStack() as samplers:
-                figures = [
-                    samplers.enter_context(_sampled(process, directory / f"flame_{role}.svg", seconds))
-                    for role, process in one_of_each_role(fleet.launcher).items()
-                ]
-                for leg_m in LEGS_M:
-                    fleet["h1"].go_to(leg_m)
-                    time.sleep((seconds + STARTING_S) / len(LEGS_M))
+            figures = []
+            # One after the other: samplers of all processes at once would take the time that they look for.
+            for leg_m, (role, process) in zip(
+                cycle(LEGS_M), one_of_each_role(fleet.launcher).items(), strict=False
+            ):
+                fleet["h1"].go_to(leg_m)
+                figures.append(directory / f"flame_{role}.svg")
+                sample(process, figures[-1], seconds)
     return figures
 
 
@@ -75,19 +73,29 @@ def command(process: int, figure: Path, seconds: float) -> list[str]:
     py_spy = Path(sys.executable).with_name("py-spy")
     return [
         "chrt", "-f", str(PRIORITY), str(py_spy), "record", "--pid", str(process),
-        "--duration", f"{seconds:.0f}", "--rate", str(RATE_HZ), "--threads", "--output", str(figure),
+        "--duration", f"{seconds:.0f}", "--rate", str(RATE_HZ), "--nonblocking", "--threads",
+        "--output", str(figure),
     ]  # fmt: skip
 
 
-@contextmanager
-def _sampled(process: int, figure: Path, seconds: float) -> Iterator[Path]:
-    with subprocess.Popen(
-        command(process, figure, seconds), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    ) as sampler:
-        yield figure
-        _, said = sampler.communicate()
+def sample(process: int, figure: Path, seconds: float) -> None:
+    """Draw where a process spends its time.
+
+    Raises
+    ------
+    SystemExit
+        py-spy cannot look at it; says why.
+    """
+    sampler = subprocess.run(
+        command(process, figure, seconds),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
     if sampler.returncode != 0:
-        raise SystemExit(f"py-spy: {said.strip().splitlines()[-1] if said.strip() else sampler.returncode}")
+        said = sampler.stderr.strip().splitlines()
+        raise SystemExit(f"py-spy: {said[-1] if said else sampler.returncode}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -98,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("directory", type=Path, help="Where the figures go.")
     parser.add_argument("--vehicles", type=int, default=6, metavar="N")
     parser.add_argument("--horizon", type=int, default=HORIZON, metavar="N")
-    parser.add_argument("--seconds", type=float, default=20.0, metavar="S")
+    parser.add_argument("--seconds", type=float, default=8.0, metavar="S")
     options = parser.parse_args(arguments)
     for figure in record(options.directory, options.vehicles, options.horizon, options.seconds):
         print(figure)
