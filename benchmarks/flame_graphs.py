@@ -7,6 +7,7 @@ are not only taken while they rest, py-spy has a higher priority than all of the
 """
 
 import argparse
+import re
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,7 @@ from rcopterx.ground_station.launched import launched
 
 PRIORITY: Final = 60
 RATE_HZ: Final = 100
+_TITLE: Final = re.compile(r'(<text id="title"[^>]*>)[^<]*')
 
 
 def record(directory: Path, vehicles: int, horizon: int, seconds: float) -> list[Path]:
@@ -58,6 +60,7 @@ def record(directory: Path, vehicles: int, horizon: int, seconds: float) -> list
                 fleet["h1"].go_to(leg_m)
                 figures.append(directory / f"flame_{role}.svg")
                 sample(process, figures[-1], seconds)
+                entitle(figures[-1], f"{role}, {vehicles} vehicles, N = {horizon}")
     return figures
 
 
@@ -96,6 +99,12 @@ def sample(process: int, figure: Path, seconds: float) -> None:
     if sampler.returncode != 0:
         said = sampler.stderr.strip().splitlines()
         raise SystemExit(f"py-spy: {said[-1] if said else sampler.returncode}")
+
+
+def entitle(figure: Path, title: str) -> None:
+    """Give a figure of py-spy a title in the place of its command line."""
+    text = figure.read_text(encoding="utf-8")
+    figure.write_text(_TITLE.sub(rf"\g<1>{title}", text), encoding="utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

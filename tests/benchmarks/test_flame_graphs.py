@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rcopterx.benchmarks.flame_graphs import command, one_of_each_role, sample
+from rcopterx.benchmarks.flame_graphs import command, entitle, one_of_each_role, sample
 
 
 def test_one_process_of_each_role_is_sampled_and_none_that_has_ended() -> None:
@@ -33,3 +33,10 @@ def test_what_py_spy_says_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
     with pytest.raises(SystemExit, match="no such process"):
         sample(12, Path("flame_agent.svg"), 7.0)
+
+
+def test_a_figure_tells_what_it_shows(tmp_path: Path) -> None:
+    figure = tmp_path / "flame_agent.svg"
+    figure.write_text('<svg><text id="title" x="1">py-spy record --pid 12</text></svg>')
+    entitle(figure, "agent, 6 vehicles")
+    assert figure.read_text() == '<svg><text id="title" x="1">agent, 6 vehicles</text></svg>'
