@@ -23,6 +23,7 @@ from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.lift_off import LiftOff
 from rcopterx.agents.flight.prediction import predict
 from rcopterx.agents.flight.self_check import SelfCheck
+from rcopterx.agents.flight.sent_inputs import as_sent
 from rcopterx.agents.flight.time_limit import TimeLimit
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
 from rcopterx.agents.identification.exciter import Exciter
@@ -350,6 +351,7 @@ class Pilot:
             step.inputs[:bridged], self.input_history.newest, self.controller.period_s
         )
         inputs = self.self_check.without_broken_axis(self._excited(smoothed, time_s))
+        inputs = as_sent(inputs, self.model)
         self._check_vehicle(inputs[0], time_s)
         self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
         self._planned = inputs[1:]

@@ -3,7 +3,6 @@
 import math
 import signal
 import threading
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -18,6 +17,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import LeaseBid
 from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
 from rcopterx.bus.timing import CommandTiming
@@ -47,7 +47,7 @@ class Agent:
         pilot: Pilot,
         bus: StepBus,
         realtime: bool,
-        stopwatch: Callable[[], float] = time.monotonic,
+        stopwatch: Callable[[], float] = monotonic_s,
     ) -> None:
         self._settings, self._pilot, self._bus, self._clock = settings, pilot, bus, bus.clock
         self._stopwatch = stopwatch

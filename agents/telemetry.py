@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
+from typing import Final, Protocol
 
 import msgspec
 
@@ -15,12 +15,17 @@ from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import effort_factor
-from rcopterx.bus.message import FloatArray, Setting, TrajectoryArray
+from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
+from rcopterx.bus.rounding import all_rounded
 from rcopterx.bus.subscription import Received
 from rcopterx.bus.timing import CommandTiming
+from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 from rcopterx.vehicles.tuples import three
+
+REFERENCE_BITS: Final = 14
+"""References are told to a sixteenth of a millimetre."""
 
 
 class Source(Protocol):
@@ -98,7 +103,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
     """Plan of a control period."""
     reference = None
     if flight.reference is not None:
-        x, y, z, yaw = flight.reference.tolist()
+        x, y, z, yaw = all_rounded(flight.reference.tolist(), REFERENCE_BITS)
         reference = (x, y, z, yaw)
     return Plan(
         epoch=pilot.clock.epoch,
@@ -108,7 +113,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
         period_s=flight.plan.period_s,
         start_s=flight.start_s,
         airborne=pilot.guidance.rotor_on,
-        trajectory=TrajectoryArray.of(flight.plan.samples),
+        trajectory=TrajectoryArray.of(flight.plan.samples, flight.plan.period_s),
         reference=reference,
         following=_following(pilot) if pilot.guidance.follows else (),
         followable=pilot.guidance.followable,

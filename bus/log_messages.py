@@ -3,11 +3,17 @@
 Messages about how to fly are in `rcopterx.bus.messages`.
 """
 
-from typing import Annotated, ClassVar, Final
+import zlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
-from msgspec import Meta
+from msgspec import Meta, Struct
 
 from rcopterx.bus.message import Count, InvalidMessageError, Message, Name, Seconds, Text
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MAX_REQUEST_BYTES: Final = 131072
 """Of the largest request, a trajectory."""
@@ -50,6 +56,35 @@ class RecorderStatus(Message, frozen=True, kw_only=True):
     because the disk was too slow."""
 
 
+class RoundedEstimate(Struct, frozen=True):
+    """Motion (8), actuators (4) and disturbance (4) as estimated at a frame, to find causes by."""
+
+    checksum: Count
+    """CRC-32 of the 64-bit little-endian floats: tells whether a replay differs."""
+    data: Annotated[bytes, Meta(min_length=64, max_length=64)]
+    """Where and how much: 32-bit little-endian integers in units of 2^-16, the lowest bytes of all first."""
+
+    UNIT: ClassVar[float] = 2.0**-16
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "RoundedEstimate":
+        """Round and pack 16 values."""
+        import numpy as np
+
+        exact = np.asarray(values, dtype="<f8")
+        limit = 2.0**31 - 1.0
+        counts = np.rint(np.clip(exact / cls.UNIT, -limit, limit)).astype("<i4")
+        return cls(zlib.crc32(exact.tobytes()), counts.view(np.uint8).reshape(-1, 4).T.tobytes())
+
+    def to_numpy(self) -> "NDArray[np.float64]":
+        """The rounded values, shape (16,)."""
+        import numpy as np
+
+        planes = np.frombuffer(self.data, dtype=np.uint8).reshape(4, -1)
+        values: NDArray[np.float64] = np.ascontiguousarray(planes.T).view("<i4").ravel() * self.UNIT
+        return values
+
+
 class AgentSteps(Message, frozen=True, kw_only=True):
     """What an agent took in, step by step: with the messages themselves, all that a replay needs.
 
@@ -78,9 +113,8 @@ class AgentSteps(Message, frozen=True, kw_only=True):
     """Of each input: when it arrived [monotonic s]."""
     replies: tuple[Annotated[bytes, Meta(max_length=MAX_REPLY_BYTES * 3)], ...] = ()
     """Replies to what the agent itself asked for when it was made."""
-    estimate: tuple[float, ...] = ()
-    """Of the control period that ends these steps, if there is one: motion (8), actuators (4) and disturbance
-    (4) as estimated at its frame."""
+    estimate: RoundedEstimate | None = None
+    """Of the control period that ends these steps, if there is one."""
 
     def check(self) -> None:
         """See `Message.check`."""

@@ -1,6 +1,5 @@
 """What all messages are made of: their base, arrays, and numbers with their limits."""
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from msgspec import Meta, Struct
@@ -81,82 +80,6 @@ class FloatArray(Struct, frozen=True):
         # The comparison is false for numbers that are not finite, too.
         if not np.maximum.reduce(np.abs(self.to_numpy()), axis=None, initial=0.0) <= MAX_MAGNITUDE:
             raise InvalidMessageError(f"{field}: not all values are finite and at most {MAX_MAGNITUDE:g}")
-
-
-class TrajectoryArray(Struct, frozen=True):
-    """A trajectory as it travels: its shape, and rounded values as differences from stage to stage.
-
-    Smooth motions have small differences, so that flight logs hold a plan in a tenth of its bytes. Rounding
-    is finer than what is measured: 0.1 mm and mrad, 1 mm/s, 1 cm/s^2. numpy is imported on first use.
-
-    Attributes
-    ----------
-    shape
-        Stages and columns; the columns are position and heading, their rates and their accelerations.
-    data
-        32-bit little-endian integers, column by column: the first value of a column, then each difference to
-        the stage before, in units of `RESOLUTIONS`.
-    """
-
-    shape: tuple[int, int]
-    data: bytes
-
-    RESOLUTIONS: ClassVar[tuple[float, float, float]] = (1e-4, 1e-3, 1e-2)
-    """Units of positions [m] and headings [rad], of their rates and of their accelerations."""
-    COLUMNS: ClassVar[int] = 12
-    LARGEST: ClassVar[float] = 1e5
-    """Of any value; more is cut off when a trajectory is packed, and refused when one is received."""
-
-    @classmethod
-    def of(cls, values: "NDArray[np.float64]") -> "TrajectoryArray":
-        """Round and pack finite values of shape (stages, 12)."""
-        import numpy as np
-
-        within = np.minimum(np.maximum(values.T, -cls.LARGEST), cls.LARGEST)
-        counts = np.rint(within / _resolutions()).astype("<i4")
-        differences = counts.copy()
-        differences[:, 1:] -= counts[:, :-1]
-        return cls((len(values), cls.COLUMNS), differences.tobytes())
-
-    def to_numpy(self) -> "NDArray[np.float64]":
-        """Unpack into an array of `shape`."""
-        import numpy as np
-
-        differences = np.frombuffer(self.data, dtype="<i4").reshape(self.COLUMNS, -1)
-        counts = np.add.accumulate(differences, axis=1, dtype=np.int64)
-        values: NDArray[np.float64] = counts * _resolutions()
-        return values.T
-
-    def check(self, field: str, max_stages: int, min_stages: int) -> None:
-        """Refuse wrong shapes before any array is built, then absurd values.
-
-        Raises
-        ------
-        InvalidMessageError
-            Names `field` and what is allowed.
-        """
-        import numpy as np
-
-        stages, columns = self.shape
-        if columns != self.COLUMNS or not min_stages <= stages <= max_stages:
-            raise InvalidMessageError(
-                f"{field}: shape {self.shape}, allowed is ({min_stages}..{max_stages}, {self.COLUMNS})"
-            )
-        if len(self.data) != 4 * stages * columns:
-            raise InvalidMessageError(
-                f"{field}: {len(self.data)} bytes for shape {self.shape}, needs {4 * stages * columns}"
-            )
-        # Whole units times their size are not exact.
-        if np.abs(self.to_numpy()).max() > self.LARGEST * (1 + 1e-9):
-            raise InvalidMessageError(f"{field}: not all values are at most {self.LARGEST:g}")
-
-
-@lru_cache
-def _resolutions() -> "NDArray[np.float64]":
-    """Unit of each column of a trajectory, shape (12, 1)."""
-    import numpy as np
-
-    return np.repeat(TrajectoryArray.RESOLUTIONS, 4)[:, None]
 
 
 class Message(Struct, frozen=True, kw_only=True):

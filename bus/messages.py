@@ -6,7 +6,7 @@ holds what types cannot say. The table of channels is `rcopterx.bus.channels`, t
 `rcopterx.bus.codec`.
 """
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta, Struct, field
 
@@ -26,9 +26,13 @@ from rcopterx.bus.message import (
     Stick,
     Text,
     Three,
-    TrajectoryArray,
 )
 from rcopterx.bus.timing import CommandTiming
+from rcopterx.bus.trajectory_array import TrajectoryArray
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MAX_STAGES = 200
 PLAN_COLUMNS = 12
@@ -129,6 +133,10 @@ class Plan(Message, frozen=True, kw_only=True):
         self.trajectory.check("trajectory", MAX_STAGES, min_stages=2)
         if abs(self.start_s) > 1:
             raise InvalidMessageError(f"start_s: {self.start_s}, allowed is -1 to 1")
+
+    def samples(self) -> "NDArray[np.float64]":
+        """The trajectory as an array, shape (stages, 12); unpacked anew by every call."""
+        return self.trajectory.to_numpy(self.period_s)
 
 
 class Command(Message, frozen=True, kw_only=True):

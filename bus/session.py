@@ -20,6 +20,7 @@ from rcopterx.bus.endpoints import Credentials, client_config, open_session, rea
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
+from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
 
 M = TypeVar("M", bound=Message)
@@ -167,7 +168,7 @@ class Session:
         self,
         address: BusAddress,
         wake: Callable[[], None] = lambda: None,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = monotonic_s,
         timeout_s: float = 5.0,
     ) -> None:
         self.address = address

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, Protocol, TypeVar
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
-from rcopterx.bus.log_messages import AgentSteps
+from rcopterx.bus.log_messages import AgentSteps, RoundedEstimate
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import Reply, Request
 from rcopterx.bus.session import Incoming, Session
@@ -164,14 +164,14 @@ class SteppedSession:
         if estimate is None and len(self._times_s) < STEPS_TOLD:
             return
         if self._telling:
-            self._tell(vehicle, () if estimate is None else tuple(estimate))
+            self._tell(vehicle, None if estimate is None else RoundedEstimate.of(estimate))
         self._told += 1
         self._times_s.clear()
         self._counts.clear()
         self._inputs.clear()
         self._replies.clear()
 
-    def _tell(self, vehicle: str, estimate: tuple[float, ...]) -> None:
+    def _tell(self, vehicle: str, estimate: RoundedEstimate | None) -> None:
         steps = AgentSteps(
             life=self.life,
             began_s=self._began_s,

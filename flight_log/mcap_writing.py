@@ -1,7 +1,9 @@
 """Writes one MCAP file in small chunks, each of which is whole on disk before the next one begins.
 
 The writer of the library `mcap` ends a chunk by its size only; a flight log ends one by time, so that a
-killed recorder loses no more than the last fifth of a second. Format: https://mcap.dev/spec.
+killed recorder loses no more than the last fifth of a second. Chunks are so small that an index of their
+messages would help nobody and take a tenth of the file; the format allows to leave it out. Format:
+https://mcap.dev/spec.
 """
 
 import zlib
@@ -33,13 +35,11 @@ from mcap.records import (
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "rcopterx"
 COMPRESSION: Final = "zstd"
-COMPRESSION_LEVEL: Final = 1
+COMPRESSION_LEVEL: Final = 6
 _MESSAGE: Final = Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time, publish time."""
 _MESSAGE_FIXED: Final = 22
 """Bytes of a message record between its length and its data."""
-_INDEX_HEAD: Final = Struct("<BQHI")
-_INDEX_ENTRY: Final = Struct("<QQ")
 _FOOTER_CHECKED: Final = Struct("<BQQQ")
 
 
@@ -131,7 +131,7 @@ class McapFile:
         builder = RecordBuilder()
         parts: list[bytes] = []
         length = 0
-        index: dict[int, list[bytes]] = {}
+        counts: Counter[int] = Counter()
         for message in messages:
             channel = self._channels.get(message.topic) or self._declare(message.topic, builder)
             declared = builder.end()
@@ -142,11 +142,12 @@ class McapFile:
             head = _MESSAGE.pack(
                 Opcode.MESSAGE, _MESSAGE_FIXED + size, channel.id, message.number, time_ns, time_ns
             )
-            index.setdefault(channel.id, []).append(_INDEX_ENTRY.pack(time_ns, length))
+            counts[channel.id] += 1
             parts += (head, message.payload)
             length += len(head) + size
         times = [message.time_ns for message in messages]
-        self._write_chunk(b"".join(parts), min(times), max(times), index)
+        self._write_chunk(b"".join(parts), min(times), max(times))
+        self._counts.update(counts)
 
     def _declare(self, topic: str, builder: RecordBuilder) -> Channel:
         """Channel of a topic, with its schema; their records go before its first message."""
@@ -165,29 +166,19 @@ class McapFile:
         channel.write(builder)
         return channel
 
-    def _write_chunk(self, data: bytes, start_ns: int, end_ns: int, index: dict[int, list[bytes]]) -> None:
+    def _write_chunk(self, data: bytes, start_ns: int, end_ns: int) -> None:
         builder = RecordBuilder()
         compressed = self._compressor.compress(data)
         Chunk(COMPRESSION, compressed, end_ns, start_ns, zlib.crc32(data), len(data)).write(builder)
         chunk, offset = builder.end(), self.written_bytes
-        records, offsets = [chunk], {}
-        length = len(chunk)
-        for channel_id, entries in index.items():
-            body = b"".join(entries)
-            offsets[channel_id] = offset + length
-            records.append(
-                _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(body), channel_id, len(body)) + body
-            )
-            length += len(records[-1])
-        self._write(b"".join(records))
-        self._counts.update({channel_id: len(entries) for channel_id, entries in index.items()})
+        self._write(chunk)
         self._start_ns = start_ns if self._start_ns is None else min(self._start_ns, start_ns)
         self._end_ns = max(self._end_ns, end_ns)
         self.chunks += 1
         ChunkIndex(
             chunk_length=len(chunk), chunk_start_offset=offset, compression=COMPRESSION,
             compressed_size=len(compressed), message_end_time=end_ns,
-            message_index_length=length - len(chunk), message_index_offsets=offsets,
+            message_index_length=0, message_index_offsets={},
             message_start_time=start_ns, uncompressed_size=len(data),
         ).write(self._chunk_indexes)  # fmt: skip
 

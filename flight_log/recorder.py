@@ -24,6 +24,8 @@ REPORT_S: Final = 1.0
 MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
 """About a minute of three vehicles; a disk that is further behind loses messages, which are counted."""
 NANO: Final = 1_000_000_000
+TIME_MASK_NS: Final = 1023
+"""Bits of times that are left out: a microsecond is more than is known, and zeros compress."""
 FIXED_UNITS: Final = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
 
 
@@ -106,7 +108,7 @@ class Recorder:
             if heard.topic in self._recorded:
                 topic = f"{heard.unit}/{heard.topic}"
                 self._gaps.note(topic, heard.number)
-                time_ns = self._wall_ns + round(heard.arrived_s * NANO)
+                time_ns = self._wall_ns + round(heard.arrived_s * NANO) & ~TIME_MASK_NS
                 chunk.append(LoggedMessage(topic, heard.payload, time_ns, heard.number))
         self._writer.write(chunk)
         if not self._writer.problem:

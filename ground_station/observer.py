@@ -360,7 +360,7 @@ def _away(state: VehicleState, tolerance_m: float) -> str:
     agent, plan = state.agent, state.plan
     if agent is None or plan is None or state.phase != "flying":
         return f"{state.name}: {state.phase}"
-    present = plan.trajectory.to_numpy()[0]
+    present = plan.samples()[0]
     distance_m = float(np.linalg.norm(present[:3] - np.array(agent.set_point.position_m)))
     turn_rad = abs(float(present[3]) - agent.set_point.yaw_rad)
     if distance_m > tolerance_m:

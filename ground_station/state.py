@@ -116,7 +116,7 @@ class VehicleState:
         """Distance from the reference of the newest plan, as the agent sees it; None on the floor."""
         if self.plan is None or self.plan.reference is None or not self.plan.airborne:
             return None
-        place = self.plan.trajectory.to_numpy()[0, :3]
+        place = self.plan.samples()[0, :3]
         return float(np.linalg.norm(place - np.array(self.plan.reference[:3])))
 
     def __str__(self) -> str:

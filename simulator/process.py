@@ -3,13 +3,13 @@
 import math
 import select
 import signal
-import time
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.realtime import request_realtime, settle
 from rcopterx.bus.requests import Inject, Reply
+from rcopterx.bus.rounding import TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.simulator.faults import FaultError, fault_text, timed_faults
 from rcopterx.simulator.radio_faults import RadioFaults
@@ -19,6 +19,10 @@ from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
+TRUTH_BITS = 17
+"""Truth is told to 2^-17 m, rad and m/s: last bits would take a part of every flight log."""
+PULSE_BITS = 4
+"""Pulse widths are told to a sixteenth of a microsecond."""
 STEP_S = 0.004
 
 
@@ -90,7 +94,7 @@ class Simulator:
         vehicles = {vehicle.name: self._vehicle(vehicle) for vehicle in self._room.vehicles}
         return LaboratoryState(
             frame=frame,
-            sent_s=sent_s,
+            sent_s=rounded(sent_s, TIME_BITS),
             vehicles=vehicles,
             faults=tuple(
                 fault_text(fault)[:400]
@@ -109,15 +113,22 @@ class Simulator:
         c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
         xd, yd = motion[XD_BODY], motion[YD_BODY]
         frames = self._room.radios[vehicle.name].link.take_frames()
+        x, y, z = all_rounded(plant.pose.position_m, TRUTH_BITS)
+        speed_x, speed_y, speed_z = all_rounded(
+            (c * xd - s * yd, s * xd + c * yd, motion[ZD_BODY]), TRUTH_BITS
+        )
         return LaboratoryVehicle(
-            position_m=plant.pose.position_m,
-            yaw_rad=motion[YAW],
-            velocity_m_s=(c * xd - s * yd, s * xd + c * yd, motion[ZD_BODY]),
+            position_m=(x, y, z),
+            yaw_rad=rounded(motion[YAW], TRUTH_BITS),
+            velocity_m_s=(speed_x, speed_y, speed_z),
             on_floor=plant.on_floor,
             outside=plant.left_volume,
             touchdown_speed_m_s=plant.touchdown_speed_m_s or 0.0,
             touchdowns=plant.touchdowns,
-            radio=tuple((frame.arrival_s, *frame.pulses_us) for frame in frames),
+            radio=tuple(
+                (rounded(frame.arrival_s, TIME_BITS), *all_rounded(frame.pulses_us, PULSE_BITS))
+                for frame in frames
+            ),
         )
 
 
@@ -135,7 +146,7 @@ def run_simulator(settings: SimulatorSettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda caught, _: stopping.append(caught))
     request_realtime(settings.realtime_priority)
-    with Session(settings.bus, clock=time.monotonic) as session:
+    with Session(settings.bus) as session:
         simulator, heartbeat = Simulator(settings, session), own_heartbeat()
         settle()
         try:

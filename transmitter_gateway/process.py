@@ -4,7 +4,6 @@ import logging
 import math
 import signal
 import sys
-import time
 import traceback
 from collections.abc import Callable
 
@@ -253,7 +252,7 @@ def run_gateway(settings: GatewaySettings) -> None:
         signal.signal(number, catch)
     realtime = request_realtime(settings.realtime_priority)
     with (
-        Session(settings.bus, wake=wakeup.notify, clock=time.monotonic) as session,
+        Session(settings.bus, wake=wakeup.notify) as session,
         KillKeys(sys.stdin.fileno()) as keys,
     ):
         heartbeat = own_heartbeat()

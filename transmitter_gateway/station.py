@@ -11,6 +11,7 @@ from rcopterx.bus.requests import (
     Reply,
     ResetKill,
 )
+from rcopterx.bus.rounding import all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.bus.timing import CommandTiming
@@ -25,6 +26,8 @@ COMMANDS_KEPT = 256
 COMMANDS_AT_ONCE = 8
 """So that a flood for one vehicle keeps no other one waiting."""
 BIDS_KEPT = 16
+PULSE_BITS = 4
+"""Pulse widths are told to a sixteenth of a microsecond, finer than radios resolve."""
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
@@ -159,7 +162,7 @@ class Station:
         return Applied(
             state=write.output.state.value.lower(),
             input=write.output.u,
-            pulse_width_us=write.pulses_us,
+            pulse_width_us=all_rounded(write.pulses_us, PULSE_BITS),
             epoch=0 if cause is None else cause.epoch,
             frame=0 if cause is None else cause.frame,
             sequence=0 if cause is None else cause.sequence,

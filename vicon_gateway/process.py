@@ -12,6 +12,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import Pose, SubjectState, TrackerStatus
 from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import UnitSubscriptions
 from rcopterx.vicon_gateway.brands import BrandClient, check_library
@@ -170,7 +171,7 @@ def pose_message(frame: CapturedFrame, stamp: Stamp, subject: SubjectPose, host:
         epoch=stamp.epoch,
         frame=stamp.frame,
         period_s=frame.period_s,
-        latency_s=max(0.0, frame.latency_s),
+        latency_s=rounded(max(0.0, frame.latency_s), TIME_BITS),
         received_s=frame.received_s,
         occluded=subject.occluded,
         position_m=subject.position_m,
@@ -203,7 +204,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda caught, _: stopping.append(caught))
         realtime = request_realtime(settings.realtime_priority)
-        session = stack.enter_context(Session(settings.bus, clock=time.monotonic))
+        session = stack.enter_context(Session(settings.bus))
         client = _client(settings, file)
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
@@ -218,5 +219,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
 def _client(settings: TrackerSettings, record_raw: RecordingFile | None) -> DataStreamClient | BrandClient:
     brand = settings.brand
     if brand is None:
-        return DataStreamClient(settings.host, settings.port, record_raw=record_raw)
-    return BrandClient(brand.brand, brand.options, brand.rate_hz, latency_s=brand.latency_s)
+        return DataStreamClient(settings.host, settings.port, record_raw=record_raw, clock=monotonic_s)
+    return BrandClient(
+        brand.brand, brand.options, brand.rate_hz, latency_s=brand.latency_s, clock=monotonic_s
+    )

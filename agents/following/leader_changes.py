@@ -266,7 +266,7 @@ class LeaderChanges:
             plan = self._plans.newest(link.leader)
             if link.leader not in links and plan is not None:
                 # Its plan is here, its status not yet: where the plan ends.
-                heads[link.leader] = plan.trajectory.to_numpy()[-1, :4].copy()
+                heads[link.leader] = plan.samples()[-1, :4].copy()
                 links = {**links, link.leader: ()}
         return place_problem(self._vehicle, following, links, heads, self._room)
 

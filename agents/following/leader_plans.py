@@ -14,7 +14,7 @@ from rcopterx.bus.subscription import Inbox
 def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
     """A plan on a vehicle's own clock; of the same epoch."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
-    trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
+    trajectory = Trajectory(plan.samples(), plan.period_s)
     return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
 
 

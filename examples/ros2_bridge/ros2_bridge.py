@@ -10,7 +10,6 @@ fleet.
 import argparse
 import json
 import math
-import struct
 import threading
 import time
 import uuid
@@ -44,22 +43,33 @@ def ros_plan(message, now_s):
     Times count from the arrival of the plan, which is some milliseconds after the capture that it means.
     """
     poses = []
-    for number, (x, y, z, yaw_rad) in enumerate(positions_and_headings(message["trajectory"])):
+    for number, (x, y, z, yaw_rad) in enumerate(
+        positions_and_headings(message["trajectory"], message["period_s"])
+    ):
         header = Header(Time.at(now_s + message["start_s"] + number * message["period_s"]), FRAME_ID)
         orientation = Quaternion(0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
         poses.append(PoseStamped(header, Pose(Point(x, y, z), orientation)))
     return Path(Header(Time.at(now_s), FRAME_ID), poses)
 
 
-def positions_and_headings(trajectory):
-    """x, y, z [m] and yaw [rad] of every stage; whole differences between stages, by column, on the wire."""
+def positions_and_headings(trajectory, period_s):
+    """x, y, z [m] and yaw [rad] of every stage: what the rates move, and what differs from that.
+
+    See docs/messages.md: rates are sent as second differences, the lowest bytes of all numbers first.
+    """
     stages, columns = trajectory["shape"]
-    differences = struct.unpack(f"<{stages * columns}i", trajectory["data"])
-    starts = range(0, 4 * stages, stages)
-    return zip(
-        *([RESOLUTION * count for count in accumulate(differences[i : i + stages])] for i in starts),
-        strict=True,
-    )
+    data, count = trajectory["data"], stages * columns
+    folded = [int.from_bytes(data[i::count], "little") for i in range(8 * stages)]
+    whole = [number >> 1 if number % 2 == 0 else -(number >> 1) - 1 for number in folded]
+    step = min(max(0.02 * period_s, 1e-5), 1e-3) * period_s / RESOLUTION
+    axes = []
+    for axis in range(4):
+        rates = accumulate(accumulate(whole[axis : 4 * stages : 4]))
+        first, *others = whole[4 * stages + axis :: 4]
+        moved = (round(step * travelled) for travelled in accumulate(rates))
+        places = [first, *(first + way + other for way, other in zip(moved, others, strict=False))]
+        axes.append([RESOLUTION * place for place in places])
+    return zip(*axes, strict=True)
 
 
 def ros_command(message, now_s):

@@ -116,7 +116,7 @@ def plan_entity(
     time_ns
         When it was heard.
     """
-    places: Array = plan.trajectory.to_numpy()[:, :3]
+    places: Array = plan.samples()[:, :3]
     shown = places[:: max(1, len(places) // PLAN_POINTS)].tolist()
     lines = [_line([_point(place) for place in shown], number, 0.015)]
     lines += [_line([_point(shown[0]), _point(place)], number, 0.005) for place in leaders]

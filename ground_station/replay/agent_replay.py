@@ -13,6 +13,7 @@ from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
 from rcopterx.agents.process import Agent
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.log_messages import RoundedEstimate
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Plan
 from rcopterx.deploy.fleet_file.schema import FleetFile
@@ -152,7 +153,7 @@ class ControlPeriod:
 
     command: Command | None = None
     plan: Plan | None = None
-    estimate: tuple[float, ...] = ()
+    estimate: RoundedEstimate | None = None
     missing: int = 0
 
 
@@ -177,8 +178,9 @@ def control_periods(
         period = ControlPeriod()
         bus.take(step)
         agent.step()
-        if bus.estimate is not None or step.estimate:
-            period.estimate, period.missing = tuple(bus.estimate or ()), bus.missing
+        if bus.estimate is not None or step.estimate is not None:
+            period.estimate = None if bus.estimate is None else RoundedEstimate.of(bus.estimate)
+            period.missing = bus.missing
             yield step, period
     agent.wait_for_work()
 
@@ -219,7 +221,7 @@ class _LifeComparison:
         error = np.subtract(command.input, command_then.input)
         old = decode(plan_then, Plan)
         self._errors.append(error)
-        gap = _gap(plan.trajectory.to_numpy(), old.trajectory.to_numpy())
+        gap = _gap(plan.samples(), old.samples())
         result.largest_input = max(result.largest_input, float(np.abs(error).max()))
         result.largest_plan = max(result.largest_plan, gap)
         if max(float(np.abs(error).max()), gap) > self._tolerance or self._tolerance == 0.0:
@@ -237,12 +239,15 @@ class _LifeComparison:
         """The first stage of the computation that differs, and how."""
         if self._missing:
             return "input", f"{self._missing} inputs so far are not in the flight log"
-        if (plan.epoch, plan.frame) != (old.epoch, old.frame) or not step.estimate:
+        now, then = period.estimate, step.estimate
+        if (plan.epoch, plan.frame) != (old.epoch, old.frame) or now is None or then is None:
             return "input", "the recorded agent did not control in this step"
-        estimates = np.abs(np.subtract(period.estimate, step.estimate))
-        if estimates.max() > self._tolerance:
-            worst = int(estimates.argmax())
+        estimates = np.abs(now.to_numpy() - then.to_numpy())
+        worst = int(estimates.argmax())
+        if estimates[worst] > self._tolerance + RoundedEstimate.UNIT:
             return "estimate", f"{ESTIMATED[worst]} by {estimates[worst]:.3g}"
+        if self._tolerance == 0.0 and now.checksum != then.checksum:
+            return "estimate", f"by less than {2 * RoundedEstimate.UNIT:.1g}"
         if (plan.reference is None) != (old.reference is None):
             return "reference", "only one of both has one"
         if plan.reference is not None and old.reference is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import RejectedError, decode
-from rcopterx.bus.log_messages import AgentSteps, AnsweredRequest
+from rcopterx.bus.log_messages import AgentSteps, AnsweredRequest, RoundedEstimate
 from rcopterx.bus.messages import Command, Plan
 from rcopterx.bus.stepping import REQUEST
 from rcopterx.deploy.fleet_file.schema import FleetFile
@@ -31,11 +31,11 @@ class StepInput:
 
 @dataclass(frozen=True, slots=True)
 class AgentStep:
-    """One step; `estimate` is empty unless it controlled."""
+    """One step; `estimate` is None unless it controlled."""
 
     time_s: float
     inputs: tuple[StepInput, ...]
-    estimate: tuple[float, ...]
+    estimate: RoundedEstimate | None
 
 
 @dataclass
@@ -193,9 +193,9 @@ def _steps_of(steps: AgentSteps, payloads: dict[tuple[str, int], bytes]) -> list
     ]
     found, start = [], 0
     for time_s, count in zip(steps.times_s, steps.counts, strict=True):
-        found.append(AgentStep(time_s, tuple(inputs[start : start + count]), ()))
+        found.append(AgentStep(time_s, tuple(inputs[start : start + count]), None))
         start += count
-    if steps.estimate:
+    if steps.estimate is not None:
         last = found[-1]
         found[-1] = AgentStep(last.time_s, last.inputs, steps.estimate)
     return found

@@ -5,6 +5,7 @@ from agent_bench import HOVER, Bench, Join
 from support.failing import FailingController
 from support.flight import ExactEstimator, NotedController
 
+from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
 from rcopterx.agents.interfaces import Measurement
 from rcopterx.bus.session import BusAddress
 
@@ -29,7 +30,7 @@ def test_agent_flies_on_by_the_default_controller_when_its_own_raises(
     for _ in range(12):
         bench.see()
         command = bench.command_of(bench.frame)
-        assert command.input == pytest.approx(tuple(HOVER))
+        assert command.input == pytest.approx(tuple(HOVER), abs=INPUT_UNIT)
     diagnostics = bench.status().diagnostics
     assert diagnostics.controller == "cascade"
     assert diagnostics.fallbacks["controller_raised"] == 2

@@ -10,6 +10,7 @@ from support.bus import raw_session
 from support.plans import plan_of
 
 from rcopterx.agents.assembly import build_pilot
+from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
 from rcopterx.agents.interfaces import LimitScale
 from rcopterx.agents.pilot import BLIND_LIMIT_S
 from rcopterx.agents.process import Agent
@@ -60,7 +61,7 @@ def test_in_the_air_command_and_plan_carry_the_frame_they_answer(bench: Bench) -
     bench.start()
     bench.see()
     command = bench.command_of(bench.frame)
-    assert command.input == pytest.approx(tuple(HOVER))
+    assert command.input == pytest.approx(tuple(HOVER), abs=INPUT_UNIT)
     assert command.next_inputs.shape == (6, 4)
     plans: list[Plan] = []
 

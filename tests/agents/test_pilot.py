@@ -8,6 +8,7 @@ from support.flight import ExactEstimator, NotedController
 from rcopterx.agents.flight.followed import FollowedLeader
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.lift_off import SPOOL_UP_S
+from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.identification.excitation import Excitation
 from rcopterx.agents.phases import Event, Phase
@@ -181,8 +182,8 @@ def test_the_next_inputs_are_those_after_the_command() -> None:
     inputs = np.linspace(0.3, 0.6, 12)[:, None] * np.array([0.1, 0.1, 1.0, 0.1])
     pilot = airborne(noted(inputs=inputs))
     flight = pilot.control({})
-    assert flight.input == pytest.approx(inputs[0])
-    assert flight.next_inputs == pytest.approx(inputs[1 : 1 + round(BRIDGED_S / 0.02)])
+    assert flight.input == pytest.approx(inputs[0], abs=INPUT_UNIT)
+    assert flight.next_inputs == pytest.approx(inputs[1 : 1 + round(BRIDGED_S / 0.02)], abs=INPUT_UNIT)
     assert flight.start_s == COAXIAL_LAG.delay_s
 
 

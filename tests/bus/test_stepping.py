@@ -9,7 +9,7 @@ from support.waiting import FakeClock, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import decode, encode
-from rcopterx.bus.log_messages import AgentSteps
+from rcopterx.bus.log_messages import AgentSteps, RoundedEstimate
 from rcopterx.bus.message import InvalidMessageError
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.requests import Land, Recall, RecallReply
@@ -83,7 +83,8 @@ def test_steps_are_told_with_all_that_they_took_in(join: Join) -> None:
     received = told.latest()
     assert received is not None
     assert received.message.life == stepped.life
-    assert list(received.message.estimate) == estimate
+    assert received.message.estimate == RoundedEstimate.of(estimate)
+    assert received.message.estimate.to_numpy().tolist() == estimate
 
 
 def test_columns_of_inputs_belong_together(join: Join) -> None:
@@ -96,7 +97,7 @@ def test_columns_of_inputs_belong_together(join: Join) -> None:
         stepped.begin_step()
     stepped.end_step("h1", None)
     assert sent == []
-    stepped.end_step("h1", [0.0])
+    stepped.end_step("h1", 16 * [0.0])
     ((channel, unit, message),) = sent
     assert (channel, unit) == (channels.AGENT_STEPS, "h1")
     assert decode(encode(message), AgentSteps) == message
@@ -129,7 +130,7 @@ def test_steps_that_are_not_told_leave_a_gap_in_the_numbers(join: Join) -> None:
 
     def step() -> None:
         stepped.begin_step()
-        stepped.end_step("h1", [0.0])
+        stepped.end_step("h1", 16 * [0.0])
 
     def heard_beyond(number: int) -> bool:
         step()
@@ -152,7 +153,7 @@ def test_requests_are_inputs_and_replies_are_told(join: Join) -> None:
         reply = stepped.request("h1", Recall(vehicle="h1"), patience_s=5.0)
     stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
     stepped.begin_step()
-    stepped.end_step("h1", [0.0])
+    stepped.end_step("h1", 16 * [0.0])
     (message,) = sent
     assert [decode(payload, RecallReply) for payload in message.replies] == [reply]
     stepped.serve("h1", ["land"])

@@ -20,9 +20,9 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.endpoints import client_config
-from rcopterx.bus.message import TrajectoryArray
 from rcopterx.bus.messages import Command, Plan, Pose
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.trajectory_array import TrajectoryArray
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ros2_bridge"
 sys.path.insert(0, str(EXAMPLE))
@@ -71,7 +71,7 @@ def test_an_occluded_pose_is_not_sent() -> None:
 @given(wire_maps(Plan))
 def test_a_plan_is_a_path_with_a_time_for_every_stage(plan: dict[str, Any]) -> None:
     path = decoded(ros2_bridge.ros_plan(plan, NOW_S))
-    stages = msgspec.convert(plan["trajectory"], TrajectoryArray).to_numpy()
+    stages = msgspec.convert(plan["trajectory"], TrajectoryArray).to_numpy(plan["period_s"])
     assert len(path.poses) == len(stages)
     for number, (pose, stage) in enumerate(zip(path.poses, stages, strict=True)):
         expected_s = NOW_S + plan["start_s"] + number * plan["period_s"]

@@ -65,14 +65,14 @@ def test_every_chunk_is_on_disk_when_write_returns(tmp_path: Path) -> None:
 def test_the_oldest_flights_make_room_for_the_new_one_and_the_own_parts_come_last(tmp_path: Path) -> None:
     for day in (20, 21):
         part_path(tmp_path, f"lab-202611{day}-120000", 0).write_bytes(bytes(1000))
-    flight = writer(tmp_path, part_bytes=1000, keep_bytes=5000)
+    flight = writer(tmp_path, part_bytes=1000, keep_bytes=4000)
     for number in range(6):
         flight.write(chunk(number))
     flight.close()
     (found,) = flights_in(tmp_path)
     assert found.name == FLIGHT
     assert len(found.parts) < 3
-    assert found.size_bytes <= 5000
+    assert found.size_bytes <= 4000
     assert [m.number for path in found.parts for m in messages_of(path)][-1] == 5
 
 

@@ -12,7 +12,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
 from rcopterx.bus.link_messages import LinkState, RouterStatus
-from rcopterx.bus.message import Message, TrajectoryArray
+from rcopterx.bus.message import Message
 from rcopterx.bus.messages import (
     Applied,
     LaboratoryState,
@@ -23,6 +23,7 @@ from rcopterx.bus.messages import (
     TransmitterStatus,
 )
 from rcopterx.bus.timing import CommandTiming
+from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.ground_station.recorder import Record, Recording
 from rcopterx.ground_station.report import FlightFigures
 from rcopterx.ground_station.statistics import percentiles, rms_and_max
@@ -58,7 +59,7 @@ class Flight:
     def plan(
         self, unit: str, frame: int, reference: Four | None, *following: LeaderLink, start_s: float = 0.02
     ) -> None:
-        trajectory = TrajectoryArray.of(np.zeros((2, 12)))
+        trajectory = TrajectoryArray.of(np.zeros((2, 12)), 0.02)
         self.add(
             channels.PLAN,
             unit,

@@ -8,11 +8,13 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from msgspec import inspect
+from numpy.typing import NDArray
 
 from rcopterx.bus import channels, requests
 from rcopterx.bus.log_messages import AgentSteps
-from rcopterx.bus.message import FloatArray, Message, TrajectoryArray
-from rcopterx.bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, Pose
+from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, Plan, Pose
+from rcopterx.bus.trajectory_array import TrajectoryArray
 
 MESSAGE_TYPES: tuple[type[Message], ...] = (
     *(channel.message for channel in channels.CHANNELS),
@@ -30,6 +32,7 @@ COLUMNS = {
     "path": (2, 6, requests.KNOT_COLUMNS),
 }
 """Fewest rows, most rows and columns of the matrices, by field."""
+PACKED_PERIOD_S = 0.02
 
 
 def wire_maps(message_type: type[Message]) -> st.SearchStrategy[dict[str, Any]]:
@@ -41,6 +44,8 @@ def wire_maps(message_type: type[Message]) -> st.SearchStrategy[dict[str, Any]]:
         return maps.map(_as_fly)
     if message_type is AgentSteps:
         return maps.map(_as_steps)
+    if message_type is Plan:
+        return maps.map(_as_plan)
     return maps
 
 
@@ -76,6 +81,18 @@ def _as_steps(plain: dict[str, Any]) -> dict[str, Any]:
     counts = [0] * len(plain["times_s"])
     counts[-1:] = [inputs] * len(counts[-1:])
     return plain | {column: plain[column][:inputs] for column in columns} | {"counts": counts}
+
+
+def _as_plan(plain: dict[str, Any]) -> dict[str, Any]:
+    """Packed for the period of the plan."""
+    packed = msgspec.convert(plain["trajectory"], TrajectoryArray)
+    samples = packed.to_numpy(PACKED_PERIOD_S)
+    return plain | {"trajectory": _packed(samples, plain["period_s"])}
+
+
+def _packed(samples: NDArray[np.float64], period_s: float) -> dict[str, Any]:
+    packed = TrajectoryArray.of(samples, period_s)
+    return {"shape": list(packed.shape), "data": packed.data}
 
 
 def _struct(kind: Any) -> st.SearchStrategy[dict[str, Any]]:
@@ -116,9 +133,8 @@ def _matrix(rows: int, columns: int) -> st.SearchStrategy[dict[str, Any]]:
 
 def _trajectory(stages: int) -> st.SearchStrategy[dict[str, Any]]:
     shape = (stages, TrajectoryArray.COLUMNS)
-    return arrays(np.float64, shape, elements=st.floats(-1e6, 1e6)).map(
-        lambda values: {"shape": list(shape), "data": TrajectoryArray.of(values).data}
-    )
+    values = arrays(np.float64, shape, elements=st.floats(-1e3, 1e3))
+    return values.map(lambda samples: _packed(samples, PACKED_PERIOD_S))
 
 
 def _value(kind: Any) -> st.SearchStrategy[Any]:
@@ -135,7 +151,8 @@ def _value(kind: Any) -> st.SearchStrategy[Any]:
                 exclude_min=kind.gt is not None,
             )
         case inspect.BytesType():
-            return st.binary(max_size=20)
+            fewest = kind.min_length or 0
+            return st.binary(min_size=fewest, max_size=max(20, fewest))
         case inspect.StrType(pattern=str() as pattern):
             return st.from_regex(pattern, fullmatch=True).filter(lambda text: not text.endswith("\n"))
         case inspect.StrType():

@@ -5,9 +5,9 @@ import numpy as np
 from rcopterx.agents.references.trajectory import COLUMNS
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.message import TrajectoryArray
 from rcopterx.bus.messages import LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.trajectory_array import TrajectoryArray
 
 
 class PlanInbox(Inbox[Plan]):
@@ -71,7 +71,7 @@ def plan_of(
         start_s=start_s,
         airborne=airborne,
         followable=followable,
-        trajectory=TrajectoryArray.of(samples),
+        trajectory=TrajectoryArray.of(samples, 0.02),
         reference=None if reference_m is None else (*reference_m, yaw_rad),
         following=following,
     )

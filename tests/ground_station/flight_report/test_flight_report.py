@@ -13,9 +13,10 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
 from rcopterx.bus.log_messages import AnsweredRequest, LauncherEvent
-from rcopterx.bus.message import Message, TrajectoryArray
+from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Kill, Plan, Pose, TransmitterStatus
 from rcopterx.bus.requests import Reply, TakeOff
+from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.flight_log.mcap_reading import FlightLogError
 from rcopterx.ground_station.flight_report.document import Html, table
 from rcopterx.ground_station.flight_report.logged_flight import LoggedFlight, events_of, logged_flight
@@ -119,7 +120,7 @@ def flown(frames: list[int]) -> FlightFigures:
         )  # fmt: skip
         plan = Plan(
             epoch=1, frame=frame, source="h1", ancestors=(), period_s=0.02, start_s=0.0,
-            trajectory=TrajectoryArray.of(np.zeros((2, 12))), reference=(1.0, 0.0, 1.0, 0.0),
+            trajectory=TrajectoryArray.of(np.zeros((2, 12)), 0.02), reference=(1.0, 0.0, 1.0, 0.0),
         )  # fmt: skip
         records += [record(channels.POSE, "h1", pose, 0.0), record(channels.PLAN, "h1", plan, 0.0)]
     return FlightFigures(Recording(records), ["h1"])

@@ -1,0 +1,30 @@
+"""Numbers whose last bits are zero, so that flight logs hold them in few bytes.
+
+They are rounded before they are used, not only before they are sent: what is recorded is what was flown.
+"""
+
+import math
+import time
+from collections.abc import Iterable
+from typing import Final
+
+TIME_BITS: Final = 20
+"""Times are told to 2^-20 s, a little less than a microsecond."""
+_TICKS: Final = 2.0**TIME_BITS
+
+
+def monotonic_s() -> float:
+    """Monotonic clock [s], not finer than times are told."""
+    return math.floor(time.monotonic() * _TICKS) / _TICKS
+
+
+def rounded(value: float, bits: int) -> float:
+    """Nearest multiple of 2^-bits."""
+    unit = 2.0**bits
+    return round(value * unit) / unit
+
+
+def all_rounded(values: Iterable[float], bits: int) -> tuple[float, ...]:
+    """Nearest multiples of 2^-bits."""
+    unit = 2.0**bits
+    return tuple([round(value * unit) / unit for value in values])
