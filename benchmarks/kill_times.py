@@ -73,11 +73,8 @@ def run(path: Path, presses: int, tell: Tell) -> dict[str, Any]:
 
 def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) -> float:
     """Arm, press, and wait until every vehicle is cut; time of the last one."""
-    for vehicle in fleet:
-        if vehicle.state.transmitter_state == "killed":
-            vehicle.reset()
     # An agent that has not heard of the kill yet still says that it is armed.
-    fleet.wait_until(lambda: all(map(_at_rest, fleet)), READY_S, "not disarmed on the floor", written)
+    fleet.wait_until(lambda: all(map(_brought_to_rest, fleet)), READY_S, "not disarmed on the floor", written)
     fleet.arm()
     time.sleep(PAUSE_S * number % 0.5)
     for inbox in written.values():
@@ -96,7 +93,10 @@ def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) 
     return 1000 * (max(low_s.values()) - pressed_s)
 
 
-def _at_rest(vehicle: Vehicle) -> bool:
+def _brought_to_rest(vehicle: Vehicle) -> bool:
+    """Whether it can be armed; a kill that is still repeated may undo a reset, which is then done again."""
+    if vehicle.state.transmitter_state == "killed":
+        vehicle.reset()
     return vehicle.state.phase == Phase.GROUND and vehicle.state.transmitter_state == "disarmed"
 
 

@@ -7,6 +7,7 @@ import viser
 
 from rcopterx.bus import channels
 from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.page.browser_script import run_in_browsers
 from rcopterx.ground_station.page.controls import (
     VehicleControls,
     Waypoints,
@@ -48,6 +49,7 @@ class FleetPage:
         self.timeline = Timeline()
         self.steering = Steering(fleet, self.notify) if steers else None
         self._next_text_s = self._next_plot_s = 0.0
+        run_in_browsers(server)
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         server.gui.set_panel_label(f"rcopterx {fleet.file.name}")
         self.banner = server.gui.add_html("")

@@ -1,0 +1,81 @@
+"""What runs in the browser beside viser, so that KILL is heard however slowly the browser draws."""
+
+from typing import Final
+
+import viser
+from viser import _messages
+
+AMBIENT: Final = 1.2
+"""Light on what the lamps of the scene do not reach."""
+BROWSER_SCRIPT: Final = """
+if (!window.rcopterx) {
+  // Pictures: a browser without a graphics card computes them on the processor, and while it does no key is
+  // heard. After every picture it rests for several times as long as that took, and draws coarse ones.
+  const graphics = document.createElement('canvas').getContext('webgl2');
+  const named = graphics?.getExtension('WEBGL_debug_renderer_info');
+  const renderer = named ? graphics.getParameter(named.UNMASKED_RENDERER_WEBGL) : '';
+  graphics?.getExtension('WEBGL_lose_context')?.loseContext();
+  const software = /swiftshader|llvmpipe|software/i.test(renderer);
+  const LEAST_MS = software ? 150 : 30, REST = 4, SLOW_MS = 40, OFTEN = 8, COARSE = 0.5;
+  const coarse = () => window.__viserTestpoints?.devSettings?.set({ fixedDpr: COARSE });
+  window.rcopterx = { frames: 0, took_ms: 0, renderer };
+  if (software) coarse();
+
+  const draw = window.requestAnimationFrame.bind(window);
+  const cancel = window.cancelAnimationFrame.bind(window);
+  const waiting = new Map(), drawn = new MessageChannel();
+  let number = 1e9, busy = false, restUntil = 0, began = 0, slow = 0;
+  const schedule = () => {
+    if (busy || waiting.size === 0) return;
+    busy = true;
+    setTimeout(() => draw(frame), Math.max(0, restUntil - performance.now()));
+  };
+  const frame = (time) => {
+    began = performance.now();
+    const callbacks = [...waiting.values()];
+    waiting.clear();
+    drawn.port2.postMessage(0);
+    for (const callback of callbacks) {
+      try { callback(time); } catch (error) { setTimeout(() => { throw error; }); }
+    }
+  };
+  drawn.port1.onmessage = () => {
+    const now = performance.now(), took = now - began;
+    restUntil = now + Math.max(LEAST_MS - took, REST * took);
+    slow = took > SLOW_MS ? slow + 1 : 0;
+    if (slow === OFTEN) coarse();
+    window.rcopterx.frames += 1;
+    window.rcopterx.took_ms = took;
+    busy = false;
+    schedule();
+  };
+  window.requestAnimationFrame = (callback) => {
+    waiting.set(++number, callback);
+    schedule();
+    return number;
+  };
+  window.cancelAnimationFrame = (id) => { if (!waiting.delete(id)) cancel(id); };
+
+  // The space bar: viser does not take it from sliders, lists and buttons, which would do something else.
+  window.addEventListener('keydown', (event) => {
+    const at = event.target;
+    if (event.code !== 'Space' || !event.isTrusted || at === document.body || !at.closest) return;
+    if (at.closest('[class*="Spotlight"]')) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    at.blur?.();
+    document.body.dispatchEvent(new KeyboardEvent('keydown', { key: ' ', code: 'Space', bubbles: true }));
+  }, true);
+}
+"""
+"""Runs once in every browser."""
+
+
+def run_in_browsers(server: viser.ViserServer) -> None:
+    """Run the script in every browser that connects, and draw what costs little without a graphics card."""
+    server.gui._websock_interface.queue_message(_messages.RunJavascriptMessage(BROWSER_SCRIPT))
+    # Shadows draw everything twice; the reflected surroundings take 12 s to be prepared by a processor, in
+    # which the page hears nothing.
+    server.scene.configure_default_lights(cast_shadow=False)
+    server.scene.configure_environment_map(None)
+    server.scene.add_light_ambient("/light", intensity=AMBIENT)
