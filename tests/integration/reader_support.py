@@ -19,9 +19,7 @@ LASTS = re.compile(
     r"rcopterx (up|host|ground|top|tracker|replay-tracker|demo$|logs .*--follow)|python http_bridge.py|.*&$"
 )
 """These go on until Ctrl-C, in a terminal of their own."""
-ENDS_THE_FLEET = re.compile(
-    r"rcopterx (demo|up (?!.*--host)|(fly|experiment) |(bind|range-check|identify .*--from))"
-)
+ENDS_THE_FLEET = re.compile(r"rcopterx (demo|up (?!.*--host)|(fly|experiment) |(bind|range-check))")
 """These want no fleet to be up: a reader ends it with Ctrl-C."""
 MAY_END_WITH_1 = re.compile(r"rcopterx replay .*--agent")
 """A step that a busy machine gave up for time cannot be repeated; the command says so and ends with 1."""
