@@ -82,13 +82,19 @@ class LandingLaw:
         self._effects = (StickEffect(), StickEffect())
 
     def release(self) -> None:
-        """Forget the place; the next step begins where the vehicle is then, and lets it obey again."""
+        """Forget the place; the next step begins where the vehicle is then. What sticks do is not forgotten."""
         self._place = None
         self._slowest_m_s = math.inf
         self._astray_s = 0.0
-        self._effects = (StickEffect(), StickEffect())
+        for effect in self._effects:
+            effect.pause()
         self._climb_m_s = 0.0
         self._climb_integral_m_s2 = 0.0
+
+    def renew(self) -> None:
+        """Forget everything: somebody else has flown the vehicle, or it has not flown."""
+        self.release()
+        self._effects = (StickEffect(), StickEffect())
 
     @property
     def obeyed(self) -> bool:
@@ -199,6 +205,11 @@ class StickEffect:
         self._effort = kept * self._effort + self._due_m_s2**2 * elapsed_s
         if self._effort > ENOUGH_EFFORT and self.share < USELESS and not self.turn_round():
             self.sense = 0.0
+
+    def pause(self) -> None:
+        """The motion of the next step does not follow from this stick; what is known of it stays."""
+        self.asked_m_s2 = self._due_m_s2 = 0.0
+        self._speed_m_s = None
 
     @property
     def share(self) -> float:

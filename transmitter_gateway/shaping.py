@@ -58,7 +58,7 @@ class Shaping:
     def stop(self) -> None:
         """Apply nothing."""
         self.u = NEUTRAL
-        self._law.release()
+        self._law.renew()
 
     def play(self, target: Input, now_s: float) -> None:
         """Apply a command within the slew rates.
@@ -66,7 +66,7 @@ class Shaping:
         The time since an input moved last allows its next move: steps in between, for poses or deadlines,
         must not use it up.
         """
-        self._law.release()
+        self._law.renew()
         u = []
         for axis, (wanted, last, rate) in enumerate(zip(target, self.u, self._slew_per_s, strict=True)):
             most = rate * min(now_s - self._moved_s[axis], LONGEST_SLEW_STEP_S)

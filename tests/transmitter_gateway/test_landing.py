@@ -185,9 +185,30 @@ def test_stick_is_turned_round_once_only() -> None:
     assert law.obeyed
     assert run_away(law, 1.0, begin_m_s=0.3)[-1] == 0.0
     assert not law.obeyed
-    law.release()
+    law.renew()
     law.step(at(), 0.0, HOVER, STEP_S)
     assert step_at_speed(law, 0.2) < 0.0
+
+
+def test_what_a_stick_does_is_not_forgotten_while_the_vehicle_is_not_seen() -> None:
+    law = held()
+    run_away(law, -1.0)
+    law.release()
+    law.step(at(), 0.0, HOVER, STEP_S)
+    assert step_at_speed(law, 0.2) > 0.0
+    assert abs(run_away(law, -1.0, begin_m_s=0.3)[-1]) < 0.2 * LIMITS.cyclic
+    assert law.obeyed
+
+
+def test_speed_that_was_gained_while_the_vehicle_was_not_seen_is_not_a_sticks() -> None:
+    law = held()
+    for _ in range(20):
+        step_at_speed(law, 0.3)
+    law.release()
+    for _ in range(20):
+        step_at_speed(law, 1.5)
+    assert law.obeyed
+    assert step_at_speed(law, 1.5) < 0.0
 
 
 def test_vehicle_that_obeys_is_not_suspected() -> None:
