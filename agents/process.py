@@ -24,6 +24,8 @@ from rcopterx.bus.timing import CommandTiming
 
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
+LONGEST_WAIT = 0.5
+"""Share of a control period that a follower far down the line waits for plans at most."""
 
 
 class Agent:
@@ -135,12 +137,20 @@ class Agent:
             if self._control_by_s is not None and flying:
                 parts.pacing.on_overtaken()
             self._began_s = now_s
-            self._control_by_s = now_s + (self._settings.leader_wait_s if guidance.follows else 0)
+            self._control_by_s = now_s + self._longest_wait_s()
         elif parts.pacing.left_out(clock.current_frame, clock.period_s):
             self._pilot.fly_as_planned()
 
     def _time_to_control(self) -> bool:
         return self._clock() >= (self._control_by_s or 0.0) or self._plans_are_here()
+
+    def _longest_wait_s(self) -> float:
+        """How long the period may wait for plans: every leader above this vehicle takes its time."""
+        guidance = self._pilot.guidance
+        if not guidance.follows:
+            return 0.0
+        level = self._parts.plans.level(link.leader for link in guidance.followed)
+        return min(level * self._settings.leader_wait_s, LONGEST_WAIT * self._settings.period_s)
 
     def _plans_are_here(self) -> bool:
         followed = [link.leader for link in self._pilot.guidance.followed]
@@ -150,7 +160,9 @@ class Agent:
         """Fly one control period."""
         parts, pilot = self._parts, self._pilot
         self._control_by_s = None
-        plans = parts.plans.plans(pilot.clock, parts.changes.cycles_from_frame)
+        if pilot.guidance.follows and not self._plans_are_here():
+            pilot.fallbacks["leader_plan_late"] += 1
+        plans = parts.plans.plans(pilot.clock, parts.changes.cycles_from)
         if parts.lost.tend(plans):
             parts.changes.keep_leaders()
         parts.external.before_control()

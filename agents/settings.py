@@ -31,7 +31,8 @@ class AgentSettings:
     models
         All vehicles of the fleet by name, to know what followers can do.
     leader_wait_s
-        How long after its own pose a follower waits for the leader's plan of the same frame.
+        How long after its own pose a follower waits for the leader's plan of the same frame, for each leader
+        above it in its line.
     minimum_distance_m
         Offsets that bring vehicles closer together are refused; None for no limit.
     succession

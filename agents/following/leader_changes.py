@@ -77,8 +77,8 @@ class LeaderChanges:
         self._regrouping = Regrouping(clock)
         self._events: Counter[str] = Counter()
         self._waiting: list[_Waiting] = []
-        self.cycles_from_frame = 0
-        """Frame from which on a plan that names this vehicle as an ancestor means a cycle."""
+        self.cycles_from = (0, 0)
+        """Epoch and frame from which on a plan that names this vehicle as an ancestor means a cycle."""
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -162,8 +162,9 @@ class LeaderChanges:
         self._forget_promises()
         if change.links:
             # For a moment the plans of the new leaders still tell of the lines that are given up now.
-            self.cycles_from_frame = flight.clock.current_frame + len(self._vehicles) + 1
-            plans = self._plans.plans(flight.clock, self.cycles_from_frame)
+            clock = flight.clock
+            self.cycles_from = (clock.epoch, clock.current_frame + len(self._vehicles) + 1)
+            plans = self._plans.plans(flight.clock, self.cycles_from)
             flight.guidance.follow(change.links, plans, flight.estimate, flight.clock.time_s, None)
         else:
             flight.guidance.take_lead(change.position_m, change.yaw_rad)
@@ -273,7 +274,7 @@ class LeaderChanges:
     def _follow(self, request: Follow) -> None:
         flight = self._flight
         links = [followed_leader(following) for following in request.following]
-        plans = self._plans.plans(flight.clock, self.cycles_from_frame)
+        plans = self._plans.plans(flight.clock, self.cycles_from)
         flight.guidance.follow(links, plans, flight.estimate, flight.clock.time_s, request.transition_s)
 
     def _line(self, following: Sequence[LeaderLink]) -> str:

@@ -66,10 +66,11 @@ class LeaderPlans:
             for plan in plans
         )
 
-    def plans(self, clock: FleetClock, cycles_from_frame: int = 0) -> Mapping[str, LeaderPlan]:
+    def plans(self, clock: FleetClock, cycles_from: tuple[int, int] = (0, 0)) -> Mapping[str, LeaderPlan]:
         """Plans on this vehicle's clock; those of another epoch or from a cycle are left out.
 
-        Plans of frames before `cycles_from_frame` may still tell of a line of leaders that has been given up.
+        Plans of frames before `cycles_from`, an epoch and a frame in it, may still tell of a line of leaders
+        that has been given up.
         """
         found = {}
         for name in self._inboxes:
@@ -79,7 +80,7 @@ class LeaderPlans:
             if plan.epoch != clock.epoch:
                 self._rejected["plan.epoch"] += 1
                 continue
-            if self._vehicle in plan.ancestors and plan.frame >= cycles_from_frame:
+            if self._vehicle in plan.ancestors and (plan.epoch, plan.frame) >= cycles_from:
                 # Two vehicles that began to follow each other at the same moment; none of them moves on.
                 self._rejected["plan.leader_cycle"] += 1
                 continue
@@ -94,6 +95,11 @@ class LeaderPlans:
             if plan is not None:
                 line |= dict.fromkeys(plan.ancestors)
         return tuple(line)
+
+    def level(self, names: Iterable[str]) -> int:
+        """How many leaders are above this vehicle in its longest line, as far as plans tell."""
+        plans = [self.newest(name) for name in names]
+        return max((1 if plan is None else 1 + len(plan.ancestors) for plan in plans), default=0)
 
     def cycle_through(self, name: str) -> tuple[str, ...] | None:
         """Line of ancestors that leads from a leader back to this vehicle; None if there is none."""

@@ -152,7 +152,8 @@ class ControlConfig(Table, frozen=True, kw_only=True):
     estimator_settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the estimator."""
     leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.002
-    """How long after its own pose a follower waits for the leader's plan of the same frame."""
+    """How long after its own pose a follower waits for the leader's plan of the same frame, for each leader
+    above it; at most half a control period."""
 
 
 class LeaderConfig(Table, frozen=True, kw_only=True):

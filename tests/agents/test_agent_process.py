@@ -177,6 +177,29 @@ def test_a_plan_of_the_frame_before_is_used_after_the_deadline(follower: Bench) 
     assert follower.pilot.guidance.events["leader_plan_missing"] == missing
 
 
+def test_a_plan_that_comes_too_late_is_counted(follower: Bench) -> None:
+    follower.start()
+    follower.see()
+    follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame))
+    follower.command_of(follower.frame)
+    late = follower.pilot.fallbacks["leader_plan_late"]
+    follower.see()
+    follower.clock.advance(0.005)
+    follower.command_of(follower.frame)
+    assert follower.pilot.fallbacks["leader_plan_late"] == late + 1
+
+
+def test_a_follower_of_a_follower_waits_longer(follower: Bench) -> None:
+    follower.start()
+    follower.see()
+    follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame, ancestors=("h3",)))
+    follower.command_of(follower.frame)
+    follower.see()
+    assert follower.agent._control_by_s == pytest.approx(
+        follower.clock() + 2 * follower.settings.leader_wait_s
+    )
+
+
 def test_the_status_tells_task_phase_and_leaders(follower: Bench) -> None:
     follower.start()
     status = follower.status()

@@ -301,7 +301,7 @@ def test_prepared_leaders_are_taken_at_their_frame_and_not_before(bench: Handler
     assert bench.pilot.clock.current_frame == 12
     bench.changes.begin_due()
     assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
-    assert set(bench.leaders.plans(bench.pilot.clock, bench.changes.cycles_from_frame)) == {"h1"}
+    assert set(bench.leaders.plans(bench.pilot.clock, bench.changes.cycles_from)) == {"h1"}
 
 
 def test_a_follower_that_shall_lead_keeps_the_place_it_is_given(bench: HandlerBench) -> None:

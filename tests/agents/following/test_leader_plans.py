@@ -157,8 +157,27 @@ def test_plans_of_frames_before_a_change_of_leaders_may_tell_of_the_old_line(
 ) -> None:
     leaders.keep(["h1"])
     plan_bus.deliver(plan_of("h1", 10, ancestors=("h9",)))
-    assert set(leaders.plans(clock_at(11), cycles_from_frame=11)) == {"h1"}
-    assert leaders.plans(clock_at(11), cycles_from_frame=10) == {}
+    clock = clock_at(11)
+    assert set(leaders.plans(clock, cycles_from=(clock.epoch, 11))) == {"h1"}
+    assert leaders.plans(clock, cycles_from=(clock.epoch, 10)) == {}
+
+
+def test_a_cycle_is_noticed_at_once_in_a_new_epoch_whose_frames_begin_anew(
+    leaders: LeaderPlans, plan_bus: PlanBus
+) -> None:
+    leaders.keep(["h1"])
+    plan_bus.deliver(plan_of("h1", 10, ancestors=("h9",)))
+    clock = clock_at(11)
+    assert leaders.plans(clock, cycles_from=(clock.epoch - 1, 5000)) == {}
+
+
+def test_the_level_is_that_of_the_longest_line_of_leaders(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
+    leaders.keep(["h1", "h2"])
+    assert leaders.level([]) == 0
+    assert leaders.level(["h1", "h2"]) == 1
+    plan_bus.deliver(plan_of("h2", 10, ancestors=("h4", "h5")))
+    assert leaders.level(["h1", "h2"]) == 3
+    assert leaders.level(["h1"]) == 1
 
 
 def test_a_silent_leader_has_no_fresh_plan(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
