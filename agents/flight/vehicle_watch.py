@@ -55,7 +55,9 @@ LEAST_CLIMB_M: Final = 0.1
 LEARNING_S: Final = 3.0
 """First seconds of a flight, in which its thrust gain is learnt."""
 LEAST_GAIN: Final = 0.7
-"""Share of the learnt thrust gain below which the rotor counts as weak."""
+"""Share of the learnt thrust gain below which the rotor counts as weak..."""
+SUDDEN: Final = 0.9
+"""...if it is also less than this share of the gain of the last seconds: a battery takes its time."""
 BATTERY_TIME_S: Final = 5.0
 """Time constant of the hover thrust, which a battery changes slowly."""
 
@@ -132,6 +134,8 @@ class VehicleWatch:
         self._period_s = period_s
         self._delay = round(model.delay_s / period_s)
         self._pole = [math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0 for lag_s in model.lag_s]
+        # Hover thrust of the model, as a share of the largest one.
+        self._hover_gain = float(model.hover_input[U_THRUST]) / float(model.u_max[U_THRUST])
         # A side of the range to which a stick hardly moves says nothing about it.
         below, above = model.hover_input - model.u_min, model.u_max - model.hover_input
         self._least = (LEAST_STICK * below).tolist(), (LEAST_STICK * above).tolist()
@@ -224,7 +228,8 @@ class VehicleWatch:
         self._learn(gain)
         if self._learning_s < LEARNING_S or self._learnt_gain is None or self.hover_thrust is None:
             return None
-        if gain < LEAST_GAIN * self._learnt_gain:
+        recent_gain = self._hover_gain / self.hover_thrust
+        if gain < LEAST_GAIN * self._learnt_gain and gain < SUDDEN * recent_gain:
             lost = 100.0 * (1.0 - gain / self._learnt_gain)
             return VehicleFault("thrust_lost", f"the thrust has fallen by {lost:.0f} % in this flight")
         if self.hover_thrust > self._limits.land_at:
@@ -233,8 +238,7 @@ class VehicleWatch:
         return None
 
     def _learn(self, gain: float) -> None:
-        hover = float(self._model.hover_input[U_THRUST]) / max(gain, 0.05)
-        hover /= float(self._model.u_max[U_THRUST])
+        hover = self._hover_gain / max(gain, 0.05)
         if self.hover_thrust is None or self._learnt_gain is None:
             self.hover_thrust, self._learnt_gain = hover, gain
             return

@@ -159,6 +159,24 @@ def test_an_ageing_battery_is_warned_of_and_then_lands() -> None:
     assert flown.watch.hover_thrust == pytest.approx(0.75, abs=0.01)
 
 
+def test_a_battery_that_empties_slowly_is_warned_of_before_it_lands_and_is_no_weak_rotor() -> None:
+    flown = Flown()
+    assert flown.holding(LEARNING_S + 1.5) is None
+    warned_at, fault = None, None
+    for percent in range(100, 50, -1):
+        flown.gain[U_THRUST] = percent / 100
+        fault = flown.holding(3.0)
+        warned_at = warned_at or (percent if flown.watch.warning else None)
+        if fault is not None:
+            break
+    assert fault is not None
+    assert fault.kind == "battery_empty"
+    assert warned_at is not None
+    assert warned_at > percent
+    # What is left still carries the vehicle.
+    assert HOVER[U_THRUST] / flown.gain[U_THRUST] < 0.92
+
+
 def test_another_flight_begins_with_another_battery() -> None:
     flown = Flown(HoverThrustLimits(0.6, 0.95))
     flown.gain[U_THRUST] = HOVER[U_THRUST] / 0.8
