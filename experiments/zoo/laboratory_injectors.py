@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.experiments.zoo.bench import Bench
 from rcopterx.ground_station.scenario import fault_from, inject_faults
-from rcopterx.simulator.faults import Fault, Recover, TimedFault, fault_text
+from rcopterx.simulator.faults import BreakVehicle, Fault, Recover, TimedFault, fault_text
 
 Value = str | int | float | tuple[float, ...]
 
@@ -68,3 +68,51 @@ class Inject:
         finally:
             if self.seconds is None:
                 inject_faults(bench.fleet.session, Recover())
+
+
+@dataclass(frozen=True)
+class Draining:
+    """The battery of a vehicle empties much faster than batteries do.
+
+    Attributes
+    ----------
+    vehicle
+        Whose.
+    left
+        Share of the thrust that is left in the end.
+    seconds
+        How long that takes.
+    steps
+        In how many steps.
+    """
+
+    vehicle: str
+    left: float
+    seconds: float
+    steps: int = 40
+
+    @property
+    def launched(self) -> bool:
+        """See `Injector.launched`."""
+        return False
+
+    @contextmanager
+    def active(self, bench: Bench) -> Iterator[None]:
+        """See `Injector.active`."""
+        bench.say(f"{self.vehicle}: the battery falls to {self.left:g} of its thrust in {self.seconds:g} s")
+        inject_faults(bench.fleet.session, self.steps_of_battery())
+        try:
+            yield
+        finally:
+            inject_faults(bench.fleet.session, Recover())
+
+    def steps_of_battery(self) -> list[TimedFault]:
+        """What is left after each step."""
+        shares = [number / self.steps for number in range(1, self.steps + 1)]
+        return [
+            TimedFault(
+                share * self.seconds,
+                BreakVehicle(vehicle=self.vehicle, thrust_factor=1.0 - share * (1.0 - self.left)),
+            )
+            for share in shares
+        ]

@@ -134,11 +134,16 @@ def _section(report: Report) -> str:
     return "\n".join(
         [
             f'<section id="{escape(report["name"])}"><h2>{escape(report["name"])}</h2>',
-            f"<p>{escape(report['title'])}. {report['seconds']} s.</p>{problem}",
+            f"<p>{escape(report['title'])}. {_runs(report)}, {report['seconds']} s.</p>{problem}",
             table(("check", "", "figure"), rows),
             f"<p>States of the arbiters: {escape(arbiters)}.</p></section>",
         ]
     )
+
+
+def _runs(report: Report) -> str:
+    runs = report.get("runs", 1)
+    return "1 flight" if runs == 1 else f"{runs} flights, {report['passed']} passed"
 
 
 def main(directory: str, page: str) -> None:

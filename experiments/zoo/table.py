@@ -12,7 +12,7 @@ from rcopterx.experiments.zoo.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx.experiments.zoo.laboratory_injectors import Inject
+from rcopterx.experiments.zoo.laboratory_injectors import Draining, Inject
 from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Halting, Killed, Slow, Spinning, Stopped
 from rcopterx.experiments.zoo.promise import Limits, Promise
 
@@ -32,6 +32,10 @@ BLIND: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
 """Poses and commands are away together: vehicles are held, and sink meanwhile."""
 WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silence_ms=None)
 """A vehicle that lands with all the thrust that it has."""
+
+
+FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=6000.0, touchdown_m_s=1.0, silence_ms=None)
+"""A vehicle that drifts with a stick that does not obey: bounded, and gently down."""
 
 
 def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
@@ -254,18 +258,28 @@ VEHICLE_ROWS: Final = (
         WEAK,
     ),
     FaultFlight(
+        "vehicle-battery",
+        "The battery of h2 falls to 0.58 of its thrust in 25 s",
+        (Draining("h2", 0.58, 25.0),),
+        Promise.LANDS,
+        ("h2",),
+        WEAK,
+    ),
+    FaultFlight(
         "vehicle-reversed-pitch",
         "The pitch stick of h2 acts the wrong way round",
         (Inject("break_vehicle", "h2", (("reversed", "pitch"),)),),
-        Promise.UNPROTECTED,
+        Promise.LANDS,
         ("h2",),
+        FAULTY_AXIS,
     ),
     FaultFlight(
         "vehicle-stuck-roll",
         "The roll stick of h2 is stuck",
         (Inject("break_vehicle", "h2", (("stuck", "roll"),)),),
-        Promise.UNPROTECTED,
+        Promise.LANDS,
         ("h2",),
+        FAULTY_AXIS,
     ),
     FaultFlight(
         "vehicle-trim",

@@ -122,15 +122,25 @@ def hangar(fleet: str | None, start: bool, record: bool) -> Iterator[Hangar]:
 
 
 def fly_faults(
-    names: Sequence[str], fleet: str | None, start: bool, report: Path | None, as_json: bool, record: bool
+    names: Sequence[str],
+    fleet: str | None,
+    start: bool,
+    report: Path | None,
+    as_json: bool,
+    record: bool,
+    runs: int,
 ) -> None:
     """Fly rows of the table of faults, one fleet as long as it survives; exit code 1 if a promise broke."""
+    from rcopterx.experiments.zoo.runs import worst_of
+
     rows = chosen_faults(names)
     reports: list[dict[str, Any]] = []
     with user_errors(), hangar(fleet, start, record) as holder:
         try:
             for number, row in enumerate(rows, 1):
-                reports.append(_fly_row(row, holder, f"[{number}/{len(rows)}] {row.name}"))
+                head = f"[{number}/{len(rows)}] {row.name}"
+                heads = [head] if runs == 1 else [f"{head} ({run}/{runs})" for run in range(1, runs + 1)]
+                reports.append(worst_of([_fly_row(row, holder, head) for head in heads]))
         finally:
             _write(reports, report)
     if as_json:
@@ -167,6 +177,7 @@ def fly_chaos(
         except StoppedError:
             raise NotReachedError("interrupted") from None
     if report is not None:
+        report.mkdir(parents=True, exist_ok=True)
         path = report / f"chaos-{seed}.json"
         path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         typer.echo(f"report: {path}", err=True)

@@ -54,6 +54,9 @@ def fly(
     show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres, or the faults.")] = False,
     seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Of chaos.")] = 600.0,
     seed: Annotated[int, typer.Option(min=0, help="Of chaos.")] = 0,
+    runs: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Flights of each fault; the worst of them counts.")
+    ] = 1,
     record: RecordOption = True,
 ) -> None:
     """Fly manoeuvres or faults, judge them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
@@ -68,7 +71,7 @@ def fly(
         fly_chaos(seconds, seed, fleet, start, report, as_json, record)
         return
     if faults:
-        _fly_faults(names or [], fleet, start, every, report, as_json, show_list, record)
+        _fly_faults(names or [], fleet, start, every, report, as_json, show_list, record, runs)
         return
     from rcopterx.experiments.manoeuvres import MANOEUVRES
 
@@ -116,6 +119,7 @@ def _fly_faults(
     as_json: bool,
     show_list: bool,
     record: bool,
+    runs: int,
 ) -> None:
     from rcopterx.commands.fault_flights import fly_faults, list_faults
 
@@ -126,7 +130,7 @@ def _fly_faults(
         return
     if report is not None:
         _make_directory(report)
-    fly_faults(names, fleet, start, report, as_json, record)
+    fly_faults(names, fleet, start, report, as_json, record, runs)
 
 
 def _make_directory(path: Path) -> None:
