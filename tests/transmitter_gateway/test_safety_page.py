@@ -1,5 +1,6 @@
 """docs/safety.md says what the arbiter does."""
 
+import re
 from pathlib import Path
 
 from rcopterx.transmitter_gateway.inputs import State
@@ -8,6 +9,7 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, Surveillan
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS
 from rcopterx.transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
 
+TESTS = Path(__file__).parents[1]
 PAGE = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
 
 
@@ -58,3 +60,10 @@ def test_figures_of_the_page_are_the_defaults() -> None:
         f"younger than {limits.take_over_s} s",
     ):
         assert line in PAGE, line
+
+
+def test_tests_that_the_page_names_exist() -> None:
+    named = re.findall(r"`tests/([\w/]+\.py)::(\w+)`", PAGE)
+    assert len(named) > 30
+    for path, name in named:
+        assert f"def {name}(" in (TESTS / path).read_text(encoding="utf-8"), name
