@@ -82,7 +82,7 @@ class LandingLaw:
         self._effects = (StickEffect(), StickEffect())
 
     def release(self) -> None:
-        """Forget the place; the next step begins where the vehicle is then. What sticks do is not forgotten."""
+        """Forget the place, but not what the sticks do; the next step begins where the vehicle is then."""
         self._place = None
         self._slowest_m_s = math.inf
         self._astray_s = 0.0
