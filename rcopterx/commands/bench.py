@@ -246,6 +246,30 @@ def kill(
         typer.echo(f"{way:8}{told}")
 
 
+@app.command()
+def alarms(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Length of the flight.")] = 3600.0,
+    busy: Annotated[int, typer.Option(metavar="N", min=0, help="Busy processes beside it.")] = 2,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """A long hover beside busy processes; does the watchdog end what does not hang? Exit code 1 if so."""
+    from rcopterx.benchmarks.false_alarms import run
+    from rcopterx.deploy.fleet_file.shipped import fleet_path
+
+    with user_errors():
+        document = run(
+            fleet_path(fleet), seconds, busy, lambda text: typer.echo(f"bench alarms: {text}", err=True)
+        )
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+    else:
+        for name, figure in document.items():
+            typer.echo(f"{name:18} {figure}")
+    if document["hung"] or document["spares_hung"]:
+        raise typer.Exit(EXIT_FAILED)
+
+
 def _readable(document: dict[str, Any]) -> str:
     """One line per horizon and solver."""
     lines = [f"{'N':>4}  {'solver':24}" + "".join(f"{column:>12}" for column in COLUMNS)]

@@ -144,6 +144,42 @@ def test_release_forgets_the_climb_rate() -> None:
     assert law.step(at(), 0.0, HOVER, 0.0)[2] == HOVER
 
 
+def test_figures_of_the_law_are_those_it_was_flown_with() -> None:
+    """Constants that other tests only compare with themselves."""
+    assert held().step(at((-0.1, 0.0, 1.0)), 0.0, HOVER, STEP_S)[0] == pytest.approx(0.08)
+    assert held().step(at((-9.0, 0.0, 1.0)), 0.0, HOVER, STEP_S)[0] == pytest.approx(0.24)
+    assert held().step(at(velocity=(0.2, 0.0, 0.0)), 0.0, HOVER, STEP_S)[0] == pytest.approx(-0.2)
+    assert held().step(at(yaw_rad=0.2), 0.0, HOVER, STEP_S)[3] == pytest.approx(-0.01)
+    assert held().step(at(), -0.4, HOVER, STEP_S)[2] == pytest.approx(HOVER - 0.00202)
+    assert held().step(at(velocity=(0.0, 0.0, -0.1)), 0.0, HOVER, 5.0)[2] == pytest.approx(HOVER + 0.0205)
+    weak = LandingLaw(LandingLimits(input_gain=(2.0, 4.0, 100.0)))
+    for _ in range(2000):
+        weak.step(at(velocity=(0.0, 0.0, -0.4)), 0.0, HOVER, STEP_S)
+    assert weak.step(at(), 0.0, HOVER, 0.0)[2] == pytest.approx(HOVER + 0.025)
+    runaway = held()
+    for n in range(100):
+        step_at_speed(runaway, 0.02 * n)
+    assert runaway.step(at(), -0.8, HOVER, STEP_S)[2] == pytest.approx(HOVER - 0.00606)
+    assert climb_rate_m_s(at((0.0, 0.0, 0.41)), 0.0, 0.0, LIMITS, obeyed=False) == -0.8
+    assert climb_rate_m_s(at((0.0, 0.0, 0.40)), 0.0, 0.0, LIMITS, obeyed=False) == -0.4
+
+
+def test_effect_of_a_stick_is_expected_with_its_lag_and_forgotten_in_a_second() -> None:
+    """One step of 20 ms: 1 - exp(-0.02 / 0.15) of 1 m/s^2 is due, and 0.1 m/s are gained."""
+    found = StickEffect()
+    assert (found.sense, found.asked_m_s2, found.work) == (1.0, 0.0, 0.0)
+    found.note(0.0, STEP_S)
+    assert (found.work, found.share) == (0.0, 0.0)
+    found.asked_m_s2 = 1.0
+    found.note(0.1, STEP_S)
+    due = 1.0 - math.exp(-0.02 / 0.15)
+    assert found.work == pytest.approx(0.1 * due)
+    assert found.share == pytest.approx(0.1 / (due * STEP_S))
+    found.pause()
+    found.note(5.0, 1.0)
+    assert found.work == pytest.approx(0.1 * due * math.exp(-1.0))
+
+
 # A vehicle that does not obey -------------------------------------------------------------------------
 
 
