@@ -6,10 +6,12 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeVar
 
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusUnreachableError
@@ -31,6 +33,8 @@ from rcopterx.deploy.run_directory import flight_path, run_directory, serial_pat
 from rcopterx.deploy.supervisor import Supervisor
 from rcopterx.deploy.watchdog import WatchdogLimits
 from rcopterx.flight_log.flights import flight_name
+
+T = TypeVar("T")
 
 WATCH_S = 0.02
 """Between two looks at the progress of all processes."""
@@ -133,6 +137,25 @@ def check_certificate(fleet: FleetFile, host: str) -> None:
         raise FleetError(f"security.certificates: {wrong}; rcopterx certs makes certificates")
 
 
+def made_in_realtime(priority: int, make: Callable[[], T]) -> T:
+    """Make something whose threads run in the real-time class if that is permitted; this one stays as it is.
+
+    Parameters
+    ----------
+    priority
+        SCHED_FIFO priority; 0 for none.
+    make
+        Called in a thread of its own, whose class the threads that it starts inherit.
+    """
+
+    def begin() -> T:
+        request_realtime(priority)
+        return make()
+
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        return pool.submit(begin).result()
+
+
 def watchdog_limits(fleet: FleetFile) -> WatchdogLimits | None:
     """For how long processes of a fleet may make no progress; None for as long as they like."""
     watchdog = fleet.watchdog
@@ -228,8 +251,12 @@ class Launcher(AbstractContextManager["Launcher"]):
         try:
             address = bus_address(self._fleet, self._host)
             deaths = self.supervisor.quick_deaths
-            self._recall = RecallService(
-                address, agents, transmitters, lambda vehicle: deaths(agent_process(vehicle))
+            # A gateway that takes over writes nothing until it is answered, and receivers stop their rotors.
+            self._recall = made_in_realtime(
+                Priority.GATEWAY.of(self._fleet),
+                lambda: RecallService(
+                    address, agents, transmitters, lambda vehicle: deaths(agent_process(vehicle))
+                ),
             )
             begin = self._begin_flight if self._idle else None
             home = [name for name in agents if self._fleet.vehicles[name].host == self._host]

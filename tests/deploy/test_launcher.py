@@ -3,6 +3,7 @@
 import os
 import pty
 import socket
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,9 +11,10 @@ import pytest
 from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 
+from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.launcher import Launcher, check_resources, watchdog_limits
+from rcopterx.deploy.launcher import Launcher, check_resources, made_in_realtime, watchdog_limits
 from rcopterx.deploy.processes import processes_of
 from rcopterx.deploy.run_directory import router_socket, run_directory, serial_path
 from rcopterx.deploy.watchdog import WatchdogLimits
@@ -238,3 +240,24 @@ def test_a_launcher_watches_unless_it_is_told_not_to(
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     launcher = Launcher(parse_fleet(on_free_ports(PAIR)), "main", watchdog=watchdog)
     assert launcher.supervisor.watchdog_on is watchdog
+
+
+def test_what_is_made_in_real_time_is_made_in_a_thread_of_that_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, int]] = []
+    monkeypatch.setattr(
+        "rcopterx.deploy.launcher.request_realtime",
+        lambda priority: asked.append((threading.get_ident(), priority)),
+    )
+    made_by = made_in_realtime(24, threading.get_ident)
+    assert asked == [(made_by, 24)]
+    assert made_by != threading.get_ident()
+
+
+def test_what_cannot_be_made_in_real_time_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rcopterx.deploy.launcher.request_realtime", lambda _: False)
+
+    def make() -> None:
+        raise BusUnreachableError("no router")
+
+    with pytest.raises(BusUnreachableError, match="no router"):
+        made_in_realtime(0, make)
