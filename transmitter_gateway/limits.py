@@ -38,7 +38,7 @@ class Fence:
     lower_m: Position
     upper_m: Position
     margin_m: float = 0.1
-    cut_m: float = 2.0
+    cut_m: float = 5.0
     braking_m_s2: Position = (2.0, 2.0, 2.0)
 
     def __post_init__(self) -> None:

@@ -34,7 +34,7 @@ WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silen
 """A vehicle that lands with all the thrust that it has."""
 
 
-FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=6000.0, touchdown_m_s=1.0, silence_ms=None)
+FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=8000.0, touchdown_m_s=1.0, silence_ms=None)
 """A vehicle that drifts with a stick that does not obey: bounded, and gently down."""
 
 
