@@ -232,7 +232,11 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._host = host
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
-        turns = {name: fleet.agent_hosts(name).index(host) for name in fleet.agents_on(host)}
+        turns = {
+            name: fleet.agent_hosts(name).index(host)
+            for name in fleet.agents_on(host)
+            if fleet.vehicles[name].spares
+        }
         self._guard = Guard(turns)
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
