@@ -14,7 +14,7 @@ from rcopterx.agents.pacing import Pacing, SolveTimer
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
-from rcopterx.agents.tuning.guard import effort_factor
+from rcopterx.agents.tuning.guard import effort_factors
 from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
 from rcopterx.bus.rounding import all_rounded
@@ -191,7 +191,7 @@ class DiagnosticsCollector:
             controller_settings=in_message(configuration.controller_settings),
             estimator_settings=in_message(configuration.estimator_settings),
             horizon=pilot.controller.horizon,
-            effort_factor=effort_factor(configuration),
+            effort_factor=max(effort_factors(configuration)),
             client=client,
             pose_age_s=pose_age_s,
             plan_age_s=plan_age_s,

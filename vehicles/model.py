@@ -63,6 +63,25 @@ class Uncertainty:
         if not 0.0 <= self.frequency_fraction < 1.0:
             raise ValueError(f"frequency_fraction: must be from 0 to below 1, got {self.frequency_fraction}")
 
+    def graded(self, identified: float, unidentified: float) -> float:
+        """What a vehicle gets that is known as well as this, of what identified ones and others get.
+
+        Parameters
+        ----------
+        identified
+            At the gain factor of `IDENTIFIED` and below it, above 0.
+        unidentified
+            At that of `UNIDENTIFIED` and above it, above 0.
+
+        Returns
+        -------
+        float
+            Geometric between the two.
+        """
+        known, unknown = IDENTIFIED.gain_factor, UNIDENTIFIED.gain_factor
+        share = min(max((self.gain_factor - known) / (unknown - known), 0.0), 1.0)
+        return float(identified * (unidentified / identified) ** share)
+
 
 UNIDENTIFIED = Uncertainty(gain_factor=1.7, delay_s=0.03, frequency_fraction=0.25)
 """A vehicle of which only the type is known."""

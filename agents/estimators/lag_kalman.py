@@ -10,6 +10,8 @@ import numpy as np
 
 from rcopterx.agents.estimators.base import PoseEstimator, body_motion
 from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
+from rcopterx.agents.estimators.model_noise import model_noise
+from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
 from rcopterx.agents.flight.linear import prepared_period, solved
 from rcopterx.agents.flight.prediction import actuator_response, predict
@@ -40,12 +42,15 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     """Standard deviation of the measured yaw."""
     disturbance_noise: FourPositive = (0.4, 0.4, 0.3, 1.5)
     """Random-walk density of the disturbances [m/s^2, rad/s^2 per root second]."""
-    velocity_noise: FourPositive = (0.01, 0.01, 0.01, 0.05)
-    """Random-walk density of velocities and yaw rate [m/s, rad/s per root second]."""
-    actuator_noise: FourPositive = (0.02, 0.02, 0.01, 0.01)
-    """Random-walk density of the actuator states [1 per root second]."""
-    disturbance_limit: FourPositive = (2.0, 2.0, 2.5, 15.0)
-    """Estimated disturbances stay within plus and minus these [m/s^2, rad/s^2]."""
+    velocity_noise: FourPositive | None = None
+    """Random-walk density of velocities and yaw rate [m/s, rad/s per root second]; by default from the
+    model's uncertainty."""
+    actuator_noise: FourPositive | None = None
+    """Random-walk density of the actuator states [1 per root second]; by default from the model's
+    uncertainty."""
+    disturbance_limit: FourPositive | None = None
+    """Estimated disturbances stay within plus and minus these [m/s^2, rad/s^2]; by default from the model's
+    uncertainty."""
     measured_tilt: bool = True
     """Take in roll and pitch where the vehicle has a tilt model and the tracker gives them."""
     tilt_noise: Positive = 0.004
@@ -82,11 +87,19 @@ class LagKalmanEstimator(PoseEstimator):
     def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
         super().__init__(model, settings)
         noise_m, noise_rad = settings.position_noise_m, settings.yaw_noise_rad
-        self._measurement_variance = np.square([noise_m, noise_m, noise_m, noise_rad])
-        self._measurement_covariance = np.diag(self._measurement_variance)
-        densities = [0.0] * 4, settings.velocity_noise, settings.actuator_noise, settings.disturbance_noise
+        self._least_noise: Array = np.array([noise_m, noise_m, noise_m, noise_rad])
+        self._noise = NoiseMeter(INPUT_SIZE)
+        self._since_pose_s = 0.0
+        self._expect_noise(self._least_noise)
+        noise = model_noise(model)
+        densities = (
+            [0.0] * 4,
+            settings.velocity_noise or noise.velocity,
+            settings.actuator_noise or noise.actuator,
+            settings.disturbance_noise,
+        )
         self._densities = np.square(np.concatenate(densities))
-        self._limit = np.array(settings.disturbance_limit)
+        self._limit = np.array(settings.disturbance_limit or noise.disturbance_limit)
         self._actuator = model.hover_input
         self._preparations: dict[float, tuple[Linearization, Array]] = {}
         self._prepared(period_s)
@@ -142,7 +155,22 @@ class LagKalmanEstimator(PoseEstimator):
         thrust = self._model.input_gain[U_THRUST] * float(self._actuator[U_THRUST])
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
 
+    def _expect_noise(self, deviation: Array) -> None:
+        """Take measurements to have a standard deviation, shape (4,)."""
+        self._measurement_variance = np.square(deviation)
+        self._measurement_covariance = np.diag(self._measurement_variance)
+
+    def _measure_noise(self, pose: Array) -> None:
+        """Expect the noise that a Tracker has, but no less than the settings say."""
+        self._noise.observe(pose, self._since_pose_s)
+        self._since_pose_s = 0.0
+        measured = self._noise.deviation
+        if measured is not None:
+            measured = np.append(np.full(YAW, measured[:YAW].max()), measured[YAW])
+            self._expect_noise(np.maximum(measured, self._least_noise))
+
     def _move(self, applied_input: Array, period_s: float) -> None:
+        self._since_pose_s += period_s
         if self._standing:
             self._actuator = actuator_response(self._model, self._actuator, applied_input, 0.0, period_s)
             self._standing = not self._thrust_carries()
@@ -159,6 +187,7 @@ class LagKalmanEstimator(PoseEstimator):
         return np.asarray(np.sqrt(variance))
 
     def _take_in(self, innovation: Array) -> None:
+        self._measure_noise(self._motion[:INPUT_SIZE] + innovation)
         if self._standing:
             self._motion = self._motion.copy()
             self._motion[:INPUT_SIZE] += innovation

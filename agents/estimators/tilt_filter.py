@@ -55,7 +55,7 @@ class TiltFilter:
     model
         The vehicle; it has a tilt model.
     position_noise_m, tilt_noise
-        Standard deviations of what is measured.
+        Standard deviations of what is measured, at least.
     velocity_density, tilt_density
         Random-walk densities of velocity [m/s] and tilt rate [1/s] per root second: where the model is wrong.
     wind_rms_m_s2
@@ -72,7 +72,8 @@ class TiltFilter:
         wind_rms_m_s2: float,
     ) -> None:
         self._model = model
-        self._variances: Array = np.array([position_noise_m**2] * 2 + [tilt_noise**2] * 2)
+        self._least_noise = position_noise_m, tilt_noise
+        self.expect_noise(position_noise_m, tilt_noise)
         self._velocity_density, self._tilt_density = velocity_density, tilt_density
         self._wind_rms_m_s2 = wind_rms_m_s2
         system = lateral_system(model, _ANY_PERIOD_S)
@@ -130,6 +131,13 @@ class TiltFilter:
         """What is known of the tilt; it stays what it was when the filter moves on."""
         state = self._state.copy()
         return TiltEstimate(state[self._core], state[self._servo], state[self._wind], state[self._trim])
+
+    def expect_noise(self, position_noise_m: float, tilt_noise: float) -> None:
+        """Take measurements to have these standard deviations, but no smaller ones than at first."""
+        least_m, least = self._least_noise
+        self._variances: Array = np.square(
+            [max(position_noise_m, least_m)] * 2 + [max(tilt_noise, least)] * 2
+        )
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Begin anew in the air; what is known of trim and body frame is kept.

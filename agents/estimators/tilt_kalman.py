@@ -13,6 +13,8 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
+from rcopterx.agents.estimators.model_noise import model_noise
+from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.tilt_filter import TiltFilter
 from rcopterx.agents.estimators.tilt_trust import TiltTrust
 from rcopterx.agents.interfaces import Estimate, Measurement
@@ -21,22 +23,17 @@ from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, ZD_BODY,
 
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
-TILT_DENSITY_OF_GAIN = 7.0
-"""Random-walk density of the tilt rate per unit of what the gain may be wrong
-(`rcopterx.vehicles.model.Uncertainty`)."""
 
 
 def tilt_filter_of(model: Model, settings: ExtendedKalmanSettings) -> TiltFilter:
     """The horizontal filter of a vehicle with a tilt model."""
-    density = settings.tilt_density
-    if density is None:
-        density = TILT_DENSITY_OF_GAIN * (model.uncertainty.gain_factor - 1.0)
+    noise = model_noise(model)
     return TiltFilter(
         model,
         settings.position_noise_m,
         settings.tilt_noise,
-        settings.velocity_noise[0],
-        density,
+        (settings.velocity_noise or noise.velocity)[0],
+        settings.tilt_density or noise.tilt,
         settings.wind_rms_m_s2,
     )
 
@@ -59,7 +56,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         self._use_tilt = settings.measured_tilt
         self._measured_tilt: Array | None = None
         self._trust = TiltTrust()
-        self._since_pose_s = 0.0
+        self._tilt_meter = NoiseMeter(2)
         self._counted: Counter[str] = Counter()
         self._present: Estimate | None = None
         super().__init__(model, period_s, settings)
@@ -140,7 +137,6 @@ class TiltKalmanEstimator(LagKalmanEstimator):
     def _move(self, applied_input: Array, period_s: float) -> None:
         standing, yaw_rad = self.standing, float(self._motion[YAW])
         super()._move(applied_input, period_s)
-        self._since_pose_s += period_s
         middle_rad = yaw_rad + 0.5 * period_s * float(self._motion[YAW_RATE])
         for tilt_filter, _ in self._filters():
             if standing:
@@ -149,28 +145,42 @@ class TiltKalmanEstimator(LagKalmanEstimator):
                 tilt_filter.predict(applied_input[:2], middle_rad, period_s)
 
     def _take_in(self, innovation: Array) -> None:
+        since_pose_s = self._since_pose_s
         pose = self._motion[:INPUT_SIZE] + innovation
         pose[:2] = self.tilt_filter.position_m + innovation[:2]
         standing = self.standing
         super()._take_in(pose - self._motion[:INPUT_SIZE])
         yaw_rad = float(pose[YAW])
+        self._pass_noise_on(since_pose_s)
         if not standing:
-            self._judge(yaw_rad)
+            self._judge(yaw_rad, since_pose_s)
         for tilt_filter, tilt in self._filters():
             if standing:
                 tilt_filter.stand(pose[:2], tilt, yaw_rad)
             else:
                 tilt_filter.correct(pose[:2], tilt, yaw_rad)
-        self._since_pose_s = 0.0
 
-    def _judge(self, yaw_rad: float) -> None:
+    def _pass_noise_on(self, since_pose_s: float) -> None:
+        """Tell the horizontal filters what noise their measurements have."""
+        if self._measured_tilt is not None:
+            self._tilt_meter.observe(self._measured_tilt, since_pose_s)
+        measured = self._tilt_meter.deviation
+        tilt_noise = 0.0 if measured is None else float(measured.max())
+        for tilt_filter, _ in self._filters():
+            tilt_filter.expect_noise(float(np.sqrt(self._measurement_variance[0])), tilt_noise)
+
+    def _judge(self, yaw_rad: float, since_pose_s: float) -> None:
         """Compare the measured tilt with the one that positions let expect."""
         if self._measured_tilt is None:
             return
         to_heading = heading_matrix(yaw_rad).T
         expected = self._positions_only.tilt
+        noise = self._tilt_meter.deviation
         if not self._trust.observe(
-            to_heading @ self._measured_tilt, to_heading @ expected, self._since_pose_s
+            to_heading @ self._measured_tilt,
+            to_heading @ expected,
+            since_pose_s,
+            0.0 if noise is None else float(noise @ noise),
         ):
             return
         if self._trust.trusted:

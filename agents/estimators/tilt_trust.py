@@ -40,7 +40,7 @@ class TiltTrust:
     def forget(self) -> None:
         """Begin the means anew, as after a start; what was found stays."""
         self._mean: Array | None = None
-        self._energy = self._expected_energy = self._common = 0.0
+        self._energy = self._expected_energy = self._common = self._noise_energy = 0.0
         self._beyond_s = self._seen_s = 0.0
 
     @property
@@ -48,9 +48,14 @@ class TiltTrust:
         """Of measured and expected tilt; None as long as it cannot be told."""
         if self._seen_s < WINDOW_S or self._expected_energy < LEAST_TILT**2:
             return None
-        return 2.0 * self._common / self._energy
+        common, measured = self._common, max(self._energy - self._noise_energy, 0.0)
+        concordance = 2.0 * common / (measured + self._expected_energy)
+        if common <= 0.0 or measured < LEAST_TILT**2:
+            return concordance
+        # All that is measured is expected, too; what is expected besides are errors of the expectation.
+        return max(concordance, min(common / measured, measured / common))
 
-    def observe(self, measured: Array, expected: Array, period_s: float) -> bool:
+    def observe(self, measured: Array, expected: Array, period_s: float, noise_energy: float = 0.0) -> bool:
         """Take in a pose.
 
         Parameters
@@ -59,6 +64,8 @@ class TiltTrust:
             Tilt in the heading frame, shape (2,).
         period_s
             Time since the last one.
+        noise_energy
+            Sum of the variances of the noise of what is measured, which does not count.
 
         Returns
         -------
@@ -72,9 +79,10 @@ class TiltTrust:
         self._mean = self._mean + share * (both - self._mean)
         swing_measured, swing_expected = both - self._mean
         expected_energy = float(swing_expected @ swing_expected)
-        energy = float(swing_measured @ swing_measured) + expected_energy
+        energy = float(swing_measured @ swing_measured)
         self._expected_energy += share * (expected_energy - self._expected_energy)
         self._energy += share * (energy - self._energy)
+        self._noise_energy += share * (noise_energy - self._noise_energy)
         self._common += share * (float(swing_measured @ swing_expected) - self._common)
         self._seen_s += period_s
         return self._judge(period_s)

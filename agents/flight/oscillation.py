@@ -3,20 +3,30 @@
 A half-wave begins when a signal passes its threshold on the other side than before. Half-waves that follow
 each other as closely as those of an unstable loop do, 0.6 to 5 Hz, are counted: an oscillation goes on. On
 its way to a new place a vehicle accelerates and brakes, and swings for a while; there more are needed.
+
+Two things look like it and are not. Noise of the measurements passes thresholds at any time: so signals are
+smoothed first, and a half-wave counts only if it is about as long as the last one to its side. A tilt with
+little damping of its own rings after a step: so one counts only if it is about as large, too.
 """
 
 import math
+from enum import IntEnum
 from typing import Final
 
 import numpy as np
 
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_YAW, Array
+from rcopterx.vehicles.state import Array
 
 SHORTEST_HALF_WAVE_S: Final = 0.1
 LONGEST_HALF_WAVE_S: Final = 0.8
-THRESHOLD: Final = 0.5
-"""Share of a stick's range to either side of rest, and of the largest tilt, that counts."""
+THRESHOLD: Final = 0.45
+"""Share of a stick's range to either side of rest, and of the largest tilt, that counts when smoothed."""
+SMOOTHING_S: Final = 0.02
+ALIKE: Final = 2.0
+"""Largest ratio of the lengths of two half-waves to the same side of one oscillation."""
+FADING: Final = 0.85
+"""Smallest ratio of their sizes; what fades faster ends by itself."""
 HALF_WAVES: Final = 6
 """So many in a row are an oscillation of a vehicle that is near its reference."""
 HALF_WAVES_AWAY: Final = 16
@@ -25,11 +35,28 @@ NEAR_M: Final = 0.4
 NEAR_RAD: Final = 0.8
 """Distance from the reference that is near."""
 
-_STICKS: Final = (U_PITCH, U_ROLL, U_YAW)
+
+class Loop(IntEnum):
+    """Loops of a vehicle that can oscillate by themselves."""
+
+    HORIZONTAL = 0
+    HEIGHT = 1
+    YAW = 2
+
+
+_LOOPS: Final = (
+    Loop.HORIZONTAL,
+    Loop.HORIZONTAL,
+    Loop.HEIGHT,
+    Loop.YAW,
+    Loop.HORIZONTAL,
+    Loop.HORIZONTAL,
+)
+"""Of the pitch, roll, thrust and yaw stick and of both components of the tilt."""
 
 
 class OscillationDetector:
-    """Counts half-waves of the pitch, roll and yaw sticks and of the tilt of one vehicle.
+    """Counts half-waves of the sticks and of the tilt of one vehicle.
 
     Parameters
     ----------
@@ -38,10 +65,9 @@ class OscillationDetector:
     """
 
     def __init__(self, model: Model) -> None:
-        sticks = list(_STICKS)
-        reach = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)[sticks]
+        reach = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
         tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / model.gravity_m_s2
-        rest = [*model.hover_input[sticks].tolist(), 0.0, 0.0]
+        rest = [*model.hover_input.tolist(), 0.0, 0.0]
         threshold = [THRESHOLD * largest for largest in (*reach.tolist(), tilt, tilt)]
         self._channels = [_Channel(*pair) for pair in zip(rest, threshold, strict=True)]
 
@@ -50,7 +76,7 @@ class OscillationDetector:
         for channel in self._channels:
             channel.forget()
 
-    def observe(self, stick: Array, tilt: Array | None, error: Array, period_s: float) -> bool:
+    def observe(self, stick: Array, tilt: Array | None, error: Array, period_s: float) -> frozenset[Loop]:
         """Take in a control period.
 
         Parameters
@@ -66,24 +92,22 @@ class OscillationDetector:
 
         Returns
         -------
-        bool
-            True in a period in which an oscillation begins another half-wave.
+        frozenset of Loop
+            Loops whose oscillation begins another half-wave in this period.
         """
-        sticks: list[float] = stick.tolist()
         axis = (0.0, 0.0) if tilt is None else tilt.tolist()
-        values = [*(sticks[number] for number in _STICKS), *axis]
         x, y, z, yaw_rad = error.tolist()
         near = math.hypot(x, y, z) < NEAR_M and abs(yaw_rad) < NEAR_RAD
         # All of them, also after one that oscillates.
         found = [
             channel.observe(value, near, period_s)
-            for channel, value in zip(self._channels, values, strict=True)
+            for channel, value in zip(self._channels, (*stick.tolist(), *axis), strict=True)
         ]
-        return any(found)
+        return frozenset(loop for loop, swings in zip(_LOOPS, found, strict=True) if swings)
 
 
 class _Channel:
-    """Half-waves of one signal, in plain floats because arrays of five take longer than the arithmetic."""
+    """Half-waves of one signal, in plain floats because arrays of six take longer than the arithmetic."""
 
     def __init__(self, rest: float, threshold: float) -> None:
         self._rest, self._threshold = rest, threshold
@@ -92,22 +116,45 @@ class _Channel:
     def forget(self) -> None:
         """Begin anew."""
         self._side = self._count = self._count_near = 0
-        self._since_s = 0.0
+        self._away = self._since_s = self._size = 0.0
+        self._older: tuple[float, float] | None = None
+        self._last: tuple[float, float] | None = None
+        """How long the last two half-waves were, and how large; None for none."""
 
     def observe(self, value: float, near: bool, period_s: float) -> bool:
         """Take in a control period; True if an oscillation begins another half-wave."""
-        away = value - self._rest
+        self._away += period_s / (period_s + SMOOTHING_S) * (value - self._rest - self._away)
+        size = abs(self._away)
         self._since_s += period_s
-        side = 0 if not abs(away) > self._threshold else 1 if away > 0.0 else -1
+        side = 0 if not size > self._threshold else 1 if self._away > 0.0 else -1
         begins = side not in (0, self._side)
         if begins:
-            # The first one follows nothing.
-            follows = self._side != 0 and SHORTEST_HALF_WAVE_S <= self._since_s <= LONGEST_HALF_WAVE_S
-            self._count = self._count + 1 if follows else 1
-            self._count_near = min(self._count_near + 1, self._count)
-            self._side, self._since_s = side, 0.0
+            self._begin(side)
+        self._size = max(self._size, size)
         if self._since_s > LONGEST_HALF_WAVE_S:
             self._count = self._count_near = 0
         if not near:
             self._count_near = 0
         return begins and (self._count_near >= HALF_WAVES or self._count >= HALF_WAVES_AWAY)
+
+    def _begin(self, side: int) -> None:
+        """Count a half-wave that begins, and thereby the one before it that ends."""
+        follows = self._side != 0 and SHORTEST_HALF_WAVE_S <= self._since_s <= LONGEST_HALF_WAVE_S
+        if not follows:
+            self._count = 1
+        elif self._alike():
+            self._count += 1
+        else:
+            # An oscillation that begins, or is disturbed, has some that are unlike.
+            self._count = max(self._count - 1, 1)
+        self._count_near = min(self._count_near + 1, self._count)
+        self._older, self._last = self._last, (self._since_s, self._size) if follows else None
+        self._side, self._since_s, self._size = side, 0.0, 0.0
+
+    def _alike(self) -> bool:
+        """Whether the half-wave that ends is like the last one to its side."""
+        if self._older is None:
+            return True
+        lasted_s, size = self._older
+        longer = max(lasted_s, self._since_s) / min(lasted_s, self._since_s)
+        return longer <= ALIKE and self._size >= FADING * size

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.agents.estimators.model_noise import model_noise
 from rcopterx.agents.estimators.tilt_kalman import tilt_filter_of
 from rcopterx.agents.flight.lateral import LateralSystem, lateral_system
 from rcopterx.agents.flight.linear import as_complex, zero_order_hold
@@ -175,7 +176,12 @@ def _filtered_lag(
         a, b = step(frequency, time_s)
         return a[:3, :3], b[:3]
 
-    drifts = estimator.velocity_noise, estimator.actuator_noise, estimator.disturbance_noise
+    expected = model_noise(model)
+    drifts = (
+        estimator.velocity_noise or expected.velocity,
+        estimator.actuator_noise or expected.actuator,
+        estimator.disturbance_noise,
+    )
     densities = [0.0, *(drift[axis] for drift in drifts)]
     noise = estimator.yaw_noise_rad if axis == U_YAW else estimator.position_noise_m
     measured = np.array([[1.0, 0.0, 0.0, 0.0]])

@@ -1,8 +1,9 @@
 """The guard against oscillation: lowers the bandwidth of a controller whose vehicle oscillates.
 
 A true vehicle may be further from its model than the weights bear. Nothing lands because of it: the weights
-of the sticks rise step by step, each step built beside the control loop like any other change, until the
-oscillation ends. They stay there until somebody tunes the vehicle.
+of the sticks of the loop that oscillates, and of no other, rise step by step, each step built beside the
+control loop like any other change, until the oscillation ends. They stay there until somebody tunes the
+vehicle.
 """
 
 from collections import Counter
@@ -10,13 +11,13 @@ from dataclasses import replace
 from typing import Final
 
 from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.agents.flight.oscillation import OscillationDetector
+from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 
-EFFORT_FACTOR: Final = "effort_factor"
-"""Setting of a controller that lowers its bandwidth."""
+EFFORT_FACTORS: Final = "effort_factors"
+"""Setting of a controller that lowers its bandwidth: one number for each `Loop`."""
 STEP: Final = 3.0
 LARGEST: Final = STEP**4
 SHORTEST_STEP_S: Final = 0.25
@@ -28,15 +29,18 @@ BANDWIDTH_LOWERED: Final = "bandwidth_lowered"
 """Counted for every step."""
 
 
-def effort_factor(configuration: Configuration) -> float:
-    """By how much the guard has raised the weights of the sticks; 1 for not at all."""
-    factor = configuration.controller_settings.get(EFFORT_FACTOR, 1.0)
-    return float(factor) if isinstance(factor, int | float) else 1.0
+def effort_factors(configuration: Configuration) -> tuple[float, ...]:
+    """By how much the guard has raised the weights of the sticks of each `Loop`; 1 for not at all."""
+    factors = configuration.controller_settings.get(EFFORT_FACTORS)
+    if not isinstance(factors, list | tuple):
+        return (1.0,) * len(Loop)
+    return tuple(float(factor) for factor in factors)
 
 
 def without_guard(configuration: Configuration) -> Configuration:
     """A configuration with the bandwidth that it had before the guard lowered it."""
-    kept = {name: value for name, value in configuration.controller_settings.items() if name != EFFORT_FACTOR}
+    settings = configuration.controller_settings
+    kept = {name: value for name, value in settings.items() if name != EFFORT_FACTORS}
     return replace(configuration, controller_settings=kept)
 
 
@@ -54,6 +58,8 @@ class OscillationGuard:
         self._tuning = tuning
         self._detector = OscillationDetector(pilot.model)
         self._since_step_s = SHORTEST_STEP_S
+        self._swinging: frozenset[Loop] = frozenset()
+        """Loops that have been seen to oscillate since the last step."""
         self.events: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
 
@@ -77,18 +83,25 @@ class OscillationGuard:
         self._since_step_s += period_s
         tilt = None if estimate.tilt is None else estimate.tilt.core[:2]
         error = estimate.motion[: len(output.reference)] - output.reference
-        if not self._detector.observe(output.input, tilt, error, period_s):
+        swinging = self._detector.observe(output.input, tilt, error, period_s)
+        if not swinging:
             return
         self.events[OSCILLATION] += 1
+        self._swinging |= swinging
         if flown_by_own and not self._tuning.busy and self._since_step_s >= SHORTEST_STEP_S:
             self._lower()
 
     def _lower(self) -> None:
         present = self._tuning.configuration
-        factor = STEP * effort_factor(present)
+        swinging, self._swinging = self._swinging, frozenset()
+        factors = [
+            min(STEP * factor, LARGEST) if loop in swinging else factor
+            for loop, factor in zip(Loop, effort_factors(present), strict=True)
+        ]
         settings = CONTROLLERS.load(present.controller).Settings
-        if factor > LARGEST or EFFORT_FACTOR not in settings.__struct_fields__:
+        lowest = factors == list(effort_factors(present))
+        if lowest or EFFORT_FACTORS not in settings.__struct_fields__:
             return
         self._since_step_s = 0.0
         self.events[BANDWIDTH_LOWERED] += 1
-        self._tuning.begin(present.changed(None, {EFFORT_FACTOR: factor}, None, {}))
+        self._tuning.begin(present.changed(None, {EFFORT_FACTORS: factors}, None, {}))

@@ -11,7 +11,7 @@ from rcopterx.agents.phases import Phase
 from rcopterx.agents.references.path_shapes import through
 from rcopterx.agents.references.set_points import SetPointReference
 from rcopterx.agents.request_handler import DEFERRED, MOST_IN_A_STEP
-from rcopterx.agents.tuning.guard import effort_factor
+from rcopterx.agents.tuning.guard import effort_factors
 from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import (
@@ -269,22 +269,24 @@ def test_a_leader_turns_slowly_enough_for_those_it_carries_round(bench: HandlerB
         assert bench.pilot.guidance.set_point()[1] == 1.5
 
 
-@pytest.mark.parametrize("asked", [{"horizon": 30}, {"effort_factor": 1.0}])
+@pytest.mark.parametrize("asked", [{"horizon": 30}, {"effort_factors": [1.0, 1.0, 1.0]}])
 def test_who_tunes_a_vehicle_ends_what_the_guard_did_to_it(
     bench: HandlerBench, asked: dict[str, Setting]
 ) -> None:
     bench.fly()
     bench.tuning.begin(
-        bench.tuning.configuration.changed("cascade", {"effort_factor": 27.0, "horizon": 20}, None, {})
+        bench.tuning.configuration.changed(
+            "cascade", {"effort_factors": [27.0, 1.0, 1.0], "horizon": 20}, None, {}
+        )
     )
     bench.tuning.wait()
     bench.handler.settle_tuning()
-    assert effort_factor(bench.tuning.configuration) == 27.0
+    assert effort_factors(bench.tuning.configuration) == (27.0, 1.0, 1.0)
     request = bench.ask(Tune(controller_settings=asked))
     bench.tuning.wait()
     bench.handler.settle_tuning()
     assert request.refusal is None
-    assert effort_factor(bench.tuning.configuration) == 1.0
+    assert effort_factors(bench.tuning.configuration) == (1.0, 1.0, 1.0)
 
 
 GENTLE = (0.1, 0.1, 0.02, 0.03)

@@ -7,7 +7,6 @@ frozen ones, with actuator lags as states, estimated disturbances in the predict
 the reference as input reference.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Annotated, ClassVar, Final
 
@@ -36,7 +35,9 @@ from rcopterx.agents.controllers.settings import ControllerSettings, EightWeight
 from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, Array
+
+EffortFactor = Annotated[float, msgspec.Meta(ge=1.0, le=1e4)]
 
 _FREE: Final = 1e9
 """Bound of a heading, which has none."""
@@ -54,9 +55,9 @@ class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
     """Diagonal of Q: x y z psi xd_B yd_B zd_B psid; by default from the vehicle's model."""
     input_weights: FourWeights | None = None
     """Diagonal of R: pitch, roll, thrust, yaw; by default from the model and its uncertainty."""
-    effort_factor: Annotated[float, msgspec.Meta(ge=1.0, le=1e4)] = 1.0
-    """Factor of the input weights of pitch, roll and yaw, and of how slowly estimated disturbances are taken
-    in; the guard against oscillation raises it."""
+    effort_factors: tuple[EffortFactor, EffortFactor, EffortFactor] = (1.0, 1.0, 1.0)
+    """Factors of the input weights of pitch and roll, of thrust and of yaw, and of how slowly the estimated
+    disturbances of pitch, roll and yaw are taken in; the guard against oscillation raises them."""
     actuator_lag: bool = True
     """Model the actuators' lag."""
     feed_forward: bool = True
@@ -102,6 +103,8 @@ class CascadeController(BaseController):
     def __init__(self, model: Model, period_s: float, settings: CascadeSettings) -> None:
         super().__init__(model, period_s, settings.horizon, settings.limits(model))
         self._settings = settings
+        horizontal, height, yaw = settings.effort_factors
+        self._effort_factors = np.array([horizontal, horizontal, height, yaw])
         self._observer = DisturbanceObserver(model, period_s)
         self._decay = 1.0 + period_s * (np.array(model.direct_damping) if settings.actuator_lag else model.k)
         self._poles = lag_poles(model, period_s)
@@ -173,7 +176,7 @@ class CascadeController(BaseController):
         state, inputs = self._settings.state_weights, self._settings.input_weights
         weights = np.array(default_state_weights(self._model) if state is None else state)
         effort = np.array(default_input_weights(self._model, self._period_s) if inputs is None else inputs)
-        effort[[U_PITCH, U_ROLL, U_YAW]] *= self._settings.effort_factor
+        effort *= self._effort_factors
         return ChainParameters(
             stages=self._horizon,
             period_s=self._period_s,
@@ -279,13 +282,14 @@ class CascadeController(BaseController):
 
     def _believed(self, estimate: Estimate) -> Array:
         """The estimated disturbance; while the bandwidth is lowered taken in slowly, but for the height's."""
-        told = estimate.disturbance
-        factor = self._settings.effort_factor
-        if factor == 1.0:
+        told, factors = estimate.disturbance, self._effort_factors
+        if not (factors > 1.0).any():
             return told
-        time_constant_s = SLOWING_S * math.sqrt(factor)
+        time_constant_s = SLOWING_S * np.sqrt(factors)
         self._taken_in += self._period_s / (self._period_s + time_constant_s) * (told - self._taken_in)
-        self._taken_in[U_THRUST] = told[U_THRUST]
+        at_once = factors == 1.0
+        at_once[U_THRUST] = True
+        self._taken_in[at_once] = told[at_once]
         return self._taken_in.copy()
 
     def _share_of(self, axes: slice) -> Bounds:

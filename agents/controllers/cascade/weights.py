@@ -3,49 +3,41 @@
 The rule: the weight of a stick is the least one of a geometric row with which filter and regulator together
 bear every departure of the model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): gain larger and
 smaller, more delay, frequency higher and lower, each alone. The row begins with a floor; of a vehicle with a
-tilt model that floor rises with what the gain may be wrong, because a true vehicle departs in everything at
-once.
+tilt model floors and weights of velocities go with what the gain may be wrong, because a true vehicle departs
+in everything at once. So does what its filter takes the model for (`rcopterx.agents.estimators.model_noise`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 from rcopterx.agents.margins.axes import lag_loop, tilt_loop
 from rcopterx.agents.margins.loop import FeedbackLoop
 from rcopterx.agents.margins.search import bears
-from rcopterx.vehicles.model import UNIDENTIFIED, Model
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW
 from rcopterx.vehicles.tuples import Four
 
 _LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
-_TILT_STATES: Final = (100.0, 100.0, 100.0, 10.0, 1.0, 1.0, 1.0)
+_TILT_POSITIONS: Final = (100.0, 100.0, 100.0, 10.0)
 LAG_FLOORS: Final = (1.5, 1.5, 15.0, 5.0)
 """Least weights of pitch, roll, thrust and yaw of a vehicle without a tilt model."""
 
 
-@dataclass(frozen=True)
-class Floor:
-    """Least weight behind a tilt, of a vehicle of which only the type is known and of one known better."""
+Grades = tuple[float, float]
+"""Of an identified vehicle and of one of which only the type is known (`Uncertainty.graded`); with a tilt
+model."""
 
-    unidentified: float
-    least: float
-
-    def of(self, model: Model) -> float:
-        """For what the gain of this model may be wrong."""
-        wrong = (model.uncertainty.gain_factor - 1.0) / (UNIDENTIFIED.gain_factor - 1.0)
-        return float(max(self.unidentified * wrong**GAIN_EXPONENT, self.least))
-
-
-GAIN_EXPONENT: Final = 2.7
-DEMAND_FLOOR: Final = Floor(2.4, 0.12)
-"""Of the acceleration [1 per (m/s^2)^2] that pitch and roll demand, against 100 of the position."""
-THRUST_FLOOR: Final = Floor(100.0, LAG_FLOORS[U_THRUST])
-YAW_FLOOR: Final = Floor(800.0, 150.0)
-"""Of a yaw stick that asks rotors with a lag for a torque: a loop faster than they are would oscillate."""
-YAW_RATE_FLOOR: Final = Floor(5.0, 1.0)
-"""Of the yaw rate, which a gyro that is weaker than the model's damps less."""
+DEMAND_FLOOR: Final[Grades] = (0.24, 1.5)
+"""Least weight of the acceleration [1 per (m/s^2)^2] that pitch and roll demand; 100 is the position's."""
+THRUST_FLOOR: Final[Grades] = (15.0, 40.0)
+YAW_FLOOR: Final[Grades] = (150.0, 60.0)
+"""Of a yaw stick that asks rotors with a lag for a torque. The loop of a vehicle that is less known is slow
+because its filter believes the model less, not because of this weight."""
+SPEED: Final[Grades] = (1.0, 40.0)
+"""Weight of the horizontal velocity. A tilt that is damped less than the model's swings with it."""
+CLIMB: Final[Grades] = (1.0, 10.0)
+YAW_RATE: Final[Grades] = (1.0, 0.2)
 STEP: Final = 1.5
 """Ratio of the weights of the row."""
 STEPS: Final = 24
@@ -55,7 +47,10 @@ Eight = tuple[float, float, float, float, float, float, float, float]
 
 def default_state_weights(model: Model) -> Eight:
     """Diagonal of Q: x y z psi xd_B yd_B zd_B psid."""
-    return _LAG_STATES if model.tilt is None else (*_TILT_STATES, YAW_RATE_FLOOR.of(model))
+    if model.tilt is None:
+        return _LAG_STATES
+    speed, climb, yaw_rate = (model.uncertainty.graded(*grades) for grades in (SPEED, CLIMB, YAW_RATE))
+    return (*_TILT_POSITIONS, speed, speed, climb, yaw_rate)
 
 
 @lru_cache(maxsize=64)
@@ -73,12 +68,13 @@ def default_input_weights(model: Model, period_s: float) -> Four:
         pitch, roll, thrust, yaw = (behind_lag(axis, floor) for axis, floor in enumerate(LAG_FLOORS))
         return pitch, roll, thrust, yaw
     demand = _least(
-        DEMAND_FLOOR.of(model),
+        model.uncertainty.graded(*DEMAND_FLOOR),
         model,
         lambda effort: tilt_loop(model, period_s, (states[0], states[4], effort)),
     )
     pitch, roll = (demand * gain**2 for gain in model.input_gain[:2])
-    thrust, yaw = behind_lag(U_THRUST, THRUST_FLOOR.of(model)), behind_lag(U_YAW, YAW_FLOOR.of(model))
+    thrust = behind_lag(U_THRUST, model.uncertainty.graded(*THRUST_FLOOR))
+    yaw = behind_lag(U_YAW, model.uncertainty.graded(*YAW_FLOOR))
     return pitch, roll, thrust, yaw
 
 

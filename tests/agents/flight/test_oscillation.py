@@ -1,14 +1,20 @@
 """An oscillation goes on; a manoeuvre, a gust and noise do not."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcopterx.agents.flight.oscillation import HALF_WAVES, HALF_WAVES_AWAY, THRESHOLD, OscillationDetector
+from rcopterx.agents.flight.oscillation import (
+    HALF_WAVES,
+    HALF_WAVES_AWAY,
+    THRESHOLD,
+    Loop,
+    OscillationDetector,
+)
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL
 
@@ -22,13 +28,24 @@ def first_s(
     signal: Callable[[float], float], channel: int = PITCH, seconds: float = 6.0, error: Array = AT_REFERENCE
 ) -> float | None:
     """When an oscillation of a stick is first seen; None for never."""
+    return next((time_s for time_s, _ in seen(signal, channel, seconds, error)), None)
+
+
+def told(signal: Callable[[float], float], channel: int, seconds: float, error: Array) -> set[Loop]:
+    """All loops that were found to oscillate."""
+    return set().union(*(loops for _, loops in seen(signal, channel, seconds, error)))
+
+
+def seen(
+    signal: Callable[[float], float], channel: int, seconds: float, error: Array
+) -> Iterator[tuple[float, frozenset[Loop]]]:
     detector = OscillationDetector(COAXIAL)
     for k in range(round(seconds / PERIOD_S)):
         stick = COAXIAL.hover_input.copy()
         stick[channel] += signal(k * PERIOD_S)
-        if detector.observe(stick, None, error, PERIOD_S):
-            return k * PERIOD_S
-    return None
+        loops = detector.observe(stick, None, error, PERIOD_S)
+        if loops:
+            yield k * PERIOD_S, loops
 
 
 def wave(frequency_hz: float, amplitude: float) -> Callable[[float], float]:
@@ -50,8 +67,25 @@ def test_the_yaw_stick_counts_by_its_own_range() -> None:
     assert first_s(wave(2.0, 0.15), YAW) is None
 
 
-def test_the_thrust_stick_does_not_count() -> None:
-    assert first_s(wave(2.0, 0.45), THRUST) is None
+@pytest.mark.parametrize(
+    ("channel", "loop"),
+    [(PITCH, Loop.HORIZONTAL), (ROLL, Loop.HORIZONTAL), (THRUST, Loop.HEIGHT), (YAW, Loop.YAW)],
+)
+def test_the_loop_that_oscillates_is_told(channel: int, loop: Loop) -> None:
+    assert told(wave(2.0, 0.38), channel, 6.0, AT_REFERENCE) == (set() if channel < THRUST else {loop})
+    assert told(wave(2.0, 0.9), channel, 6.0, AT_REFERENCE) == {loop}
+
+
+@pytest.mark.parametrize("deviation", [0.1, 0.2, 0.3])
+def test_noise_of_the_whole_band_is_no_oscillation(deviation: float) -> None:
+    noise = deviation * np.random.default_rng(3).standard_normal(30_000)
+    assert first_s(lambda time_s: float(noise[round(time_s / PERIOD_S)]), seconds=600.0) is None
+
+
+def test_half_waves_of_all_lengths_are_no_oscillation() -> None:
+    lengths_s = np.resize([0.12, 0.4, 0.7, 0.2], 200)
+    turns_s = np.cumsum(lengths_s)
+    assert first_s(lambda time_s: (-1.0) ** np.searchsorted(turns_s, time_s), seconds=60.0) is None
 
 
 @settings(deadline=None, max_examples=40)

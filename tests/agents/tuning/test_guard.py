@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
+from rcopterx.agents.flight.oscillation import Loop
 from rcopterx.agents.identification.excitation import Excitation
 from rcopterx.agents.pilot import ControlOutput
 from rcopterx.agents.tuning.configuration import Configuration
@@ -17,7 +18,7 @@ from rcopterx.agents.tuning.guard import (
     SHORTEST_STEP_S,
     STEP,
     OscillationGuard,
-    effort_factor,
+    effort_factors,
     without_guard,
 )
 from rcopterx.vehicles.state import YAW
@@ -32,11 +33,11 @@ class Watched:
         self.guard = OscillationGuard(self.flight.pilot, self.flight.tuning)
         self.time_s = 0.0
 
-    def swing(self, seconds: float, amplitude: float = 1.0, own: bool = True) -> None:
+    def swing(self, seconds: float, amplitude: float = 1.0, own: bool = True, stick_index: int = 0) -> None:
         flown, motion = self.flight.flown[-1], self.flight.pilot.estimate.motion
         for _ in range(round(seconds / PERIOD_S)):
             stick = flown.input.copy()
-            stick[0] = amplitude * math.sin(math.tau * 2.0 * self.time_s)
+            stick[stick_index] += amplitude * math.sin(math.tau * 2.0 * self.time_s)
             self.guard.watch(
                 ControlOutput(stick, flown.next_inputs, flown.plan, 0.02, motion[: YAW + 1].copy()), own
             )
@@ -46,7 +47,7 @@ class Watched:
 
     @property
     def factor(self) -> float:
-        return effort_factor(self.flight.tuning.configuration)
+        return effort_factors(self.flight.tuning.configuration)[Loop.HORIZONTAL]
 
 
 def test_as_long_as_it_oscillates_the_weights_rise_step_by_step() -> None:
@@ -59,6 +60,15 @@ def test_as_long_as_it_oscillates_the_weights_rise_step_by_step() -> None:
     assert max(b / a for a, b in pairwise(factors)) <= STEP**2
     assert watched.guard.events[BANDWIDTH_LOWERED] == round(math.log(factors[-1], STEP))
     assert SHORTEST_STEP_S >= 0.2
+
+
+@pytest.mark.parametrize(("stick", "loop"), [(1, Loop.HORIZONTAL), (2, Loop.HEIGHT), (3, Loop.YAW)])
+def test_only_the_loop_that_oscillates_is_lowered(stick: int, loop: Loop) -> None:
+    watched = Watched()
+    watched.swing(1.6, 0.4 if loop is not Loop.HORIZONTAL else 1.0, stick_index=stick)
+    factors = effort_factors(watched.flight.tuning.configuration)
+    assert factors[loop] > 1.0
+    assert {factor for other, factor in zip(Loop, factors, strict=True) if other is not loop} == {1.0}
 
 
 def test_when_the_oscillation_ends_the_bandwidth_stays_lowered() -> None:
@@ -110,9 +120,9 @@ def test_on_the_floor_nothing_counts() -> None:
 
 def test_without_the_guard_a_configuration_keeps_everything_else() -> None:
     before = Configuration("cascade", "kalman", {"horizon": 20}, {"position_gate_m": 0.1})
-    lowered = before.changed(None, {"effort_factor": 27.0}, None, {})
-    assert effort_factor(lowered) == 27.0
-    assert effort_factor(before) == 1.0
+    lowered = before.changed(None, {"effort_factors": [1.0, 1.0, 27.0]}, None, {})
+    assert effort_factors(lowered) == (1.0, 1.0, 27.0)
+    assert effort_factors(before) == (1.0, 1.0, 1.0)
     assert without_guard(lowered) == before
 
 

@@ -99,12 +99,12 @@ def test_a_stick_of_twice_the_gain_has_four_times_the_weight() -> None:
     twice = replace(COAXIAL, input_gain=(4.0, 4.2, 18.0, 111.0))
     light, heavy = (default_input_weights(model, PERIOD_S) for model in (COAXIAL, twice))
     assert heavy[:2] == pytest.approx([4 * weight for weight in light[:2]])
-    assert light[0] == pytest.approx(DEMAND_FLOOR.of(COAXIAL) * 4.0)
+    assert light[0] == pytest.approx(COAXIAL.uncertainty.graded(*DEMAND_FLOOR) * 4.0)
 
 
 def test_a_slow_lightly_damped_vehicle_with_a_long_delay_is_flown_softer() -> None:
     assert COAXIAL.tilt is not None
-    slow = replace(COAXIAL.tilt, frequency_rad_s=8.0, damping_ratio=0.1, servo_lag_s=0.04)
+    slow = replace(COAXIAL.tilt, frequency_rad_s=8.0, damping_ratio=0.05, servo_lag_s=0.04)
     hard = replace(COAXIAL, tilt=slow, delay_s=0.05)
     floor = default_input_weights(COAXIAL, PERIOD_S)[0]
     assert default_input_weights(hard, PERIOD_S)[0] > 1.4 * floor
@@ -117,7 +117,7 @@ def test_type_bears_any_tilt_of_its_family_with_a_period_more_delay(
 ) -> None:
     assert COAXIAL.tilt is not None
     tilt = replace(COAXIAL.tilt, frequency_rad_s=frequency_rad_s, damping_ratio=damping_ratio)
-    weights = (100.0, 100.0, DEMAND_FLOOR.of(COAXIAL))
+    weights = (100.0, default_state_weights(COAXIAL)[4], COAXIAL.uncertainty.graded(*DEMAND_FLOOR))
     flown = tilt_loop(COAXIAL, PERIOD_S, weights)
     true = tilt_loop(replace(COAXIAL, tilt=tilt), PERIOD_S, weights)
     assert replace(flown, plant_step=true.plant_step).stable(Perturbation(delay_s=0.02))
