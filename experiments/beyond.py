@@ -83,13 +83,21 @@ DEPARTURES: Final = MappingProxyType(
         ),
         "gyro of a tenth": Departure(times(yaw_gyro_gain_per_s=0.1, yaw_rate_gain_rad_s=10.0)),
         "gyro of twice the gain": Departure(times(yaw_gyro_gain_per_s=2.0)),
+        "thrust gain 1.3": Departure(times(thrust_gain_m_s2=1.3)),
+        "thrust gain 0.75": Departure(times(thrust_gain_m_s2=0.75)),
+        "servos of half the resolution": Departure(times(servo_step=2.0)),
+        "twice the inertia": Departure(times(inertia_kg_m2=2.0)),
         "markers 8 degrees off": Departure(
             lambda drawn: replace(drawn, marker_roll_rad=5.7 * DEGREE, marker_pitch_rad=-5.7 * DEGREE)
         ),
         "trim twice as large": Departure(times(trim=2.0)),
         "Tracker of 100 Hz": Departure(options=RigOptions(frame_period_s=0.01, guard=True)),
+        "Tracker of 200 Hz": Departure(options=RigOptions(frame_period_s=0.005, guard=True)),
         "twice the turbulence": Departure(conditions={"turbulence_rms": (0.3, 0.3, 0.2, 1.0)}),
         "three times the noise": Departure(conditions={"position_noise_m": 0.001, "angle_noise_rad": 0.006}),
+        "noise of 2 mm and 10 mrad": Departure(
+            conditions={"position_noise_m": 0.002, "angle_noise_rad": 0.01}
+        ),
     }
 )
 """By name. The guard against oscillation watches, as in agents."""
