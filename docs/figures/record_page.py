@@ -1,8 +1,12 @@
-"""Record the web page of a running fleet as a picture and a moving picture.
+"""Record the web page of a flight as a picture and a moving picture.
 
-Needs Chromium and `pip install playwright pillow`; run it while `rcopterx demo` flies:
+Needs Chromium and `pip install playwright pillow`. Fly, then show the flight again, slowly enough for a
+browser without a graphics card, and record the page:
 
-    python docs/figures/record_page.py http://127.0.0.1:8080 docs/figures/ground
+    rcopterx demo --seconds 45
+    rcopterx replay --speed 0.5 &
+    rcopterx ground --watch-only --port 8099 -f trio &
+    python docs/figures/record_page.py http://127.0.0.1:8099 docs/figures/ground
 """
 
 import io
@@ -10,51 +14,57 @@ import sys
 import time
 
 from PIL import Image
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 CHROMIUM = "/usr/bin/chromium"
 SOFTWARE_RENDERING = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader")
-SIZE = {"width": 1200, "height": 700}
-SECONDS = 20.0
-FRAME_S = 0.4
-SHOWN_WIDTH = 900
+SIZE = {"width": 1100, "height": 620}
+TAKEN_OFF_S = 12.0
+"""From the opening of the page until vehicles fly."""
+SECONDS = 24.0
+FRAME_S = 0.25
+FASTER = 2.0
+"""Than it was recorded: the flight is replayed at half its speed."""
+SHOWN = (880, 496)
+FINE = "window.__viserTestpoints.devSettings.set({ fixedDpr: 1 })"
 
 
 def record(address: str) -> list[Image.Image]:
     """Frames of the page, `FRAME_S` apart or as fast as the computer draws."""
-    frames = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE_RENDERING))
         page = browser.new_page(viewport=SIZE)
         page.goto(address)
-        page.get_by_role("button", name="KILL: cut").wait_for(state="attached", timeout=60_000)
+        page.get_by_role("tab", name="Plots").wait_for(state="attached", timeout=60_000)
         # What viser says about rendering without a graphics card is not part of the page.
         page.add_style_tag(content=".mantine-Notification-root { display: none }")
-        page.wait_for_timeout(8_000)
-        end_s = time.monotonic() + SECONDS
-        while time.monotonic() < end_s:
-            next_s = time.monotonic() + FRAME_S
-            frames.append(Image.open(io.BytesIO(page.screenshot())))
-            time.sleep(max(0.0, next_s - time.monotonic()))
+        page.wait_for_timeout(1000 * TAKEN_OFF_S)
+        page.evaluate(FINE)
+        frames = frames_of(page)
         browser.close()
     return frames
 
 
+def frames_of(page: Page) -> list[Image.Image]:
+    """Pictures of `SECONDS`."""
+    frames = []
+    end_s = time.monotonic() + SECONDS
+    while time.monotonic() < end_s:
+        next_s = time.monotonic() + FRAME_S
+        frames.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+        time.sleep(max(0.0, next_s - time.monotonic()))
+    return frames
+
+
 def main() -> None:
-    """Write `<name>.png` and `<name>.gif`."""
+    """Write `<name>.png` and `<name>.webp`."""
     address, name = sys.argv[1:]
     frames = record(address)
-    height = round(SHOWN_WIDTH * SIZE["height"] / SIZE["width"])
-    small = [
-        frame.convert("RGB")
-        .resize((SHOWN_WIDTH, height))
-        .convert("P", palette=Image.Palette.ADAPTIVE, colors=64)
-        for frame in frames
-    ]
+    small = [frame.resize(SHOWN, Image.Resampling.LANCZOS) for frame in frames]
     frames[-1].save(f"{name}.png", optimize=True)
-    step_ms = round(1000 * SECONDS / len(small))
+    step_ms = round(1000 * SECONDS / FASTER / len(small))
     small[0].save(
-        f"{name}.gif", save_all=True, append_images=small[1:], duration=step_ms, loop=0, optimize=True
+        f"{name}.webp", save_all=True, append_images=small[1:], duration=step_ms, loop=0, quality=60, method=2
     )
     print(f"{len(small)} frames, {step_ms} ms apart")
 
