@@ -97,6 +97,7 @@ class AsyncVehicle(Wrapped[Vehicle]):
     tune = awaited(Vehicle.tune)
     start = awaited(Vehicle.start)
     stop = awaited(Vehicle.stop)
+    move = awaited(Vehicle.move)
     wait_for_phase = awaited(Vehicle.wait_for_phase)
     wait_for_formation = awaited(Vehicle.wait_for_formation)
     wait_for_arrival = awaited(Vehicle.wait_for_arrival)
@@ -170,7 +171,7 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         return self._wrapped.state_of(name)
 
     def present(self) -> list[str]:
-        """Vehicles of the fleet file that take part: all but those that a launcher says are absent."""
+        """Vehicles of the fleet file that take part: all but those that are absent and run nowhere else."""
         return self._wrapped.present()
 
     def problems(self, names: list[str] | None = None) -> list[str]:
