@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +16,7 @@ from rcopterx.bus import channels
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.launched import launched
 from rcopterx.ground_station.statistics import percentiles
-from rcopterx.ground_station.vehicle import Vehicle
+from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, Vehicle
 
 READY_S: Final = 5.0
 LOW_S: Final = 10.0
@@ -96,7 +96,9 @@ def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) 
 def _brought_to_rest(vehicle: Vehicle) -> bool:
     """Whether it can be armed; a kill that is still repeated may undo a reset, which is then done again."""
     if vehicle.state.transmitter_state == "killed":
-        vehicle.reset()
+        # Its status may be older than the last reset, which is then refused.
+        with suppress(*FLIGHT_ERRORS):
+            vehicle.reset()
     return vehicle.state.phase == Phase.GROUND and vehicle.state.transmitter_state == "disarmed"
 
 
