@@ -68,11 +68,12 @@ Zenoh *client* to the router of its host, put and subscribe to the keys below.
 - A trajectory is a map of `shape` (stages, 12) and `data`: whole numbers n in three blocks, each stage by
   stage for x, y, z and yaw: the rates r, then the positions p, then the accelerations a. Signs are folded in
   (n is sent as 2n, or as -2n - 1 if it is negative). The lowest bytes of all numbers come first, then the
-  next ones, up to the highest that are not all zero. With the period T and the unit u of the rates, 0.02 T
-  within 1e-5 and 1e-3 (m, rad, s): sum the numbers of the rates up twice and multiply by u. The first number
-  of a position is p0; stage k is at 1e-4 (p0 + n[k] + round(1e4 T (r[0] + ... + r[k-1]))), where n[0] counts
-  as 0. Accelerations are 0.02 (n[k] + round(50 (r[k+1] - r[k]) / T)); the last stage rounds what the one
-  before it does. Plans of our controllers have zeros for all of both but p0 and the last acceleration.
+  next ones, up to the highest that are not all zero. With the period T, the unit a of the accelerations
+  (0.02, for z 0.005) and the unit u of the rates, a T within 1e-5 and 1e-3 (m, rad, s): sum the numbers of
+  the rates up twice and multiply by u. The first number of a position is p0; stage k is at
+  1e-4 (p0 + n[k]) + T (r[0] + ... + r[k-1]), where n[0] counts as 0. Accelerations are
+  a n[k] + (r[k+1] - r[k]) / T; the last stage takes the difference of the one before it. Plans of our
+  controllers have zeros for all of both but p0 and the last acceleration.
 - `epoch` and `frame` come from the newest pose: the Tracker's frame number is the fleet's clock. No clocks of
   two hosts are ever compared.
 - Put with congestion control *drop*, not express, priority as in the table.

@@ -23,7 +23,9 @@ _MOST: Final = 2**31 - 1
 class TrajectoryArray(Struct, frozen=True):
     """Rounded samples of a trajectory; numpy is imported on first use.
 
-    Rounding is finer than what is measured: 0.1 mm and mrad, 1 mm/s or less (0.4 mm/s at 50 Hz), 2 cm/s^2.
+    Rounding is finer than what is measured: 0.1 mm and mrad, 1 mm/s or less (0.4 mm/s at 50 Hz), 2 cm/s^2,
+    upwards 5 mm/s^2: followers feed that forward through the lags of both rotors, and steps of it would be
+    steps of their thrust and yaw sticks.
 
     Attributes
     ----------
@@ -31,7 +33,7 @@ class TrajectoryArray(Struct, frozen=True):
         Stages and columns: position and heading, their rates and their accelerations, four columns each.
     data
         Whole numbers, shape (3, stages, 4). First the velocities: second differences from stage to stage, in
-        units of `rate_unit`. Then the positions: the first ones, and what differs from these moved by the
+        units of `rate_units`. Then the positions: the first ones, and what differs from these moved by the
         velocities. Then the accelerations: what differs from the differences of the velocities.
         Signs are folded in (0, -1, 1, -2 become 0, 1, 2, 3). The lowest bytes of all numbers come first, then
         the next ones, up to the highest that are not all zero.
@@ -42,19 +44,19 @@ class TrajectoryArray(Struct, frozen=True):
 
     COLUMNS: ClassVar[int] = 12
     POSITION_UNIT: ClassVar[float] = 1e-4
-    ACCELERATION_UNIT: ClassVar[float] = 2e-2
+    ACCELERATION_UNITS: ClassVar[tuple[float, float, float, float]] = (2e-2, 2e-2, 5e-3, 2e-2)
     RATE_UNITS: ClassVar[tuple[float, float]] = (1e-5, 1e-3)
     """Finest and coarsest unit of the velocities."""
-    LARGEST: ClassVar[float] = 1e5
+    LARGEST: ClassVar[float] = 2e4
     """Of any value; more is cut off when a trajectory is packed and when it is unpacked."""
     TOLERANCE: ClassVar[int] = 1
     """Positions and accelerations that differ by so many units from what the velocities say are not told."""
 
     @classmethod
-    def rate_unit(cls, period_s: float) -> float:
-        """Unit of the velocities: what one unit of the accelerations makes of them in a period."""
+    def rate_units(cls, period_s: float) -> tuple[float, ...]:
+        """Units of the velocities: what one unit of the accelerations makes of them in a period."""
         finest, coarsest = cls.RATE_UNITS
-        return min(max(cls.ACCELERATION_UNIT * period_s, finest), coarsest)
+        return tuple([min(max(unit * period_s, finest), coarsest) for unit in cls.ACCELERATION_UNITS])
 
     @classmethod
     def of(cls, values: "NDArray[np.float64]", period_s: float) -> "TrajectoryArray":
@@ -73,7 +75,7 @@ class TrajectoryArray(Struct, frozen=True):
         told = whole[1:]
         cls._follow(rate, period_s, told)
         told[0] += position[0]
-        np.subtract((position, acceleration), told, out=told)
+        np.rint(np.subtract((position, acceleration), told, out=told), out=told)
         told[np.abs(told) <= cls.TOLERANCE] = 0.0
         told[0, 0] = position[0]
         narrow = np.minimum(np.maximum(whole, -_MOST), _MOST).astype("<i4").ravel()
@@ -106,22 +108,33 @@ class TrajectoryArray(Struct, frozen=True):
     def _units(cls, period_s: float) -> "NDArray[np.float64]":
         import numpy as np
 
-        return np.array(((cls.POSITION_UNIT,), (cls.rate_unit(period_s),), (cls.ACCELERATION_UNIT,)))
+        return np.array((4 * (cls.POSITION_UNIT,), cls.rate_units(period_s), cls.ACCELERATION_UNITS))
+
+    @classmethod
+    @lru_cache(maxsize=64)
+    def _scales(cls, period_s: float) -> "NDArray[np.float64]":
+        """How far a velocity moves in a period, and its acceleration by a difference, in units."""
+        units = cls._units(period_s)
+        _, rate, acceleration = units
+        scales = units[:2].copy()
+        scales[0] = rate * period_s / cls.POSITION_UNIT
+        # A shorter period would make accelerations without bounds of absurd velocities.
+        scales[1] = rate / (rate.clip(min=period_s) * acceleration)
+        return scales
 
     @classmethod
     def _follow(cls, rate: "NDArray[np.float64]", period_s: float, out: "NDArray[np.float64]") -> None:
-        """How far velocities move, and their accelerations, all in whole units: shape (2, stages, 4).
+        """How far velocities move, and their accelerations, in units: shape (2, stages, 4).
 
-        The last stage accelerates like the one before it.
+        Not rounded: whoever interpolates between stages would see positions that do not go with their
+        velocities as accelerations. The last stage accelerates like the one before it.
         """
         import numpy as np
 
-        unit = cls.rate_unit(period_s)
+        moves, accelerates = cls._scales(period_s)
         out[0, 0] = 0.0
-        np.rint(rate[:-1].cumsum(axis=0) * (unit * period_s / cls.POSITION_UNIT), out=out[0, 1:])
-        # A shorter period would make accelerations without bounds of absurd velocities.
-        scale = unit / (max(period_s, unit) * cls.ACCELERATION_UNIT)
-        np.rint((rate[1:] - rate[:-1]) * scale, out=out[1, :-1])
+        np.multiply(rate[:-1].cumsum(axis=0), moves, out=out[0, 1:])
+        np.multiply(rate[1:] - rate[:-1], accelerates, out=out[1, :-1])
         out[1, -1] = out[1, -2]
 
     def check(self, field: str, max_stages: int, min_stages: int) -> None:

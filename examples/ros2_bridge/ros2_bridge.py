@@ -61,12 +61,12 @@ def positions_and_headings(trajectory, period_s):
     data, count = trajectory["data"], stages * columns
     folded = [int.from_bytes(data[i::count], "little") for i in range(8 * stages)]
     whole = [number >> 1 if number % 2 == 0 else -(number >> 1) - 1 for number in folded]
-    step = min(max(0.02 * period_s, 1e-5), 1e-3) * period_s / RESOLUTION
     axes = []
-    for axis in range(4):
+    for axis, acceleration in enumerate((0.02, 0.02, 0.005, 0.02)):
+        step = min(max(acceleration * period_s, 1e-5), 1e-3) * period_s / RESOLUTION
         rates = accumulate(accumulate(whole[axis : 4 * stages : 4]))
         first, *others = whole[4 * stages + axis :: 4]
-        moved = (round(step * travelled) for travelled in accumulate(rates))
+        moved = (step * travelled for travelled in accumulate(rates))
         places = [first, *(first + way + other for way, other in zip(moved, others, strict=False))]
         axes.append([RESOLUTION * place for place in places])
     return zip(*axes, strict=True)

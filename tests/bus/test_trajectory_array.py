@@ -15,7 +15,7 @@ from rcopterx.bus.trajectory_array import TrajectoryArray
 
 LARGEST = TrajectoryArray.LARGEST
 PERIOD_S = 0.02
-UNIT = TrajectoryArray.rate_unit(PERIOD_S)
+UNIT = TrajectoryArray.rate_units(PERIOD_S)[0]
 
 periods = st.floats(1e-3, 1.0)
 trajectories = st.integers(2, 30).flatmap(
@@ -35,7 +35,8 @@ def planned(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_trajectories_arrive_within_a_unit_and_a_half(values: NDArray[np.float64], period_s: float) -> None:
     packed = TrajectoryArray.of(values, period_s)
     packed.check("x", max_stages=30, min_stages=2)
-    units = np.repeat((1.5e-4, 0.5 * TrajectoryArray.rate_unit(period_s), 3e-2), 4)
+    rates, accelerations = TrajectoryArray.rate_units(period_s), TrajectoryArray.ACCELERATION_UNITS
+    units = np.hstack((np.full(4, 1.5e-4), np.multiply(0.5, rates), np.multiply(1.5, accelerations)))
     assert np.all(np.abs(packed.to_numpy(period_s) - values) <= units + 1e-9)
 
 

@@ -134,7 +134,9 @@ def test_gateway_that_reads_through_the_library_publishes_the_same_poses(tmp_pat
     assert len(both) > 50
     for pose in both:
         assert near(pose, places[rounded(pose)])
-        assert (pose.latency_s, pose.period_s, pose.occluded) == (0.004, 0.02, False)
+        # Latencies are told to 2^-20 s.
+        assert pose.latency_s == pytest.approx(0.004, abs=2.0**-21)
+        assert (pose.period_s, pose.occluded) == (0.02, False)
     assert {name for name, _ in poses} == {"h1", "h2"}
 
 

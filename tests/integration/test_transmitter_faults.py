@@ -44,8 +44,9 @@ transmitter = {{ port = "radio-{name}", model_match = {number}, protocol = "{kin
 """
         for number, name in enumerate(NAMES, 1)
     )
-    # Without its radio a vehicle flies on by its last sticks until the receiver cuts; this one stays upright.
-    start = 'conditions = "laboratory"\n'
+    # Without its radio a vehicle flies on by its last sticks until the receiver cuts; this one stays upright,
+    # and nothing has moved its sticks from those of hover.
+    start = 'conditions = "ideal"\n'
     start += "[simulator.start]\nh1 = [0.6, 0, 0, 0]\nh2 = [-0.4, 0.6, 0, 0]\nh3 = [-0.4, -0.6, 0, 0]"
     port = free_port()
     return fleet_text(

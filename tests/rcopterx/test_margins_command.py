@@ -41,10 +41,11 @@ def test_margins_below_the_rule_are_named_and_fail_scripts(tmp_path: Path) -> No
     assert run("margins", path, "h1").exit_code == 0
     result = run("margins", path, "h2")
     assert result.exit_code == 1
-    assert "gain up, frequency down, delay" in result.output
+    assert all(margin in result.output for margin in ("gain up", "frequency down", "delay"))
     document = json.loads(run("margins", path, "--json").output)["vehicles"]
     assert document["h1"]["axes"]["horizontal"]["below_rule"] == []
-    assert document["h2"]["axes"]["horizontal"]["below_rule"] == ["gain up", "frequency down", "delay"]
+    below = document["h2"]["axes"]["horizontal"]["below_rule"]
+    assert {"gain up", "frequency down", "delay"} <= set(below)
     assert document["h2"]["axes"]["horizontal"]["delay_s"] < document["h2"]["rule"]["delay_s"] == 0.03
 
 

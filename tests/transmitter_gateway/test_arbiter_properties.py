@@ -61,7 +61,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         self.frame = 0
         self.sequence = 0
         self.fed_s = -math.inf
-        self.lease = self.arbiter.bid(1, self.now_s, take_over=False)
+        self.newest = self.lease = self.arbiter.bid(1, self.now_s, take_over=False)
         self.last: ArbiterOutput = self.arbiter.step(self.now_s)
         self.last_s = self.now_s
         self.moved_s = 4 * [-math.inf]
@@ -165,7 +165,8 @@ class ArbiterMachine(RuleBasedStateMachine):
         assert self.snapshot() == before
         assert lease >= self.arbiter.lease or not lease
         if fresh and not take_over:
-            assert lease <= max(self.lease, self.arbiter.lease)
+            assert lease <= self.newest
+        self.newest = max(self.newest, lease)
         if lease:
             self.lease = lease
 

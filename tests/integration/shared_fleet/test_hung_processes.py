@@ -40,8 +40,8 @@ def hang(flying: Flying, process: str) -> None:
 
 def hang_spare(flying: Flying) -> None:
     """Stop a process that waits to replace others; it is replaced as well."""
-    flying.wait_for_spare("router")
     supervisor = flying.launcher_of("router").supervisor
+    flying.fleet.wait_until(lambda: supervisor.spares_complete, 20, "spare processes are missing")
     spare, hung = supervisor.spare_pids[0], supervisor.spares_hung
     os.kill(spare, signal.SIGSTOP)
     flying.fleet.wait_until(
