@@ -8,10 +8,12 @@ from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import pytest
 from integration_support import Flying, fleet_text
 
-from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
 from rcopterx.bus.subscription import Received
@@ -51,6 +53,32 @@ def fleet_on_hosts(
         stack.callback(fleet.close)
         fleet.wait_ready(timeout_s=40)
         yield net, Flying(path, fleet, {})
+
+
+@contextmanager
+def trio_in_flight(
+    directory: Path,
+    names: Sequence[str],
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    spares: tuple[str, ...] = (),
+    certificates: bool = False,
+) -> Iterator[tuple[Network, Flying]]:
+    """`fleet_on_hosts` in formation; the test is skipped where there are no network namespaces."""
+    try:
+        with network(["probe"]):
+            pass
+    except NetworkUnavailableError as error:
+        pytest.skip(str(error))
+    with ExitStack() as stack:
+        # A short path, because the routers' sockets live in it.
+        run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
+        monkeypatch.setenv("RCOPTERX_RUN", run)
+        hosts = fleet_on_hosts(directory, names, spares=spares, certificates=certificates)
+        net, flying = stack.enter_context(hosts)
+        flying.fleet.take_off()
+        flying.fleet.wait_for_formation()
+        yield net, flying
 
 
 def kill_host(net: Network, host: str) -> None:

@@ -3,15 +3,13 @@
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
-from hosts_support import Obeyed, fleet_on_hosts, kill_host
+from hosts_support import Obeyed, kill_host, trio_in_flight
 from integration_support import NAMES, Flying, Truth
 
-from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx.benchmarks.namespaces import Network
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(300)]
 
@@ -26,20 +24,8 @@ LONGEST_GAP_S = 0.1
 @pytest.fixture
 def on_four_hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Network, Flying]]:
     """A trio in formation at rest over four hosts with certificates; its agents run on the second one."""
-    try:
-        with network(["probe"]):
-            pass
-    except NetworkUnavailableError as error:
-        pytest.skip(str(error))
-    with ExitStack() as stack:
-        # A short path, because the routers' sockets live in it.
-        run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
-        monkeypatch.setenv("RCOPTERX_RUN", run)
-        hosts = fleet_on_hosts(tmp_path, HOSTS, spares=("compute2",), certificates=True)
-        net, flying = stack.enter_context(hosts)
-        flying.fleet.take_off()
-        flying.fleet.wait_for_formation()
-        yield net, flying
+    with trio_in_flight(tmp_path, HOSTS, monkeypatch, spares=("compute2",), certificates=True) as found:
+        yield found
 
 
 class Place:

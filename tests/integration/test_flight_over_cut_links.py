@@ -2,15 +2,13 @@
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
-from hosts_support import HOSTS, Obeyed, fleet_on_hosts
+from hosts_support import HOSTS, Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth, landed_gently
 
-from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx.benchmarks.namespaces import Network
 
 pytestmark = pytest.mark.campaign
 
@@ -22,19 +20,8 @@ def on_two_hosts(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[tuple[Network, Flying]]:
     """A trio in formation; the test is skipped where there are no network namespaces."""
-    try:
-        with network(["probe"]):
-            pass
-    except NetworkUnavailableError as error:
-        pytest.skip(str(error))
-    with ExitStack() as stack:
-        # A short path, because the routers' sockets live in it.
-        run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
-        monkeypatch.setenv("RCOPTERX_RUN", run)
-        net, flying = stack.enter_context(fleet_on_hosts(tmp_path, HOSTS, certificates=request.param))
-        flying.fleet.take_off()
-        flying.fleet.wait_for_formation()
-        yield net, flying
+    with trio_in_flight(tmp_path, HOSTS, monkeypatch, certificates=request.param) as found:
+        yield found
 
 
 def cut_for(net: Network, seconds: float) -> tuple[float, float]:
