@@ -30,7 +30,7 @@ def wait_for_job(snapshot: Path, host: str, jobs: Sequence[Job]) -> Callable[[],
     name_process("spare")
     fleet = load_fleet(snapshot)
     pilots = {unit: pilot_of(fleet, unit, host or None) for role, unit in jobs if role == "agent"}
-    runners = {role: runner(role) for role, _ in jobs}
+    runners = {role: runner(role) for role, _ in jobs if role != "agent"}
     line = _order()
     if not line:
         return None

@@ -101,7 +101,10 @@ def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
 
 
 def runner(role: str) -> Callable[[FleetFile, str], None]:
-    """Import what a role needs, and nothing else: start-up time counts when a process restarts in flight."""
+    """Import what a role other than that of an agent needs, and nothing else.
+
+    Start-up time counts when a process restarts in flight.
+    """
     match role:
         case "router":
             from rcopterx.deploy.roles import router
@@ -119,14 +122,10 @@ def runner(role: str) -> Callable[[FleetFile, str], None]:
             from rcopterx.deploy.roles import tracker
 
             return tracker.run
-        case "transmitters":
+        case _:
             from rcopterx.deploy.roles import transmitters
 
             return transmitters.run
-        case _:
-            from rcopterx.deploy.roles import agent
-
-            return agent.run
 
 
 def run_reporting(run: Callable[[], None]) -> None:
