@@ -5,7 +5,7 @@ agent flies the vehicle, wherever it runs. Without serial frames nothing is know
 several hosts start an agent, or the old one comes back, leases decide.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
 SILENT_S: Final = 0.35
@@ -51,6 +51,11 @@ class Guard:
         self._silent_s = {vehicle: SILENT_S + TURN_S * turn for vehicle, turn in turns.items()}
         self._commands: dict[str, tuple[int, int]] = {}
         self._commanded_s: dict[str, float] = {}
+
+    @property
+    def vehicles(self) -> Collection[str]:
+        """The vehicles."""
+        return self._silent_s.keys()
 
     def look(self, now_s: float, frames: Mapping[str, LastFrame]) -> list[str]:
         """Vehicles whose agent is to be started here now.

@@ -207,7 +207,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         missing = check_resources(fleet, host, directory, without)
         self.directory = directory
         absent = {agent_process(name) for name in without}
-        absent |= {agent_process(name) for name in fleet.agents_on(host) if fleet.vehicles[name].host != host}
+        guests = [name for name in fleet.agents_on(host) if fleet.vehicles[name].host != host]
+        absent |= {agent_process(name) for name in guests}
         if idle:
             absent = {spec.name for spec in specs if spec.role != ROUTER}
         self._idle = idle
@@ -224,7 +225,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             watchdog=limits,
             priority=Priority.GATEWAY.of(fleet),
             host=host,
-            guarded=sum(fleet.vehicles[name].host != host for name in fleet.agents_on(host)),
+            guarded=len(guests),
         )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._news: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
@@ -294,7 +295,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         if recall is None or membership is None or not membership.started:
             return []
         lines = []
-        for vehicle in self._guard.look(time.monotonic(), recall.frames()):
+        frames = recall.frames(self._guard.vehicles)
+        for vehicle in self._guard.look(time.monotonic(), frames):
             child = self.supervisor.children[agent_process(vehicle)]
             if not child.wanted:
                 child.wanted = True

@@ -1,7 +1,7 @@
 """Keeps what agents last reported and gateways last wrote, for the processes that replace them."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 from rcopterx.bus import channels
@@ -95,9 +95,9 @@ class RecallService:
             killed=state == "killed",
         )
 
-    def frames(self) -> dict[str, LastFrame]:
-        """Newest serial frame of every vehicle that was heard of."""
-        newest = {vehicle: inbox.latest() for vehicle, inbox in tuple(self._applied.inboxes.items())}
+    def frames(self, vehicles: Iterable[str]) -> dict[str, LastFrame]:
+        """Newest serial frame of those of the vehicles that were heard of."""
+        newest = {vehicle: _newest(self._applied.inboxes.get(vehicle)) for vehicle in vehicles}
         return {
             vehicle: LastFrame(
                 told.message.state, (told.message.lease, told.message.sequence), told.arrived_s
