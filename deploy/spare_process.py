@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -147,23 +147,12 @@ class SpareProcesses:
 
     Parameters
     ----------
-    snapshot, jobs, log, forks, priority, host
-        As for `SpareProcess`.
-    count
-        How many there shall be.
+    spares
+        They can all take over the same jobs.
     """
 
-    def __init__(
-        self,
-        snapshot: Path,
-        jobs: Sequence[Job],
-        log: Path,
-        forks: ForkServer,
-        priority: int = 0,
-        host: str = "",
-        count: int = SPARES,
-    ) -> None:
-        self._spares = tuple(SpareProcess(snapshot, jobs, log, forks, priority, host) for _ in range(count))
+    def __init__(self, spares: Iterable[SpareProcess]) -> None:
+        self._spares = tuple(spares)
 
     def prepare(self) -> None:
         """Start what is missing next.
@@ -212,6 +201,11 @@ class SpareProcesses:
     def ready(self) -> int:
         """How many could take over at this moment."""
         return sum(spare.ready() for spare in self._spares)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all of them could."""
+        return self.ready() == len(self._spares)
 
     def close(self) -> None:
         """End them all."""

@@ -15,7 +15,7 @@ from rcopterx.deploy.forking import ForkedProcess, ForkServer, Started
 from rcopterx.deploy.liveness import Liveness
 from rcopterx.deploy.process_log import rotate
 from rcopterx.deploy.processes import EXIT_ELSEWHERE, ProcessSpec
-from rcopterx.deploy.spare_process import SPARES, SpareProcesses
+from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses
 from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
@@ -123,9 +123,9 @@ class Supervisor:
         self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
         spare_log = log_directory / "spare.log"
-        self._spare_count = SPARES + guarded
         self._spares = SpareProcesses(
-            self._snapshot, jobs, spare_log, forks, priority, host, self._spare_count
+            SpareProcess(self._snapshot, jobs, spare_log, forks, priority, host)
+            for _ in range(SPARES + guarded)
         )
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
@@ -333,7 +333,7 @@ class Supervisor:
     @property
     def spares_complete(self) -> bool:
         """Whether as many of them wait as there shall be."""
-        return self._spares.ready() == self._spare_count
+        return self._spares.complete
 
     @property
     def spare_pids(self) -> tuple[int, ...]:

@@ -118,11 +118,17 @@ def warm() -> Iterator[WarmForks]:
 JOBS = [("agent", "h1"), ("tracker", "main")]
 
 
+def several(forks: ForkServer, directory: Path) -> SpareProcesses:
+    return SpareProcesses(
+        SpareProcess(directory / "lab.toml", JOBS, directory / "spare.log", forks) for _ in range(SPARES)
+    )
+
+
 @pytest.mark.parametrize(("role", "successors"), [("tracker", SPARES), ("agent", SPARES - 1)])
 def test_deaths_right_after_another_find_spares_and_the_last_one_is_for_what_everybody_needs(
     warm: WarmForks, tmp_path: Path, role: str, successors: int
 ) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", warm)
+    spares = several(warm, tmp_path)
     spares.prepare()
     assert spares.ready() == len(warm.started) == SPARES
     unit, log = dict(JOBS)[role], tmp_path / "successor.log"
@@ -135,7 +141,7 @@ def test_deaths_right_after_another_find_spares_and_the_last_one_is_for_what_eve
 
 
 def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmForks, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", warm)
+    spares = several(warm, tmp_path)
     spares.prepare()
     hung = warm.started[0].process.pid
     log = tmp_path / "tracker.log"
@@ -147,7 +153,7 @@ def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmForks, tmp_path
 
 
 def test_spares_are_started_one_after_the_other(warm: WarmForks, tmp_path: Path) -> None:
-    spares = SpareProcesses(tmp_path / "lab.toml", JOBS, tmp_path / "spare.log", warm)
+    spares = several(warm, tmp_path)
     spares.prepare()
     warm.phase = Phase.STARTING
     log = tmp_path / "tracker.log"
