@@ -10,6 +10,8 @@ from typing import Final
 
 TIME_BITS: Final = 20
 """Times are told to 2^-20 s, a little less than a microsecond."""
+PULSE_BITS: Final = 4
+"""Pulse widths are told to a sixteenth of a microsecond, finer than radios resolve."""
 _TICKS: Final = 2.0**TIME_BITS
 
 

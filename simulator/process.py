@@ -9,7 +9,7 @@ from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.realtime import request_realtime, settle
 from rcopterx.bus.requests import Inject, Reply
-from rcopterx.bus.rounding import TIME_BITS, all_rounded, rounded
+from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.simulator.faults import FaultError, fault_text, timed_faults
 from rcopterx.simulator.radio_faults import RadioFaults
@@ -21,8 +21,6 @@ from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
 TRUTH_BITS = 17
 """Truth is told to 2^-17 m, rad and m/s: last bits would take a part of every flight log."""
-PULSE_BITS = 4
-"""Pulse widths are told to a sixteenth of a microsecond."""
 STEP_S = 0.004
 
 

@@ -11,7 +11,7 @@ from rcopterx.bus.requests import (
     Reply,
     ResetKill,
 )
-from rcopterx.bus.rounding import all_rounded
+from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.bus.timing import CommandTiming
@@ -26,8 +26,6 @@ COMMANDS_KEPT = 256
 COMMANDS_AT_ONCE = 8
 """So that a flood for one vehicle keeps no other one waiting."""
 BIDS_KEPT = 16
-PULSE_BITS = 4
-"""Pulse widths are told to a sixteenth of a microsecond, finer than radios resolve."""
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
