@@ -24,8 +24,8 @@ from rcopterx.bus.timing import CommandTiming
 
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
-LONGEST_WAIT = 0.5
-"""Share of a control period that a follower far down the line waits for plans at most."""
+LARGEST_WAITING_SHARE = 0.5
+"""Of a control period that a follower far down the line waits for plans at most."""
 
 
 class Agent:
@@ -77,8 +77,10 @@ class Agent:
         self._read()
         if not self.lost:
             self._decide()
-            if self._control_by_s is not None and self._time_to_control():
-                self._publish(self._control())
+            if self._control_by_s is not None:
+                late = not self._plans_are_here()
+                if not late or self._clock() >= self._control_by_s:
+                    self._publish(self._control(late))
             if self._clock() >= self._reporter.due_s and not self._parts.lease.quiet:
                 self._reporter.report()
         self._bus.end_step(self._settings.vehicle, self._estimate)
@@ -141,26 +143,23 @@ class Agent:
         elif parts.pacing.left_out(clock.current_frame, clock.period_s):
             self._pilot.fly_as_planned()
 
-    def _time_to_control(self) -> bool:
-        return self._clock() >= (self._control_by_s or 0.0) or self._plans_are_here()
-
     def _longest_wait_s(self) -> float:
         """How long the period may wait for plans: every leader above this vehicle takes its time."""
         guidance = self._pilot.guidance
         if not guidance.follows:
             return 0.0
         level = self._parts.plans.level(link.leader for link in guidance.followed)
-        return min(level * self._settings.leader_wait_s, LONGEST_WAIT * self._settings.period_s)
+        return min(level * self._settings.leader_wait_s, LARGEST_WAITING_SHARE * self._settings.period_s)
 
     def _plans_are_here(self) -> bool:
         followed = [link.leader for link in self._pilot.guidance.followed]
         return self._parts.plans.complete(self._pilot.clock, followed)
 
-    def _control(self) -> ControlOutput:
-        """Fly one control period."""
+    def _control(self, late: bool) -> ControlOutput:
+        """Fly one control period; `late` tells that a plan of this frame is missing."""
         parts, pilot = self._parts, self._pilot
         self._control_by_s = None
-        if pilot.guidance.follows and not self._plans_are_here():
+        if pilot.guidance.follows and late:
             pilot.fallbacks["leader_plan_late"] += 1
         plans = parts.plans.plans(pilot.clock, parts.changes.cycles_from)
         if parts.lost.tend(plans):
