@@ -33,6 +33,7 @@ from rcopterx.deploy.run_directory import flight_path, run_directory, serial_pat
 from rcopterx.deploy.supervisor import Supervisor
 from rcopterx.deploy.watchdog import WatchdogLimits
 from rcopterx.flight_log.flights import flight_name
+from rcopterx.native.cache import compile_all
 
 T = TypeVar("T")
 
@@ -214,6 +215,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._idle = idle
         self._snapshot = snapshot_path(host, directory)
         limits = watchdog_limits(fleet) if watchdog else None
+        # Where processes would wait for it, watchdogs would take it for a failure.
+        compile_all()
         roles = sorted({spec.role for spec in specs})
         forks = ForkServer([f"rcopterx.deploy.roles.{role}" for role in roles], Priority.SUPERVISOR.of(fleet))
         self.supervisor = Supervisor(

@@ -21,8 +21,8 @@ from rcopterx.agents.flight.lateral import (
     demand_matrix,
     lateral_system,
 )
-from rcopterx.agents.flight.linear import solved
 from rcopterx.agents.interfaces import TiltEstimate
+from rcopterx.native.kalman import correct_tilt, predict_tilt
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -34,6 +34,7 @@ TILT_GATE: Final = 0.3
 LEVEL_FLOOR_RAD: Final = 0.02
 """How level floor and landing gear are taken to be: a standing vehicle shows the offset of its body frame."""
 
+_NO_TILT: Final = np.zeros(2)
 _ANY_PERIOD_S: Final = 0.02
 """Where the states are does not depend on the period."""
 _START_POSITION_M: Final = 0.001
@@ -90,9 +91,6 @@ class TiltFilter:
         self._state_limit: Array = np.full(self._size, np.inf)
         self._state_limit[self._trim], self._state_limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
         self._state_limit[self._wind] = WIND_LIMIT_M_S2
-        self._observed: Array = np.zeros((4, self._size))
-        self._observed[:2, POSITION] = self._observed[2:, self._tilt] = np.eye(2)
-        self._eye: Array = np.eye(self._size)
         self._forget_body()
 
     @property
@@ -208,44 +206,37 @@ class TiltFilter:
         period_s
             Its length.
         """
-        system, process = self._system(period_s)
-        demand = demand_matrix(self._model, yaw_rad)
-        pole = system.servo_pole
-        moving = slice(0, self._core.stop)
-        transition = self._eye.copy()
-        transition[: system.size, : system.size] = system.transition
-        pushed = system.demand[moving] @ demand
-        transition[moving, self._servo] = system.transition[moving, self._servo] @ demand
-        transition[moving, self._trim] = pushed
-        transition[self._servo, self._trim] = (1.0 - pole) * np.eye(2)
-        self._state = transition @ self._state
-        self._state[moving] += pushed @ stick
-        self._state[self._servo] += (1.0 - pole) * stick
-        self._covariance = transition @ self._covariance @ transition.T + process
+        system = lateral_system(self._model, period_s)
+        self._state, self._covariance = predict_tilt(
+            self._state,
+            self._covariance,
+            system.transition,
+            system.demand,
+            self.process_noise(system),
+            demand_matrix(self._model, yaw_rad),
+            stick,
+            system.servo_pole,
+            self._core.stop,
+        )
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Take in what was measured; arguments of `start`."""
-        surprise = position_m - self._state[POSITION]
-        observed, variance = self._observed, self._variances
-        if tilt is not None:
-            observed[2:, self._offset] = heading_matrix(yaw_rad)
-            tilt_surprise = tilt - observed[2:] @ self._state
-            if np.abs(tilt_surprise).max() > TILT_GATE:
-                self.tilts_left_out += 1
-                tilt = None
-            else:
-                surprise = np.concatenate((surprise, tilt_surprise))
-        if tilt is None:
-            observed, variance = observed[:2], variance[:2]
-        spread = self._covariance @ observed.T
-        innovation = observed @ spread
-        innovation.flat[:: len(innovation) + 1] += variance
-        gain = solved(innovation, spread.T).T
-        state = self._state + gain @ surprise
-        self._state = np.minimum(np.maximum(state, -self._state_limit), self._state_limit)
-        # Joseph's form stays symmetric and positive whatever the rounding of the gain.
-        keep = self._eye - gain @ observed
-        self._covariance = keep @ self._covariance @ keep.T + (gain * variance) @ gain.T
+        measured = tilt is not None
+        self._state, self._covariance, taken_in, definite = correct_tilt(
+            self._state,
+            self._covariance,
+            position_m,
+            _NO_TILT if tilt is None else tilt,
+            measured,
+            self._tilt.start,
+            yaw_rad,
+            self._variances,
+            self._state_limit,
+            TILT_GATE,
+        )
+        self.tilts_left_out += measured and not taken_in
+        if not definite:
+            raise np.linalg.LinAlgError("the covariance of the tilt filter is not positive definite")
 
     def forget_offset(self) -> None:
         """The body frame is not known any more, as what was measured of the tilt was wrong."""
@@ -259,11 +250,6 @@ class TiltFilter:
         self._covariance[self._trim.start :, :] = self._covariance[:, self._trim.start :] = 0.0
         self._covariance[self._trim, self._trim] = _START_TRIM**2 * np.eye(2)
         self._covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
-
-    def _system(self, period_s: float) -> tuple[LateralSystem, Array]:
-        """Matrices and process noise of a period."""
-        system = lateral_system(self._model, period_s)
-        return system, self.process_noise(system)
 
     def process_noise(self, system: LateralSystem) -> Array:
         """Covariance that a period adds, shape (n, n); the same for every heading."""

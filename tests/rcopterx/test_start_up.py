@@ -11,7 +11,7 @@ from rcopterx.agents.identification.excitation import BASE_HZ
 from rcopterx.agents.references.path_shapes import HEADINGS
 from rcopterx.command_line import app
 
-NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib"}
+NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib", "numba"}
 
 
 def imported_by(statement: str) -> set[str]:
@@ -38,7 +38,16 @@ def test_declarations_of_all_commands_need_neither_the_bus_nor_numerical_librari
 def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statement: str) -> None:
     loaded = imported_by(statement)
     assert "zenoh" in loaded
-    assert not loaded & {"scipy", "osqp", "serial", "simulator", "vicon_gateway", "experiments", "matplotlib"}
+    assert not loaded & {
+        "scipy",
+        "osqp",
+        "numba",
+        "serial",
+        "simulator",
+        "vicon_gateway",
+        "experiments",
+        "matplotlib",
+    }
 
 
 def test_commands_use_one_thread_per_numerical_library_unless_the_user_says_otherwise() -> None:

@@ -1,0 +1,246 @@
+"""Kernels of the Kalman filters (`rcopterx.agents.estimators`)."""
+
+import math
+
+import numpy as np
+
+from rcopterx.native.compiled import (
+    ANY_MATRIX,
+    ANY_VECTOR,
+    COUNT,
+    FLAG,
+    MATRIX,
+    NUMBER,
+    VECTOR,
+    Array,
+    compiled,
+    part,
+)
+
+
+@part
+def propagated(transition: Array, covariance: Array, process: Array) -> Array:
+    """F P F' + Q, shapes (n, n); entries of F that are zero cost nothing."""
+    size = transition.shape[0]
+    moved = np.zeros((size, size))
+    for row in range(size):
+        for inner in range(size):
+            factor = transition[row, inner]
+            if factor != 0.0:
+                for column in range(size):
+                    moved[row, column] += factor * covariance[inner, column]
+    # Row i of the transpose is the sum of F_ij times column j of F P: P is symmetric, so rows serve as well.
+    turned = moved.T.copy()
+    result = process.copy()
+    for row in range(size):
+        for inner in range(size):
+            factor = transition[row, inner]
+            if factor != 0.0:
+                for column in range(size):
+                    result[row, column] += factor * turned[inner, column]
+    return result
+
+
+@part
+def factorized(matrix: Array) -> bool:
+    """Replace the lower triangle of a small matrix by its Cholesky factor; False if it is not definite."""
+    for row in range(matrix.shape[0]):
+        for column in range(row + 1):
+            total = matrix[row, column]
+            for inner in range(column):
+                total -= matrix[row, inner] * matrix[column, inner]
+            if row > column:
+                matrix[row, column] = total / matrix[column, column]
+            elif total > 0.0:
+                matrix[row, row] = math.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@part
+def solve_factorized(factor: Array, right_sides: Array) -> None:
+    """Replace right sides, shape (m, n), by the solutions with L L', L the lower triangle of `factor`."""
+    size, count = right_sides.shape
+    for row in range(size):
+        for inner in range(row):
+            for column in range(count):
+                right_sides[row, column] -= factor[row, inner] * right_sides[inner, column]
+        for column in range(count):
+            right_sides[row, column] /= factor[row, row]
+    for row in range(size - 1, -1, -1):
+        for inner in range(row + 1, size):
+            for column in range(count):
+                right_sides[row, column] -= factor[inner, row] * right_sides[inner, column]
+        for column in range(count):
+            right_sides[row, column] /= factor[row, row]
+
+
+@part
+def joseph(covariance: Array, gain: Array, spread: Array, observed: Array, variance: Array) -> Array:
+    """(I - K H) P (I - K H)' + K V K', which stays symmetric and positive whatever the rounding of the gain.
+
+    Parameters
+    ----------
+    covariance
+        P, shape (n, n).
+    gain
+        K', shape (m, n).
+    spread
+        H P, shape (m, n).
+    observed
+        H, shape (m, n).
+    variance
+        Diagonal of V, shape (m,).
+    """
+    count, size = gain.shape
+    kept = covariance.copy()
+    for row in range(size):
+        for number in range(count):
+            for column in range(size):
+                kept[row, column] -= gain[number, row] * spread[number, column]
+    result = kept.copy()
+    for row in range(size):
+        for number in range(count):
+            seen = -variance[number] * gain[number, row]
+            for inner in range(size):
+                if observed[number, inner] != 0.0:
+                    seen += kept[row, inner] * observed[number, inner]
+            for column in range(size):
+                result[row, column] -= seen * gain[number, column]
+    return result
+
+
+@compiled(VECTOR, MATRIX, ANY_MATRIX, ANY_MATRIX, MATRIX, ANY_MATRIX, ANY_VECTOR, NUMBER, COUNT)
+def predict_tilt(
+    state: Array,
+    covariance: Array,
+    transition: Array,
+    demand: Array,
+    process: Array,
+    turned: Array,
+    stick: Array,
+    pole: float,
+    moving: int,
+) -> tuple[Array, Array]:
+    """Move the tilt filter on by a period: x = F x + G stick, P = F P F' + Q.
+
+    The states are the `moving` first ones of the lateral system, servo, wind, and beyond the system trim and
+    offset. In the system the servo is a demand; here it is a stick, which `turned` makes a demand.
+
+    Parameters
+    ----------
+    state, covariance
+        Shapes (n + 4,) and (n + 4, n + 4).
+    transition, demand
+        Of the lateral system, shapes (n, n) and (n, 2).
+    process
+        Q, shape (n + 4, n + 4).
+    turned
+        Demand per stick at this heading, shape (2, 2).
+    stick
+        What acted, shape (2,).
+    pole
+        Of the servo.
+    """
+    size = transition.shape[0]
+    whole = np.eye(size + 4)
+    whole[:size, :size] = transition
+    pushed = np.empty((moving, 2))
+    for row in range(moving):
+        for axis in range(2):
+            pushed[row, axis] = demand[row, 0] * turned[0, axis] + demand[row, 1] * turned[1, axis]
+            whole[row, moving + axis] = (
+                transition[row, moving] * turned[0, axis] + transition[row, moving + 1] * turned[1, axis]
+            )
+            whole[row, size + axis] = pushed[row, axis]
+    for axis in range(2):
+        whole[moving + axis, size + axis] = 1.0 - pole
+    predicted = np.zeros(size + 4)
+    for row in range(size + 4):
+        for inner in range(size + 4):
+            predicted[row] += whole[row, inner] * state[inner]
+    for row in range(moving):
+        predicted[row] += pushed[row, 0] * stick[0] + pushed[row, 1] * stick[1]
+    for axis in range(2):
+        predicted[moving + axis] += (1.0 - pole) * stick[axis]
+    return predicted, propagated(whole, covariance, process)
+
+
+@compiled(VECTOR, MATRIX, ANY_VECTOR, ANY_VECTOR, FLAG, COUNT, NUMBER, VECTOR, VECTOR, NUMBER)
+def correct_tilt(
+    state: Array,
+    covariance: Array,
+    position_m: Array,
+    tilt: Array,
+    measured: bool,
+    tilted: int,
+    yaw_rad: float,
+    variances: Array,
+    limit: Array,
+    gate: float,
+) -> tuple[Array, Array, bool, bool]:
+    """Take a position and perhaps a tilt into the tilt filter.
+
+    Measured are the first two states, and the states from `tilted` on with the offset (the last two states)
+    turned by the heading.
+
+    Parameters
+    ----------
+    state, covariance
+        Shapes (n,) and (n, n).
+    position_m, tilt
+        Shape (2,); a tilt counts only if it is `measured`.
+    variances
+        Of position and tilt, shape (4,).
+    limit
+        States stay within plus and minus these, shape (n,).
+    gate
+        A tilt further than this from the predicted one is left out.
+
+    Returns
+    -------
+    tuple
+        State, covariance, whether the tilt was taken in, and whether the innovation is definite: if not,
+        state and covariance are the given ones.
+    """
+    size = len(state)
+    observed = np.zeros((4, size))
+    observed[0, 0] = observed[1, 1] = observed[2, tilted] = observed[3, tilted + 1] = 1.0
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    observed[2, size - 2], observed[2, size - 1] = c, -s
+    observed[3, size - 2], observed[3, size - 1] = s, c
+    surprise = np.empty(4)
+    for axis in range(2):
+        surprise[axis] = position_m[axis] - state[axis]
+        expected = state[tilted + axis]
+        for inner in range(size - 2, size):
+            expected += observed[2 + axis, inner] * state[inner]
+        surprise[2 + axis] = tilt[axis] - expected
+        if measured and abs(surprise[2 + axis]) > gate:
+            measured = False
+    count = 4 if measured else 2
+    spread = np.zeros((count, size))
+    for number in range(count):
+        for inner in range(size):
+            if observed[number, inner] != 0.0:
+                for column in range(size):
+                    spread[number, column] += observed[number, inner] * covariance[inner, column]
+    innovation = np.zeros((count, count))
+    for number in range(count):
+        for other in range(count):
+            for inner in range(size):
+                if observed[other, inner] != 0.0:
+                    innovation[number, other] += spread[number, inner] * observed[other, inner]
+        innovation[number, number] += variances[number]
+    if not factorized(innovation):
+        return state, covariance, measured, False
+    gain = spread.copy()
+    solve_factorized(innovation, gain)
+    corrected = state.copy()
+    for number in range(count):
+        for row in range(size):
+            corrected[row] += gain[number, row] * surprise[number]
+    for row in range(size):
+        corrected[row] = min(max(corrected[row], -limit[row]), limit[row])
+    return corrected, joseph(covariance, gain, spread, observed, variances), measured, True

@@ -1,0 +1,114 @@
+"""Promises of the place of compiled kernels: private, found again, no obstacle where nothing is writable."""
+
+import os
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rcopterx.native import cache
+
+KERNEL = """
+import sys
+from rcopterx.native.compiled import NUMBER, compiled
+
+@compiled(NUMBER)
+def doubled(number):
+    return 2.0 * number
+
+print(doubled(21.0))
+"""
+
+
+@pytest.fixture(autouse=True)
+def fresh() -> Iterator[None]:
+    cache.directory.cache_clear()
+    yield
+    cache.directory.cache_clear()
+
+
+def test_kernels_lie_in_a_private_directory_of_their_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "here"))
+    path = cache.directory()
+    assert path is not None
+    assert path.parent == tmp_path / "here"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+def test_other_sources_are_other_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    first = cache.directory()
+    monkeypatch.setattr(cache, "__file__", str(tmp_path / "cache.py"))
+    (tmp_path / "changed.py").write_text("changed")
+    cache.directory.cache_clear()
+    assert cache.directory() != first
+
+
+def test_the_next_place_is_taken_where_one_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = cache.directory()
+    assert path is not None
+    assert path.parent == tmp_path / "cache" / "rcopterx"
+
+
+def test_there_may_be_no_place_at_all(tmp_path: Path) -> None:
+    """Kernels are compiled all the same."""
+    script = "from rcopterx.native import cache; cache._bases = lambda: iter(())" + KERNEL
+    (tmp_path / "kernel.py").write_text(script)
+    done = run(tmp_path, {})
+    assert (done.returncode, done.stdout) == (0, "42.0\n"), done.stderr
+
+
+def run(directory: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    process = started(directory, environment)
+    stdout, stderr = process.communicate(timeout=100)
+    return subprocess.CompletedProcess([], process.returncode, stdout, stderr)
+
+
+def started(directory: Path, environment: dict[str, str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, str(directory / "kernel.py")],
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])} | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_of_processes_that_start_at_the_same_time_one_compiles_and_says_so(tmp_path: Path) -> None:
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    environment = {cache.VARIABLE: str(tmp_path / "kept")}
+    processes = [started(tmp_path, environment) for _ in range(2)]
+    outputs = [process.communicate(timeout=100) for process in processes]
+    assert [stdout for stdout, _ in outputs] == ["42.0\n", "42.0\n"]
+    assert sorted("once" in stderr for _, stderr in outputs) == [False, True]
+
+
+def test_everything_is_compiled_in_a_process_of_its_own_unless_it_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commands = []
+
+    def ran(command: list[str], check: bool) -> subprocess.CompletedProcess[str]:
+        commands.append(command)
+        return subprocess.CompletedProcess(command, 3)
+
+    monkeypatch.setattr("rcopterx.native.cache.subprocess.run", ran)
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    with pytest.raises(OSError, match="ended with 3"):
+        cache.compile_all()
+    assert commands == [[sys.executable, "-m", "rcopterx.native"]]
+    path = cache.directory()
+    assert path is not None
+    (path / cache.COMPLETE).touch()
+    cache.compile_all()
+    assert len(commands) == 1
