@@ -135,7 +135,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         RefusedError
             It cannot be done; nothing has changed.
         """
-        self.wait_for_status([first, second])
+        self.wait_for_status()  # of everybody: who follows whom decides who gets other leaders
         statuses = self.statuses()
         try:
             change, where = swapped(statuses, first, second)
@@ -149,7 +149,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def promote(self, name: str, announce: Callable[[list[str]], object] | None = None) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
-        self.wait_for_status([name])
+        self.wait_for_status()
         try:
             head = formation_leader(self.statuses(), name)
         except RegroupError as error:

@@ -48,14 +48,18 @@ def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tup
     links, heads = formation_of(statuses)
     where = places(links, heads)
     for name in (first, second):
-        if name not in statuses:
-            raise RegroupError(f"{name} is absent: nothing is heard from its agent")
-        if statuses[name].phase != "flying":
-            raise RegroupError(f"{name} does not fly, its phase is {statuses[name].phase}")
+        _expect_flying(statuses, name)
     try:
         return exchanged(links, where, first, second), where
     except TopologyError as error:
         raise RegroupError(str(error)) from None
+
+
+def _expect_flying(statuses: Mapping[str, AgentStatus], name: str) -> None:
+    if name not in statuses:
+        raise RegroupError(f"{name} is absent: nothing is heard from its agent")
+    if statuses[name].phase != "flying":
+        raise RegroupError(f"{name} does not fly, its phase is {statuses[name].phase}")
 
 
 def role(links: Sequence[LeaderLink]) -> str:
@@ -74,11 +78,12 @@ def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     Raises
     ------
     RegroupError
-        It leads already, or there are several; says which.
+        It does not fly, leads already, or there are several; says which.
     """
+    _expect_flying(statuses, name)
     links, _ = formation_of(statuses)
     heads = roots(links, name)
-    if heads == (name,) or not heads:
+    if heads == (name,):
         raise RegroupError(f"{name} leads already")
     if len(heads) > 1:
         lines = "; ".join(in_words(line_between(links, name, head)) for head in heads)

@@ -216,6 +216,8 @@ def test_the_head_of_a_formation_is_found_and_ambiguity_told() -> None:
     assert formation_leader(STATUSES, "h4") == "h1"
     with pytest.raises(RegroupError, match="h1 leads already"):
         formation_leader(STATUSES, "h1")
+    with pytest.raises(RegroupError, match="h2 does not fly, its phase is ground"):
+        formation_leader(STATUSES | {"h2": status(TREE["h2"], phase="ground")}, "h2")
     two = {"h1": status(()), "h2": status(()), "h3": status((link("h1", 1.0), link("h2", 1.0)))}
     with pytest.raises(RegroupError, match="several leaders at the head: h3 follows h1; h3 follows h2"):
         formation_leader(two, "h3")
