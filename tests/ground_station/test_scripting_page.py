@@ -1,4 +1,4 @@
-"""Promises of the pages with scripts: their examples run, the list of calls is that of the classes."""
+"""Promises of the pages: their examples in Python run, the list of calls is that of the classes."""
 
 import inspect
 import re
@@ -14,11 +14,13 @@ from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.scripting_reference import PAGE, reference, with_reference
 from rcopterx.ground_station.vehicle import Vehicle
 
-PAGES = (PAGE, PAGE.parent / "formation.md")
+PAGES = (PAGE.parents[1] / "README.md", *sorted(PAGE.parent.glob("*.md")))
 EXAMPLES = [
-    example
+    pytest.param(example, id=f"{page.name}-{number}")
     for page in PAGES
-    for example in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for number, example in enumerate(
+        re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    )
 ]
 
 
@@ -37,7 +39,7 @@ def trio(
         yield
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
+@pytest.mark.parametrize("example", EXAMPLES)
 def test_an_example_runs(example: str, trio: None) -> None:
     exec(compile(example, "docs", "exec"), {})
 

@@ -17,13 +17,15 @@ from rcopterx.bus.messages import (
     TrackerStatus,
     TransmitterStatus,
 )
-from rcopterx.bus.requests import Follow, GoTo, Lead, Reply
+from rcopterx.bus.requests import Fly, Follow, GoTo, Lead, Reply
 from rcopterx.bus.session import BusAddress, Incoming, Session
 from support.plans import plan_of
 from support.statuses import flying_status
 
 PERIOD_S = 0.01
-VERBS = ["arm", "disarm", "kill", "reset", "take_off", "land", "go_to", "follow", "lead"]
+PATH_S = 0.5
+"""Every trajectory takes as long."""
+VERBS = ["arm", "disarm", "kill", "reset", "take_off", "land", "go_to", "fly", "follow", "lead"]
 NEXT_PHASE = {"arm": "armed", "take_off": "flying", "land": "armed", "disarm": "ground", "kill": "ground"}
 NEXT_STATE = {"arm": "armed", "disarm": "disarmed", "kill": "killed", "reset": "disarmed"}
 
@@ -63,6 +65,7 @@ class ScriptedVehicle:
         self.position_m = (0.1, 0.2, 0.3)
         self.occluded_s: float | None = None
         self.plan: Plan | None = None
+        self.path_left_s = 0.0
 
     def answer(self, incoming: Incoming) -> None:
         self.requests.append(incoming.request)
@@ -86,6 +89,8 @@ class ScriptedVehicle:
         if isinstance(request, GoTo):
             self.set_point = request.set_point
             self.plan_at(request.set_point.position_m, request.set_point.yaw_rad)
+        elif isinstance(request, Fly):
+            self.path_left_s = PATH_S
         elif isinstance(request, Follow):
             self.following = self.assigned = request.following
             self.plan_at(self.position_m)
@@ -111,6 +116,7 @@ class ScriptedVehicle:
         return [type(request).__name__ for request in self.requests]
 
     def agent_status(self) -> AgentStatus:
+        self.path_left_s = max(0.0, self.path_left_s - PERIOD_S)
         return flying_status(
             phase=self.phase,
             set_point=self.set_point,
@@ -120,6 +126,7 @@ class ScriptedVehicle:
             following_mode=self.following_mode,
             pose_age_s=self.pose_age_s,
             fallbacks=self.counts,
+            path_left_s=self.path_left_s,
             **self.diagnostics,
         )
 
