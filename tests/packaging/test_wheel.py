@@ -1,9 +1,12 @@
 """Promises of what people install: one top-level name, everything in it, nothing else."""
 
+import subprocess
+import sys
 import tarfile
 import zipfile
 from pathlib import PurePosixPath
 
+import pytest
 from packaging_support import ROOT, Built
 
 PACKAGE = ROOT / "rcopterx"
@@ -37,3 +40,12 @@ def test_the_source_archive_holds_files_instead_of_links(built: Built) -> None:
     assert files_of_the_package() <= inside
     assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md"} <= inside
     assert not [name for name in inside if name.startswith("tests/")]
+
+
+@pytest.mark.parametrize("checker", ["twine", "check_wheel_contents"])
+def test_the_tools_of_packagers_have_nothing_to_say(checker: str, built: Built) -> None:
+    pytest.importorskip(checker, reason="pip install 'rcopterx[package]', as make wheel does")
+    options = ["check", "--strict", str(built.archive)] if checker == "twine" else []
+    command = [sys.executable, "-m", checker, *options, str(built.wheel)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stdout + done.stderr
