@@ -15,11 +15,12 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[2]
 COPIED = ("deploy", "docs", "examples", "tests")
 BLOCK = re.compile(r"^ *```(?:sh|console|bash)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
+CELL = re.compile(r"`(rcopterx [^`]+)`")
 LASTS = re.compile(
     r"rcopterx (up|host|ground|top|tracker|replay-tracker|demo$|logs .*--follow)|python http_bridge.py|.*&$"
 )
 """These go on until Ctrl-C, in a terminal of their own."""
-ENDS_THE_FLEET = re.compile(r"rcopterx (demo|up (?!.*--host)|(fly|experiment) |(bind|range-check))")
+ENDS_THE_FLEET = re.compile(r"rcopterx (demo|up (?!.*--host)|(fly|experiment) |(bind|range-check)|replay$)")
 """These want no fleet to be up: a reader ends it with Ctrl-C."""
 MAY_END_WITH_1 = re.compile(r"rcopterx replay .*--agent")
 """A step that a busy machine gave up for time cannot be repeated; the command says so and ends with 1."""
@@ -38,6 +39,12 @@ def lines_of(text: str) -> list[str]:
             elif command:
                 lines.append(directory + command)
     return lines
+
+
+def cells_of(text: str) -> list[str]:
+    """Commands in the tables of a page that says by task what to type, in their order."""
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+    return [command for row in rows for command in CELL.findall(row)]
 
 
 class Reader:
