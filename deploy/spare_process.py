@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +19,8 @@ SPARES: Final = 3
 NEEDED_BY_ALL: Final = ("router", "tracker", "transmitters")
 """Roles the last spare process is kept for: without one of them nobody is seen or nobody is heard, while a
 vehicle without its agent is held and landed in a closed loop."""
+WARMING_LIMIT_S: Final = 5.0
+"""A spare process that needs longer is not waited for: it may have been stopped."""
 
 
 def prefer(process: int, priority: int) -> None:
@@ -52,6 +55,8 @@ class SpareProcess:
         Real-time priority at which it begins to take over; 0 for none.
     host
         Where it is; empty for where the fleet file has its agents.
+    clock
+        Monotonic clock [s].
     """
 
     def __init__(
@@ -62,8 +67,11 @@ class SpareProcess:
         forks: ForkServer,
         priority: int = 0,
         host: str = "",
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._host = host
+        self._clock = clock
+        self._started_s = 0.0
         self._forks = forks
         self._snapshot = snapshot
         self._jobs = tuple(jobs)
@@ -86,6 +94,7 @@ class SpareProcess:
         words = [f"{role}:{unit}" for role, unit in self._jobs]
         command = [sys.executable, "-m", "rcopterx.deploy.spare", str(self._snapshot), self._host, *words]
         self._started = self._forks.start(command, self._log, piped=True)
+        self._started_s = self._clock()
 
     def take(self, role: str, unit: str, log: Path, *, take_over: bool = False) -> Started | None:
         """Let the spare take over a job; None if that is none of its jobs or it is not ready.
@@ -119,9 +128,11 @@ class SpareProcess:
         return started is not None and started.process.poll() is None and started.page.phase is Phase.WORKING
 
     def warming(self) -> bool:
-        """Whether it has been started and is not ready yet."""
+        """Whether it was started a moment ago and is not ready yet."""
         started = self._started
-        return started is not None and started.process.poll() is None and not self.ready()
+        if started is None or started.process.poll() is not None or self.ready():
+            return False
+        return self._clock() - self._started_s < WARMING_LIMIT_S
 
     @property
     def pid(self) -> int | None:
@@ -143,7 +154,8 @@ class SpareProcess:
 class SpareProcesses:
     """Several spare processes, so that a death right after another one finds a successor as well.
 
-    Each is started once those before it are ready: one start at a time is enough for the processor.
+    Each is started once those before it are ready, or take too long: one start at a time is enough for the
+    processor.
 
     Parameters
     ----------
@@ -167,7 +179,7 @@ class SpareProcesses:
             return
         for spare in self._spares:
             spare.prepare()
-            if not spare.ready():
+            if spare.warming():
                 return
 
     def take(

@@ -2,7 +2,8 @@
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus.heartbeat import Phase
 from rcopterx.deploy.forking import ForkServer, Started
-from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses
+from rcopterx.deploy.spare_process import SPARES, WARMING_LIMIT_S, SpareProcess, SpareProcesses
 
 BEATS_ONCE = """
 import mmap, os, sys, time
@@ -118,9 +119,12 @@ def warm() -> Iterator[WarmForks]:
 JOBS = [("agent", "h1"), ("tracker", "main")]
 
 
-def several(forks: ForkServer, directory: Path) -> SpareProcesses:
+def several(
+    forks: ForkServer, directory: Path, clock: Callable[[], float] = time.monotonic
+) -> SpareProcesses:
     return SpareProcesses(
-        SpareProcess(directory / "lab.toml", JOBS, directory / "spare.log", forks) for _ in range(SPARES)
+        SpareProcess(directory / "lab.toml", JOBS, directory / "spare.log", forks, clock=clock)
+        for _ in range(SPARES)
     )
 
 
@@ -162,6 +166,23 @@ def test_spares_are_started_one_after_the_other(warm: WarmForks, tmp_path: Path)
     for _ in range(3):
         spares.prepare()
     assert len(warm.started) == SPARES + 1
+    spares.close()
+
+
+def test_a_spare_that_is_stopped_while_it_warms_up_keeps_no_other_one_waiting(
+    warm: WarmForks, tmp_path: Path
+) -> None:
+    now_s = 0.0
+    spares = several(warm, tmp_path, lambda: now_s)
+    warm.phase = Phase.STARTING
+    spares.prepare()
+    warm.phase = Phase.WORKING
+    spares.prepare()
+    assert len(warm.started) == 1
+    now_s = WARMING_LIMIT_S
+    spares.prepare()
+    assert spares.ready() == SPARES - 1
+    assert next(iter(spares.pages)) == warm.started[0].process.pid
     spares.close()
 
 
