@@ -22,6 +22,7 @@ from rcopterx.bus.messages import Command, LeaseBid, Pose
 from rcopterx.bus.requests import Arm
 from rcopterx.bus.router import run_router
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.roles.run import end_with_parent
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
@@ -110,8 +111,10 @@ def _free_port() -> int:
 
 @contextmanager
 def _process(target: Callable[..., None], *arguments: object) -> Iterator[int]:
-    """A process of its own; gives its pid."""
-    process = multiprocessing.get_context("spawn").Process(target=target, args=arguments, daemon=True)
+    """A process of its own, that ends with this one however that ends; gives its pid."""
+    process = multiprocessing.get_context("spawn").Process(
+        target=_child, args=(os.getpid(), target, *arguments), daemon=True
+    )
     process.start()
     try:
         yield int(process.pid or 0)
@@ -119,6 +122,12 @@ def _process(target: Callable[..., None], *arguments: object) -> Iterator[int]:
         process.terminate()
         process.join(8)
         process.kill()
+
+
+def _child(parent: int, target: Callable[..., None], *arguments: object) -> None:
+    os.environ["RCOPTERX_PARENT"] = str(parent)
+    end_with_parent()
+    target(*arguments)
 
 
 def _serve_radios(paths: list[str]) -> None:
