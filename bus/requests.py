@@ -6,7 +6,7 @@ One table, as for the channels: the verb, who serves it, the request and the rep
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, field
 
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import SIMULATOR_UNIT
@@ -31,6 +31,12 @@ ANYBODY: Final = "anybody"
 MAX_FAULTS: Final = 200
 """In one request."""
 MAX_FAULT_FIELDS: Final = 8
+MAX_LINE: Final = 2000
+MAX_LINES: Final = 200
+"""In one answer."""
+LogName = Annotated[str, Meta(max_length=80)]
+LogPositions = Annotated[dict[LogName, Count], Meta(max_length=256)]
+"""How many bytes of each log are known."""
 Amplitude = Annotated[float, Meta(ge=0, le=0.5)]
 FieldName = Annotated[str, Meta(max_length=40)]
 FaultField = bool | int | float | Text | tuple[float, ...] | None
@@ -204,6 +210,36 @@ class StopHost(Request, frozen=True, kw_only=True):
     """End what runs on a host, but for its router and its daemon; refused while vehicles are in the air."""
 
 
+class LoggedLine(Struct, frozen=True):
+    """A line of the log of a process."""
+
+    time: Annotated[str, Meta(max_length=40)]
+    """UTC, as it was written; empty if that is on a line that was sent before."""
+    process: LogName
+    text: Annotated[str, Meta(max_length=MAX_LINE)]
+
+
+class ReadLogs(Request, frozen=True, kw_only=True):
+    """What have the processes of a host logged?"""
+
+    names: Annotated[tuple[LogName, ...], Meta(max_length=64)] = ()
+    """Of processes or vehicles; none for all."""
+    positions: LogPositions = field(default_factory=dict)
+    """Of the answer before; none to begin at the beginning."""
+
+
+class ReadLogsReply(Reply, frozen=True, kw_only=True):
+    """Lines after those that were sent before, as many as fit."""
+
+    MAX_BYTES: ClassVar[int] = 65_000
+
+    lines: Annotated[tuple[LoggedLine, ...], Meta(max_length=MAX_LINES)] = ()
+    positions: LogPositions = field(default_factory=dict)
+    """Where to go on, by file."""
+    more: bool = False
+    """There are further lines already."""
+
+
 class Recall(Request, frozen=True, kw_only=True):
     """What did the agent of a vehicle mean to do? Agents that start ask the launcher of their host."""
 
@@ -283,6 +319,8 @@ class Verb:
     """Role that may ask; `ANYBODY` for whoever may connect."""
     unit: str = "vehicle"
     """Who is asked, as in the table of channels: `vehicle`, `host`, or a fixed unit."""
+    recorded: bool = True
+    """Whether flight logs have requests and answers."""
 
 
 VERBS: Final = {
@@ -315,6 +353,16 @@ VERBS: Final = {
         Verb("take_vehicle", "launcher", TakeVehicle, "move the agent of a vehicle here", unit="host"),
         Verb("start_host", "launcher", StartHost, "start the processes of a host", unit="host"),
         Verb("stop_host", "launcher", StopHost, "end the processes of a host", unit="host"),
+        Verb(
+            "read_logs",
+            "launcher",
+            ReadLogs,
+            "what the processes of a host have logged",
+            ReadLogsReply,
+            ANYBODY,
+            "host",
+            recorded=False,
+        ),
         Verb(
             "recall",
             "launcher",

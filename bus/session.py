@@ -324,6 +324,8 @@ class Session:
         def send(reply: bytes) -> None:
             with query:
                 query.reply(query.key_expr, reply)
+            if not VERBS[verb].recorded:
+                return
             took_s = max(0.0, self.clock() - arrived_s)
             answered = AnsweredRequest(verb=verb, request=payload, reply=reply, took_s=took_s)
             self.publish(channels.ANSWERED, unit, answered)

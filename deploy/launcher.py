@@ -269,7 +269,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             begin = self._begin_flight if self._idle else None
             home = [name for name in agents if self._fleet.vehicles[name].host == self._host]
             self._membership = MembershipService(
-                address, self._host, self.supervisor, self._news, home, begin
+                address, self._host, self.supervisor, self._news, home, self.directory / "log", begin
             )
         except BusUnreachableError:
             self.stop()

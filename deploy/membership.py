@@ -1,15 +1,25 @@
-"""Starts and stops a host and lets its vehicles take part or leave, by request; tells what processes do."""
+"""Starts and stops a host and its vehicles' agents by request, and tells what processes do and log."""
 
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
 
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus, LauncherStatus
-from rcopterx.bus.requests import Reply, StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
+from rcopterx.bus.requests import (
+    ReadLogs,
+    Reply,
+    StartHost,
+    StartVehicle,
+    StopHost,
+    StopVehicle,
+    TakeVehicle,
+)
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.log_reading import answer_of
 from rcopterx.deploy.processes import ROUTER
 from rcopterx.deploy.supervisor import Child, Supervisor
 
@@ -18,9 +28,9 @@ MAX_TEXT = 400
 
 
 class MembershipService:
-    """Answers `start_vehicle`, `stop_vehicle` and `take_vehicle` for a host in a thread of its own.
+    """Answers what a launcher serves for a host in a thread of its own, but `recall`.
 
-    For a host with a daemon, `start_host` and `stop_host` as well.
+    `start_host` and `stop_host` are for hosts with a daemon.
 
     Parameters
     ----------
@@ -34,6 +44,8 @@ class MembershipService:
         What happened to processes; it is published and removed.
     home
         Vehicles whose agents run on this host from the start.
+    logs
+        Directory of the logs of the processes.
     begin
         Called before the processes of a host with a daemon are started; None for a host without one.
 
@@ -50,9 +62,11 @@ class MembershipService:
         supervisor: Supervisor,
         news: deque[str],
         home: Collection[str],
+        logs: Path,
         begin: Callable[[], None] | None = None,
     ) -> None:
         self._news = news
+        self._logs = logs
         self._home = frozenset(home)
         self.started = begin is None
         self._begin = begin
@@ -65,7 +79,7 @@ class MembershipService:
         self._stopping = False
         self._session = Session(address, wake=self._wake.set)
         self._statuses = self._session.subscribe_all(channels.AGENT_STATUS, waking=False)
-        self._session.serve(host, ["start_vehicle", "stop_vehicle", "take_vehicle"])
+        self._session.serve(host, ["start_vehicle", "stop_vehicle", "take_vehicle", "read_logs"])
         if begin is not None:
             self._session.serve(host, ["start_host", "stop_host"])
         self._thread = threading.Thread(target=self._run, name="membership", daemon=True)
@@ -94,6 +108,8 @@ class MembershipService:
             return self._start_host(request.without)
         if isinstance(request, StopHost):
             return self._stop_host()
+        if isinstance(request, ReadLogs):
+            return answer_of(self._logs, request)
         if isinstance(request, StartVehicle | StopVehicle | TakeVehicle):
             child = self._agents.get(request.vehicle)
             if child is None:

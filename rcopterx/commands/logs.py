@@ -1,11 +1,16 @@
 """What the processes of a fleet log: `logs`."""
 
 import time
-from typing import Annotated
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, user_errors
+
+if TYPE_CHECKING:
+    from rcopterx.deploy.fleet_file.schema import FleetFile
+    from rcopterx.ground_station.fleet_logs import FleetLogs
 
 FOLLOW_S = 0.2
 
@@ -18,28 +23,44 @@ def logs(
     follow: Annotated[bool, typer.Option("--follow", help="Go on with new lines until Ctrl-C.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Show what the processes of this computer have logged, merged in time (UTC)."""
+    """Show what the processes of a fleet have logged, on all its hosts, merged in time (UTC).
+
+    Hosts that are up are asked over the bus; the logs of this computer are read also when nothing is up.
+    """
     from rcopterx.commands.fleet_option import fleet_file
-    from rcopterx.deploy.log_reading import ProcessLogs
-    from rcopterx.deploy.run_directory import run_directory
     from rcopterx.ground_station.joining import fleet_that_is_up
 
-    with user_errors():
-        file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)
-    directory = run_directory(file.name, file.bus.namespace) / "log"
-    read = ProcessLogs(directory, names or ())
-    known = read.processes()
-    for name in names or ():
-        if name not in known and f"agent-{name}" not in known:
-            typer.echo(f"error: {name}: no log in {directory}; there are {', '.join(known)}", err=True)
-            raise typer.Exit(EXIT_FAILED)
-    width = max((len(process) for process in known), default=0)
-    try:
-        while True:
-            for line in read.new_lines():
-                typer.echo(f"{line.time:24} {line.process:{width}} {line.text}")
-            if not follow:
-                return
-            time.sleep(FOLLOW_S)
-    except KeyboardInterrupt:
-        return
+    with ExitStack() as stack:
+        with user_errors():
+            file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)
+            read = _opened(file, names or [], stack)
+        for name in names or ():
+            if name not in read.processes and f"agent-{name}" not in read.processes:
+                there = ", ".join(read.processes)
+                typer.echo(f"error: {name}: no log in {read.directory}; there are {there}", err=True)
+                raise typer.Exit(EXIT_FAILED)
+        for host in read.missing:
+            typer.echo(f"note: host {host} does not answer: its logs are not here", err=True)
+        width = max((len(process) for process in read.processes), default=0)
+        place = max((len(host) for host in file.hosts), default=0) if len(file.hosts) > 1 else 0
+        try:
+            while True:
+                for host, line in read.new_lines():
+                    where = f"{host:{place}} " if place else ""
+                    typer.echo(f"{line.time:24} {where}{line.process:{width}} {line.text}")
+                if not follow:
+                    return
+                time.sleep(FOLLOW_S)
+        except KeyboardInterrupt:
+            return
+
+
+def _opened(file: "FleetFile", names: list[str], stack: ExitStack) -> "FleetLogs":
+    """The logs of a fleet, those of other computers included if the fleet is up."""
+    from rcopterx.ground_station.daemons import joined_fleet
+    from rcopterx.ground_station.fleet_logs import FleetLogs, hosts_here
+
+    joined = joined_fleet(file) if file.hosts.keys() - hosts_here(file) else None
+    if joined is not None:
+        stack.callback(joined.close)
+    return FleetLogs(file, names, joined)

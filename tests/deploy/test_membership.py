@@ -10,7 +10,15 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LauncherStatus
-from rcopterx.bus.requests import StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
+from rcopterx.bus.requests import (
+    ReadLogs,
+    ReadLogsReply,
+    StartHost,
+    StartVehicle,
+    StopHost,
+    StopVehicle,
+    TakeVehicle,
+)
 from rcopterx.bus.session import BusAddress, NobodyServesError, Session
 from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.membership import MembershipService
@@ -28,8 +36,12 @@ def supervisor(tmp_path: Path) -> Supervisor:
 
 
 @pytest.fixture
-def membership(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[MembershipService]:
-    service = MembershipService(bus_address, "main", supervisor, deque(["router: started"]), ["h1", "h2"])
+def membership(
+    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path
+) -> Iterator[MembershipService]:
+    service = MembershipService(
+        bus_address, "main", supervisor, deque(["router: started"]), ["h1", "h2"], tmp_path
+    )
     yield service
     service.close()
 
@@ -71,12 +83,14 @@ def begun() -> list[str]:
 
 
 @pytest.fixture
-def daemon(bus_address: BusAddress, supervisor: Supervisor, begun: list[str]) -> Iterator[MembershipService]:
+def daemon(
+    bus_address: BusAddress, supervisor: Supervisor, begun: list[str], tmp_path: Path
+) -> Iterator[MembershipService]:
     """The service of a host with a daemon, on which only the router runs at first."""
     for name, child in supervisor.children.items():
         child.wanted = name == "router"
     service = MembershipService(
-        bus_address, "main", supervisor, deque(), ["h1", "h2"], lambda: begun.append("flight")
+        bus_address, "main", supervisor, deque(), ["h1", "h2"], tmp_path, lambda: begun.append("flight")
     )
     yield service
     service.close()
@@ -112,6 +126,19 @@ def test_a_host_does_not_stop_while_vehicles_are_in_the_air(
         return not reply.accepted and reply.reason == "h7 in the air; land first"
 
     wait_for(refused, "the host stops although h7, an agent of another host, flies")
+
+
+def test_the_logs_of_a_host_are_read_by_request_and_not_recorded(
+    membership: MembershipService, tmp_path: Path, join: Join
+) -> None:
+    (tmp_path / "agent-h1.log").write_text("2026-11-22T03:00:01.000Z INFO started\n")
+    session = join()
+    answered = session.subscribe(channels.ANSWERED, "main", depth=8)
+    reply = session.request("main", ReadLogs(names=("h1",)))
+    assert isinstance(reply, ReadLogsReply)
+    assert [(line.process, line.text) for line in reply.lines] == [("agent-h1", "INFO started")]
+    session.request("main", StartVehicle(vehicle="h1"))
+    wait_for(lambda: len(answered.drain()) == 1, "the later request is not recorded, or the first one is")
 
 
 def test_a_host_without_a_daemon_is_not_started_by_request(membership: MembershipService, join: Join) -> None:
@@ -150,9 +177,11 @@ def test_a_vehicle_in_the_air_keeps_its_agent(
 
 
 @pytest.fixture
-def spare_host(bus_address: BusAddress, supervisor: Supervisor) -> Iterator[MembershipService]:
+def spare_host(
+    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path
+) -> Iterator[MembershipService]:
     """The service of a host that may run the agent of h2, which runs elsewhere by the fleet file."""
-    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1"])
+    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1"], tmp_path)
     yield service
     service.close()
 

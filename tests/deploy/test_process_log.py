@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
 from rcopterx.deploy import process_log
-from rcopterx.deploy.log_reading import ProcessLogs
+from rcopterx.deploy.log_reading import PAGE_BYTES, ProcessLogs, answer_of
 from rcopterx.deploy.process_log import append, rotate
 
 CODE = """
@@ -102,3 +104,36 @@ def test_what_a_launcher_sees_is_logged_with_its_time_and_a_full_disk_is_nobodys
     (line,) = ProcessLogs(tmp_path).new_lines()
     assert (line.process, line.text) == ("launcher", "INFO agent-h1: killed by SIGKILL")
     assert len(line.time) == 24
+
+
+def sent_pages(directory: Path, *names: str) -> list[ReadLogsReply]:
+    """Everything a host has logged, as it is asked for and answered on the bus."""
+    pages, positions = [], dict[str, int]()
+    while not pages or pages[-1].more:
+        assert len(pages) < 100
+        answer = encode(answer_of(directory, ReadLogs(names=names, positions=positions)))
+        pages.append(decode(answer, ReadLogsReply))
+        positions = pages[-1].positions
+    return pages
+
+
+def test_a_host_answers_with_its_logs_in_pages_of_limited_size(directory: Path) -> None:
+    texts = [f"INFO line {number}" for number in range(3 * MAX_LINES)]
+    (directory / "router.log").write_text("".join(f"2026-11-22T03:00:04.000Z {text}\n" for text in texts))
+    pages = sent_pages(directory)
+    lines = [line for page in pages for line in page.lines]
+    assert max(len(page.lines) for page in pages) <= MAX_LINES
+    assert [line.text for line in lines if line.process == "router"] == texts
+    assert LoggedLine("2026-11-22T03:00:03.000Z", "agent-h2", "  line 1") in lines
+    again = answer_of(directory, ReadLogs(positions=pages[-1].positions))
+    assert (again.lines, again.more) == ((), False)
+    assert {line.process for page in sent_pages(directory, "h2") for line in page.lines} == {"agent-h2"}
+
+
+def test_a_line_that_fits_into_no_answer_is_cut_and_bytes_that_are_no_text_do_no_harm(
+    directory: Path,
+) -> None:
+    (directory / "router.log").write_bytes(b"\xff" * (3 * PAGE_BYTES) + b"\nlast\n")
+    texts = [line.text for page in sent_pages(directory, "router") for line in page.lines]
+    assert {len(text) for text in texts[:-2]} == {MAX_LINE}
+    assert texts[-1] == "last"
