@@ -21,7 +21,7 @@ from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
 from rcopterx.deploy.forking import ForkServer
-from rcopterx.deploy.guarding import Guard
+from rcopterx.deploy.guarding import FloorGuard, Guard
 from rcopterx.deploy.membership import MembershipService
 from rcopterx.deploy.process_log import append
 from rcopterx.deploy.processes import RECORDER, ROUTER, agent_process, processes_of
@@ -39,6 +39,8 @@ T = TypeVar("T")
 
 WATCH_S = 0.02
 """Between two looks at the progress of all processes."""
+FLOOR_LOOK_S = 0.25
+"""Between two looks for vehicles on the floor whose host has died."""
 EVENTS_KEPT = 200
 
 
@@ -241,7 +243,8 @@ class Launcher(AbstractContextManager["Launcher"]):
             for name in fleet.agents_on(host)
             if fleet.vehicles[name].spares
         }
-        self._guard = Guard(turns)
+        self._guard, self._floor_guard = Guard(turns), FloorGuard(host, turns)
+        self._floor_due_s = 0.0
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
 
@@ -293,17 +296,23 @@ class Launcher(AbstractContextManager["Launcher"]):
         self.supervisor.stop_all()
 
     def _replace_lost_agents(self) -> list[str]:
-        """Let agents run here whose vehicles nobody commands in flight; a line for each."""
+        """Let agents run here whose vehicles nobody commands any more; a line for each."""
         recall, membership = self._recall, self._membership
         if recall is None or membership is None or not membership.started:
             return []
+        now_s, vehicles = time.monotonic(), self._guard.vehicles
+        lost = dict.fromkeys(self._guard.look(now_s, recall.frames(vehicles)), "nobody commands it in flight")
+        if vehicles and now_s >= self._floor_due_s:
+            self._floor_due_s = now_s + FLOOR_LOOK_S
+            on_floor = recall.on_floor(vehicles)
+            for vehicle in self._floor_guard.look(now_s, on_floor):
+                lost[vehicle] = f"host {on_floor[vehicle].runner.host}, where its agent ran, is silent"
         lines = []
-        frames = recall.frames(self._guard.vehicles)
-        for vehicle in self._guard.look(time.monotonic(), frames):
+        for vehicle, reason in lost.items():
             child = self.supervisor.children[agent_process(vehicle)]
             if not child.wanted:
                 child.wanted = True
-                lines.append(f"{vehicle}: nobody commands it in flight; its agent runs here now")
+                lines.append(f"{vehicle}: {reason}; its agent runs here now")
         return lines
 
     def _tell(self, lines: list[str]) -> None:

@@ -191,4 +191,8 @@ class MembershipService:
         self._stopping = True
         self._wake.set()
         self._thread.join()
+        # What ends by order is not missed: no other host has to start these agents.
+        self._session.publish(
+            channels.LAUNCHER, self._host, LauncherStatus(running=(), absent=tuple(self._home))
+        )
         self._session.close()

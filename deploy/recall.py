@@ -9,7 +9,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import Inbox, Received
-from rcopterx.deploy.guarding import LastFrame
+from rcopterx.deploy.guarding import FLYING, LastFrame, OnFloor, Runners
 
 M = TypeVar("M", bound=Message)
 
@@ -49,6 +49,8 @@ class RecallService:
         self._applied = self._session.subscribe_all(channels.APPLIED, waking=False)
         self._leases = self._session.subscribe_all(channels.LEASE, waking=False)
         self._transmitters = self._session.subscribe_all(channels.TRANSMITTER_STATUS, waking=False)
+        self._runners = Runners()
+        self._launchers = self._session.subscribe_all(channels.LAUNCHER, waking=False)
         self._session.serve(address.host, ["recall"])
         for vehicle in transmitters:
             self._session.serve(vehicle, ["recall_transmitter"])
@@ -105,6 +107,24 @@ class RecallService:
             for vehicle, told in newest.items()
             if told is not None
         }
+
+    def on_floor(self, vehicles: Iterable[str]) -> dict[str, OnFloor]:
+        """Those of the vehicles that stand on the floor, as a gateway that is there says."""
+        for host, launcher in tuple(self._launchers.inboxes.items()):
+            said = launcher.latest()
+            if said is not None:
+                self._runners.hear(host, said.message.running, said.arrived_s)
+        now_s, known = self._session.clock(), {}
+        for vehicle in vehicles:
+            inbox = self._transmitters.inboxes.get(vehicle)
+            status = None if inbox is None or not inbox.alive(now_s) else inbox.latest()
+            runner = self._runners.of(vehicle)
+            if status is None or runner is None or status.message.state in FLYING:
+                continue
+            age_s = status.message.command_age_s
+            if age_s is not None:
+                known[vehicle] = OnFloor(status.arrived_s - age_s, runner)
+        return known
 
     def close(self) -> None:
         """Answer no more."""

@@ -2,7 +2,20 @@
 
 import pytest
 
-from rcopterx.deploy.guarding import AGAIN_S, HEARD_S, SILENT_S, TURN_S, Guard, LastFrame
+from rcopterx.deploy.guarding import (
+    AGAIN_S,
+    FLOOR_SILENT_S,
+    FLOOR_TURN_S,
+    HEARD_S,
+    SILENT_S,
+    TURN_S,
+    FloorGuard,
+    Guard,
+    LastFrame,
+    OnFloor,
+    Runner,
+    Runners,
+)
 
 PERIOD_S = 0.02
 
@@ -45,7 +58,7 @@ def test_a_vehicle_that_nobody_commands_gets_an_agent_in_turn(turn: int) -> None
 
 
 @pytest.mark.parametrize("state", ["disarmed", "cut", "killed"])
-def test_on_the_floor_nobody_is_missed(state: str) -> None:
+def test_frames_of_vehicles_on_the_floor_say_nothing_about_their_agents(state: str) -> None:
     flight = Flight()
     flight.run(1.0)
     flight.run(3.0, state, commanded=False)
@@ -76,3 +89,40 @@ def test_a_vehicle_that_lands_in_spite_of_its_agent_is_left_to_it_for_a_while() 
     assert len(flight.started_s) == 1
     flight.run(SILENT_S, "land", commanded=False)
     assert len(flight.started_s) == 2
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_on_the_floor_the_agents_of_a_silent_host_are_started_in_turn(turn: int) -> None:
+    guard = FloorGuard("spare", {"h1": turn})
+    known = {"h1": OnFloor(commanded_s=9.0, runner=Runner("home", heard_s=10.0))}
+    due_s = 10.0 + FLOOR_SILENT_S + turn * FLOOR_TURN_S
+    assert guard.look(due_s - 0.1, known) == []
+    assert guard.look(due_s + 0.1, known) == ["h1"]
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        OnFloor(commanded_s=99.9, runner=Runner("home", heard_s=10.0)),
+        OnFloor(commanded_s=10.0, runner=Runner("home", heard_s=99.0)),
+        OnFloor(commanded_s=10.0, runner=Runner("spare", heard_s=10.0)),
+    ],
+    ids=["it is commanded", "its launcher lives", "it is this host's already"],
+)
+def test_on_the_floor_nobody_else_is_replaced(known: OnFloor) -> None:
+    guard = FloorGuard("spare", {"h1": 0})
+    assert guard.look(100.0, {"h1": known, "h9": OnFloor(1.0, Runner("home", 1.0))}) == []
+
+
+def test_a_silent_launcher_keeps_its_vehicles_until_another_one_has_had_them() -> None:
+    runners = Runners()
+    runners.hear("home", ["h1", "h2"], 1.0)
+    assert runners.of("h1") == Runner("home", 1.0)
+    runners.hear("spare", ["h1"], 5.0)
+    runners.hear("home", ["h1", "h2"], 1.0)
+    assert runners.of("h1") == Runner("spare", 5.0)
+    assert runners.of("h2") == Runner("home", 1.0)
+    runners.hear("spare", [], 6.0)
+    assert runners.of("h1") is None
+    runners.hear("home", [], 7.0)
+    assert runners.of("h2") is None

@@ -7,7 +7,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.intent import Intent
-from rcopterx.bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
+from rcopterx.bus.messages import Applied, LauncherStatus, LeaderLink, SetPoint, TransmitterStatus
 from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.recall import RecallService
@@ -104,5 +104,28 @@ def test_kill_is_recalled_although_it_could_not_be_written_and_a_reset_ends_it(
         assert not recalled().killed
         wait_for(killed, "the kill is not remembered")
         assert recalled().applied == APPLIED
+    finally:
+        service.close()
+
+
+def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    service = RecallService(replace(bus_address, host="spare"), ["h1"], [])
+    other = join()
+    launcher = LauncherStatus(running=("h1",), absent=())
+
+    def known(state: str) -> bool:
+        status = TransmitterStatus(
+            state=state, reason="", link="ready", module="", ready=True, command_age_s=2.0
+        )
+        other.publish(channels.LAUNCHER, "home", launcher)
+        other.publish(channels.TRANSMITTER_STATUS, "h1", status)
+        found = service.on_floor(["h1", "h2"])
+        return found.keys() == {"h1"} and found["h1"].runner.host == "home"
+
+    try:
+        wait_for(lambda: known("disarmed"), "the vehicle on the floor is not known")
+        wait_for(lambda: not known("armed"), "a vehicle in flight is taken for one on the floor")
     finally:
         service.close()
