@@ -244,3 +244,79 @@ def correct_tilt(
     for row in range(size):
         corrected[row] = min(max(corrected[row], -limit[row]), limit[row])
     return corrected, joseph(covariance, gain, spread, observed, variances), measured, True
+
+
+@compiled(MATRIX, ANY_VECTOR, ANY_VECTOR)
+def lag_jacobian(constant: Array, start: Array, end: Array) -> Array:
+    """Derivative of the state of the filter on first-order lags after a period by the state before it.
+
+    In the body frame axes are linear chains that the period alone determines; heading, turning of the body
+    frame and displacement come in here.
+
+    Parameters
+    ----------
+    constant
+        Of a vehicle at rest that heads along x, shape (n, n); states begin with position, yaw, velocity
+        (body) and yaw rate.
+    start, end
+        Motion state before and after the period, shape (8,).
+    """
+    size = constant.shape[0]
+    jacobian = constant.copy()
+    c, s = math.cos(start[3]), math.sin(start[3])
+    turned = end[3] - start[3]
+    c_turned, s_turned = math.cos(turned), math.sin(turned)
+    for column in range(size):
+        forward = constant[0, column] if column != 0 else 0.0
+        left = constant[1, column] if column != 1 else 0.0
+        turn = constant[3, column] if column != 3 else 0.0
+        jacobian[0, column] = c * forward - s * left
+        jacobian[1, column] = s * forward + c * left
+        forward, left = constant[4, column], constant[5, column]
+        jacobian[4, column] = c_turned * forward + s_turned * left + end[5] * turn
+        jacobian[5, column] = c_turned * left - s_turned * forward - end[4] * turn
+    jacobian[0, 0] = jacobian[1, 1] = 1.0
+    # Everything else turns with the vehicle, so a turned start turns the displacement.
+    jacobian[0, 3] = start[1] - end[1]
+    jacobian[1, 3] = end[0] - start[0]
+    return jacobian
+
+
+@compiled(MATRIX, MATRIX, MATRIX)
+def predict_covariance(transition: Array, covariance: Array, process: Array) -> Array:
+    """F P F' + Q, shapes (n, n)."""
+    return propagated(transition, covariance, process)
+
+
+@compiled(MATRIX, ANY_VECTOR, VECTOR)
+def correct_first(covariance: Array, innovation: Array, variance: Array) -> tuple[Array, Array, bool]:
+    """Correct by a measurement of the first states.
+
+    Parameters
+    ----------
+    covariance
+        P, shape (n, n).
+    innovation, variance
+        Measured minus predicted, and the variance of the measurement, shape (m,).
+
+    Returns
+    -------
+    tuple
+        Change of the state, covariance, and whether the innovation's covariance is definite.
+    """
+    size, count = covariance.shape[0], len(innovation)
+    observed = np.zeros((count, size))
+    spread = covariance[:count].copy()
+    whole = covariance[:count, :count].copy()
+    for number in range(count):
+        observed[number, number] = 1.0
+        whole[number, number] += variance[number]
+    change = np.zeros(size)
+    if not factorized(whole):
+        return change, covariance, False
+    gain = spread.copy()
+    solve_factorized(whole, gain)
+    for number in range(count):
+        for row in range(size):
+            change[row] += gain[number, row] * innovation[number]
+    return change, joseph(covariance, gain, spread, observed, variance), True

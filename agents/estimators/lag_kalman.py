@@ -9,13 +9,14 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.estimators.base import PoseEstimator, body_motion
-from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
+from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, Linearization
 from rcopterx.agents.estimators.model_noise import model_noise
 from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
-from rcopterx.agents.flight.linear import prepared_period, solved
+from rcopterx.agents.flight.linear import prepared_period
 from rcopterx.agents.flight.prediction import actuator_response, predict
 from rcopterx.agents.interfaces import Estimate
+from rcopterx.native.kalman import correct_first, predict_covariance
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
 
@@ -28,9 +29,6 @@ _START_DEVIATION: Final = np.array(
     [0.001, 0.001, 0.001, 0.005, 0.3, 0.3, 0.3, 1.0, 0.03, 0.03, 0.03, 0.03, 0.3, 0.3, 0.8, 3.0]
 )
 """Standard deviation of the state at a start."""
-
-
-_EYE: Final = np.eye(SIZE)
 
 
 class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
@@ -158,7 +156,6 @@ class LagKalmanEstimator(PoseEstimator):
     def _expect_noise(self, deviation: Array) -> None:
         """Take measurements to have a standard deviation, shape (4,)."""
         self._measurement_variance = np.square(deviation)
-        self._measurement_covariance = np.diag(self._measurement_variance)
 
     def _measure_noise(self, pose: Array) -> None:
         """Expect the noise that a Tracker has, but no less than the settings say."""
@@ -180,7 +177,7 @@ class LagKalmanEstimator(PoseEstimator):
         self._motion, self._actuator = predicted.motion, predicted.actuator
         linearization, process = self._prepared(period_s)
         jacobian = linearization.jacobian(start, self._motion)
-        self._covariance = jacobian @ self._covariance @ jacobian.T + process
+        self._covariance = predict_covariance(jacobian, self._covariance, process)
 
     def _deviation(self) -> Array:
         variance = self._covariance.diagonal()[:INPUT_SIZE] + self._measurement_variance
@@ -193,18 +190,14 @@ class LagKalmanEstimator(PoseEstimator):
             self._motion[:INPUT_SIZE] += innovation
             self._standing = bool((np.abs(self._motion[:YAW] - self._stood_at_m) < _MOVED_M).all())
             return
-        covariance = self._covariance
-        innovation_covariance = covariance[:INPUT_SIZE, :INPUT_SIZE] + self._measurement_covariance
-        gain = solved(innovation_covariance, covariance[:INPUT_SIZE]).T
-        change = gain @ innovation
+        change, self._covariance, definite = correct_first(
+            self._covariance, innovation, self._measurement_variance
+        )
+        if not definite:
+            raise np.linalg.LinAlgError("the covariance of the filter is not positive definite")
         self._motion = self._motion + change[:ACTUATOR]
         self._actuator = self._actuator + change[ACTUATOR:DISTURBANCE]
         disturbance = self._disturbance + change[DISTURBANCE:]
         self._disturbance = np.minimum(np.maximum(disturbance, -self._limit), self._limit)
-        # Joseph's form stays symmetric and positive whatever the rounding of the gain.
-        keep = _EYE.copy()
-        keep[:, :INPUT_SIZE] -= gain
-        noise = gain * self._measurement_variance
-        self._covariance = keep @ covariance @ keep.T + noise @ gain.T
         if disturbance[U_THRUST] >= self._limit[U_THRUST] and not self._thrust_carries():
             self._start(self._motion[:INPUT_SIZE], np.zeros(INPUT_SIZE))

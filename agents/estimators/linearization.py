@@ -7,13 +7,13 @@ the heading, the turning of the body frame and the displacement enter. Products 
 the first order are left out (under 1 % at the yaw rates of indoor helicopters).
 """
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from scipy.linalg import expm
 
+from rcopterx.native.kalman import lag_jacobian
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     INPUT_SIZE,
@@ -57,10 +57,6 @@ class Linearization:
             states = _states(axes)
             constant[np.ix_(states, states)] = _transition(model, axes, period_s)
         self._constant = constant
-        self._forward, self._left = constant[X].copy(), constant[Y].copy()
-        self._forward[X] = self._left[Y] = 0.0
-        self._turn = constant[YAW].copy()
-        self._turn[YAW] = 0.0
 
     def jacobian(self, start: Array, end: Array) -> Array:
         """Derivative of the state after the period by the state before it.
@@ -75,20 +71,7 @@ class Linearization:
         Array
             Shape (16, 16), order: motion, actuators, disturbances.
         """
-        jacobian = self._constant.copy()
-        c, s = math.cos(start[YAW]), math.sin(start[YAW])
-        jacobian[X] = c * self._forward - s * self._left
-        jacobian[Y] = s * self._forward + c * self._left
-        jacobian[X, X] = jacobian[Y, Y] = 1.0
-        # Everything else turns with the vehicle, so a turned start turns the displacement.
-        jacobian[X, YAW] = start[Y] - end[Y]
-        jacobian[Y, YAW] = end[X] - start[X]
-        turned = end[YAW] - start[YAW]
-        c, s = math.cos(turned), math.sin(turned)
-        forward, left = self._constant[XD_BODY], self._constant[YD_BODY]
-        jacobian[XD_BODY] = c * forward + s * left + end[YD_BODY] * self._turn
-        jacobian[YD_BODY] = c * left - s * forward - end[XD_BODY] * self._turn
-        return jacobian
+        return lag_jacobian(self._constant, start, end)
 
 
 def _states(axes: Sequence[int]) -> list[int]:

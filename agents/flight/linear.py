@@ -4,7 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, lapack
+from scipy.linalg import expm
 
 from rcopterx.vehicles.state import Array
 
@@ -57,26 +57,3 @@ def as_complex(matrix: Array) -> Complex:
         Numbers a + i b, shape (n, m).
     """
     return np.asarray(matrix[0::2, 0::2] + 1j * matrix[1::2, 0::2])
-
-
-def solved(matrix: Array, right_sides: Array) -> Array:
-    """Solve with a symmetric positive definite matrix (Cholesky).
-
-    `numpy.linalg.solve` takes three times as long for the few rows of an innovation.
-
-    Parameters
-    ----------
-    matrix
-        Shape (n, n).
-    right_sides
-        Shape (n, m).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The matrix is not positive definite.
-    """
-    _, solution, info = lapack.dposv(matrix, right_sides)
-    if info:
-        raise np.linalg.LinAlgError(f"not positive definite (dposv: {info})")
-    return np.asarray(solution)

@@ -1,0 +1,267 @@
+"""Kernels of the quadratic programs with bounds (`rcopterx.agents.controllers.chains`).
+
+Arrays of rows have shape (N, r); bounds have it too, or (1, r) where they are the same at every stage. The
+bounds of inputs, columns `first` to `last`, are hard.
+"""
+
+import numpy as np
+
+from rcopterx.native.compiled import BLOCKS, COUNT, MATRIX, NUMBER, Array, compiled
+
+
+@compiled(MATRIX, MATRIX, MATRIX)
+def pull_of(values: Array, rows: Array, weights: Array) -> Array:
+    """Derivative of the cost by the rows where no bound presses."""
+    pull = np.empty(values.shape)
+    for stage in range(values.shape[0]):
+        for row in range(values.shape[1]):
+            pull[stage, row] = weights[stage, row] * (values[stage, row] - rows[stage, row])
+    return pull
+
+
+@compiled(*8 * [MATRIX], COUNT)
+def pressed_pull(
+    values: Array,
+    rows: Array,
+    weights: Array,
+    penalty: Array,
+    side: Array,
+    multipliers: Array,
+    lower: Array,
+    upper: Array,
+    first: int,
+) -> tuple[Array, Array]:
+    """Derivative of the augmented Lagrangian by the rows, and weights of the rows with the active penalties.
+
+    Parameters
+    ----------
+    values, rows, weights
+        Present rows, their reference and cost.
+    penalty
+        Weights of the squared distance to an active bound.
+    side
+        -1 or 1 where the lower or upper bound is active.
+    multipliers
+        Of the inputs, shape (N, m).
+    """
+    stages, count = values.shape
+    pull, total = np.empty((stages, count)), weights.copy()
+    last = first + multipliers.shape[1]
+    for stage in range(stages):
+        at = stage if len(lower) > 1 else 0
+        for row in range(count):
+            pulled = weights[stage, row] * (values[stage, row] - rows[stage, row])
+            if side[stage, row] != 0.0:
+                bound = upper[at, row] if side[stage, row] > 0.0 else lower[at, row]
+                total[stage, row] += penalty[stage, row]
+                pulled += penalty[stage, row] * (values[stage, row] - bound)
+                if first <= row < last:
+                    pulled += multipliers[stage, row - first]
+            pull[stage, row] = pulled
+    return pull, total
+
+
+@compiled(*6 * [MATRIX], COUNT, NUMBER)
+def pressed_side(
+    values: Array,
+    bounded: Array,
+    multipliers: Array,
+    before: Array,
+    lower: Array,
+    upper: Array,
+    first: int,
+    penalty: float,
+) -> tuple[Array, bool, bool]:
+    """Which bound each row presses on.
+
+    Parameters
+    ----------
+    values, bounded
+        Present rows; positive where a bound binds.
+    multipliers
+        Of the inputs, shape (N, m); inputs press by them over the penalty beyond their value.
+    before
+        What was found the last time.
+
+    Returns
+    -------
+    tuple
+        -1, 0 or 1, whether any row presses, and whether all is as `before`.
+    """
+    stages, count = values.shape
+    last = first + multipliers.shape[1]
+    side = np.zeros((stages, count))
+    presses, same = False, True
+    for stage in range(stages):
+        at = stage if len(lower) > 1 else 0
+        for row in range(count):
+            if bounded[stage, row] > 0.0:
+                value = values[stage, row]
+                if first <= row < last:
+                    value += multipliers[stage, row - first] / penalty
+                if value > upper[at, row]:
+                    side[stage, row] = 1.0
+                elif value < lower[at, row]:
+                    side[stage, row] = -1.0
+            if side[stage, row] != 0.0:
+                presses = True
+            if side[stage, row] != before[stage, row]:
+                same = False
+    return side, presses, same
+
+
+@compiled(*4 * [MATRIX], COUNT, NUMBER)
+def update_multipliers(
+    values: Array, multipliers: Array, lower: Array, upper: Array, first: int, penalty: float
+) -> float:
+    """One step of the method of multipliers, in place, but for the last stage, which has no input.
+
+    Returns
+    -------
+    float
+        Largest distance of an input to its bound, outside, or inside where it presses.
+    """
+    largest = 0.0
+    for stage in range(values.shape[0] - 1):
+        for axis in range(multipliers.shape[1]):
+            pressed = values[stage, first + axis] + multipliers[stage, axis] / penalty
+            within = min(max(pressed, lower[0, first + axis]), upper[0, first + axis])
+            updated = penalty * (pressed - within)
+            largest = max(largest, abs(updated - multipliers[stage, axis]) / penalty)
+            multipliers[stage, axis] = updated
+    return largest
+
+
+@compiled(MATRIX, BLOCKS, MATRIX, BLOCKS, BLOCKS, BLOCKS)
+def residual_of(
+    values: Array, multipliers: Array, give: Array, slacks: Array, bounds: Array, mask: Array
+) -> tuple[Array, float, float]:
+    """Residual of the inequalities v - z/w + t = upper and -v - z/w + t = -lower.
+
+    Parameters
+    ----------
+    values, give
+        v and 1/w, shape (N, r).
+    multipliers, slacks, bounds, mask
+        z, t, right sides, and 1 where there is a bound; shape (2, N, r).
+
+    Returns
+    -------
+    tuple
+        Residual, its largest size, and sum of slacks times multipliers.
+    """
+    residual = np.empty(slacks.shape)
+    largest = together = 0.0
+    for bound in range(2):
+        sign = 1.0 - 2.0 * bound
+        for stage in range(values.shape[0]):
+            for row in range(values.shape[1]):
+                at = bound, stage, row
+                left = (
+                    sign * values[stage, row] - give[stage, row] * multipliers[at] + slacks[at] - bounds[at]
+                )
+                residual[at] = left * mask[at]
+                if not abs(residual[at]) <= largest:
+                    largest = abs(residual[at])
+                together += slacks[at] * multipliers[at]
+    return residual, largest, together
+
+
+@compiled(BLOCKS, BLOCKS, *4 * [MATRIX])
+def softened_of(
+    slacks: Array, multipliers: Array, give: Array, values: Array, rows: Array, weights: Array
+) -> tuple[Array, Array, Array, Array]:
+    """What a Newton step of the interior point needs.
+
+    Returns
+    -------
+    tuple
+        t + z/w and z over it, shape (2, N, r); weights of the rows with these; derivative of the cost and of
+        the multipliers' part by the rows.
+    """
+    softened, stiffness = np.empty(slacks.shape), np.empty(slacks.shape)
+    total, pull = np.empty(values.shape), np.empty(values.shape)
+    for stage in range(values.shape[0]):
+        for row in range(values.shape[1]):
+            for bound in range(2):
+                at = bound, stage, row
+                softened[at] = slacks[at] + give[stage, row] * multipliers[at]
+                stiffness[at] = multipliers[at] / softened[at]
+            weight = weights[stage, row]
+            total[stage, row] = weight + stiffness[0, stage, row] + stiffness[1, stage, row]
+            error = values[stage, row] - rows[stage, row]
+            pull[stage, row] = weight * error + multipliers[0, stage, row] - multipliers[1, stage, row]
+    return softened, stiffness, total, pull
+
+
+@compiled(*4 * [BLOCKS])
+def shift_of(stiffness: Array, residual: Array, product: Array, softened: Array) -> tuple[Array, Array]:
+    """What residual and complementarity add to the multipliers' step, and to the derivative by the rows."""
+    shift = np.empty(stiffness.shape)
+    pull = np.empty(stiffness.shape[1:])
+    for stage in range(stiffness.shape[1]):
+        for row in range(stiffness.shape[2]):
+            for bound in range(2):
+                at = bound, stage, row
+                shift[at] = stiffness[at] * residual[at] - product[at] / softened[at]
+            pull[stage, row] = shift[0, stage, row] - shift[1, stage, row]
+    return shift, pull
+
+
+@compiled(MATRIX, MATRIX, *6 * [BLOCKS], NUMBER)
+def direction_of(
+    values: Array,
+    give: Array,
+    stiffness: Array,
+    shift: Array,
+    residual: Array,
+    mask: Array,
+    slacks: Array,
+    multipliers: Array,
+    longest: float,
+) -> tuple[Array, Array, float]:
+    """Steps of slacks and multipliers for a step of the rows.
+
+    Parameters
+    ----------
+    values
+        The rows' step, shape (N, r).
+    longest
+        Largest length of a step.
+
+    Returns
+    -------
+    tuple
+        Steps of slacks and multipliers, and the length up to which neither becomes negative.
+    """
+    to_slacks, to_multipliers = np.empty(slacks.shape), np.empty(slacks.shape)
+    length = longest
+    for bound in range(2):
+        sign = 1.0 - 2.0 * bound
+        for stage in range(values.shape[0]):
+            for row in range(values.shape[1]):
+                at = bound, stage, row
+                moved = sign * values[stage, row]
+                to_multipliers[at] = stiffness[at] * moved + shift[at]
+                to_slacks[at] = (give[stage, row] * to_multipliers[at] - residual[at] - moved) * mask[at]
+                if slacks[at] > 0.0 and to_slacks[at] < 0.0:
+                    length = min(length, -slacks[at] / to_slacks[at])
+                if multipliers[at] > 0.0 and to_multipliers[at] < 0.0:
+                    length = min(length, -multipliers[at] / to_multipliers[at])
+    return to_slacks, to_multipliers, length
+
+
+@compiled(*4 * [BLOCKS], NUMBER)
+def complementarity_ahead(
+    slacks: Array, multipliers: Array, to_slacks: Array, to_multipliers: Array, length: float
+) -> float:
+    """Sum of slacks times multipliers after a step of a length."""
+    together = 0.0
+    for bound in range(2):
+        for stage in range(slacks.shape[1]):
+            for row in range(slacks.shape[2]):
+                at = bound, stage, row
+                together += (slacks[at] + length * to_slacks[at]) * (
+                    multipliers[at] + length * to_multipliers[at]
+                )
+    return together

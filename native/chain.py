@@ -1,0 +1,156 @@
+"""Kernels of the chains of integrators (`rcopterx.agents.controllers.chains.chain`)."""
+
+import math
+
+import numpy as np
+
+from rcopterx.native.compiled import BLOCKS, COUNT, MATRIX, VECTOR, Array, compiled
+
+
+@compiled(BLOCKS, VECTOR, COUNT)
+def chain_values(rows: Array, flat: Array, axes: int) -> Array:
+    """Rows of the stages times the windows of the positions, shape (N, r).
+
+    Parameters
+    ----------
+    rows
+        Shape (N, r, w).
+    flat
+        Positions, stage by stage, shape (at least (N - 1) m + w,).
+    axes
+        m.
+    """
+    stages, count, width = rows.shape
+    values = np.empty((stages, count))
+    for stage in range(stages):
+        begin = stage * axes
+        for row in range(count):
+            total = 0.0
+            for place in range(width):
+                total += rows[stage, row, place] * flat[begin + place]
+            values[stage, row] = total
+    return values
+
+
+@compiled(BLOCKS, MATRIX, COUNT)
+def chain_gradient(rows: Array, pull: Array, axes: int) -> Array:
+    """Derivative of sum(pull * rows) with respect to all positions, shape ((N - 1) m + w,)."""
+    stages, count, width = rows.shape
+    gradient = np.zeros((stages - 1) * axes + width)
+    for stage in range(stages):
+        begin = stage * axes
+        for row in range(count):
+            factor = pull[stage, row]
+            if factor != 0.0:
+                for place in range(width):
+                    gradient[begin + place] += factor * rows[stage, row, place]
+    return gradient
+
+
+@compiled(BLOCKS, MATRIX, MATRIX, COUNT, COUNT)
+def chain_factor(rows: Array, weights: Array, terminal: Array, axes: int, fixed: int) -> tuple[Array, bool]:
+    """Banded Cholesky factor of the Hessian with respect to the free positions.
+
+    Parameters
+    ----------
+    rows, weights
+        Shapes (N, r, w) and (N, r).
+    terminal
+        Hessian of the terminal cost by the positions from the last stage on, shape (t, t).
+    axes
+        m.
+    fixed
+        How many of the first positions are not free.
+
+    Returns
+    -------
+    tuple
+        Column i holds entries (i, i) to (i + w - 1, i) of the factor, shape (free, w); and whether the
+        Hessian is definite.
+    """
+    stages, count, width = rows.shape
+    size = (stages - 1) * axes + width
+    band = np.zeros((size, width))
+    for stage in range(stages):
+        begin = stage * axes
+        for row in range(count):
+            weight = weights[stage, row]
+            if weight != 0.0:
+                for place in range(width):
+                    factor = weight * rows[stage, row, place]
+                    if factor != 0.0:
+                        for further in range(place, width):
+                            band[begin + place, further - place] += factor * rows[stage, row, further]
+    begin = (stages - 1) * axes
+    for place in range(len(terminal)):
+        for further in range(place, len(terminal)):
+            band[begin + place, further - place] += terminal[place, further]
+    # The last positions are padding: no row depends on them.
+    free = band[fixed : size - axes].copy()
+    for column in range(len(free)):
+        pivot = free[column, 0]
+        if not pivot > 0.0:
+            return free, False
+        pivot = math.sqrt(pivot)
+        below = min(width, len(free) - column)
+        free[column, 0] = pivot
+        for place in range(1, below):
+            free[column, place] /= pivot
+        for place in range(1, below):
+            factor = free[column, place]
+            if factor != 0.0:
+                for further in range(place, below):
+                    free[column + place, further - place] -= factor * free[column, further]
+    return free, True
+
+
+@compiled(MATRIX, VECTOR)
+def chain_solve(factor: Array, right_side: Array) -> Array:
+    """Solve with a factor of `chain_factor`, shape (free,)."""
+    size, width = factor.shape
+    solution = right_side.copy()
+    for column in range(size):
+        value = solution[column] / factor[column, 0]
+        solution[column] = value
+        for place in range(1, min(width, size - column)):
+            solution[column + place] -= factor[column, place] * value
+    for column in range(size - 1, -1, -1):
+        value = solution[column]
+        for place in range(1, min(width, size - column)):
+            value -= factor[column, place] * solution[column + place]
+        solution[column] = value / factor[column, 0]
+    return solution
+
+
+@compiled(BLOCKS, MATRIX, VECTOR, COUNT, COUNT)
+def chain_roll_out(rows: Array, inputs: Array, flat: Array, axes: int, first_row: int) -> None:
+    """Set the positions that inputs lead to, from those that are fixed on.
+
+    Parameters
+    ----------
+    rows
+        Shape (N, r, w); those from `first_row` on are the inputs'.
+    inputs
+        Shape (N - 1, m).
+    flat
+        Positions, stage by stage; the first ones are given, the others are set.
+    axes
+        m, 1 or 2.
+    """
+    width = rows.shape[2]
+    known = width - axes
+    for stage in range(len(inputs)):
+        begin = stage * axes
+        left = np.empty(axes)
+        for axis in range(axes):
+            left[axis] = inputs[stage, axis]
+            for place in range(known):
+                left[axis] -= rows[stage, first_row + axis, place] * flat[begin + place]
+        if axes == 1:
+            flat[begin + known] = left[0] / rows[stage, first_row, known]
+        else:
+            a, b = rows[stage, first_row, known], rows[stage, first_row, known + 1]
+            c, d = rows[stage, first_row + 1, known], rows[stage, first_row + 1, known + 1]
+            scale = 1.0 / (a * d - b * c)
+            flat[begin + known] = scale * (d * left[0] - b * left[1])
+            flat[begin + known + 1] = scale * (a * left[1] - c * left[0])

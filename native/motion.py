@@ -1,0 +1,189 @@
+"""Kernels of the equations of motion (`rcopterx.agents.flight.prediction`)."""
+
+import math
+
+import numpy as np
+
+from rcopterx.native.compiled import (
+    ANY_MATRIX,
+    ANY_VECTOR,
+    COUNT,
+    NUMBER,
+    VECTOR,
+    Array,
+    compiled,
+    part,
+)
+
+GAIN = 0
+DAMPING = 4
+LAG = 8
+GRAVITY = 12
+COUPLING = 13
+GYRO = 14
+PARAMETERS = 15
+"""Where the parameters of a vehicle are in an array: four input gains, four dampings that act at once, four
+lags, gravity, yaw stick per thrust that the rotors have not followed, and per yaw rate."""
+THRUST = 2
+TURN = 3
+
+
+@part
+def after_lag(vehicle: Array, actuator: Array, target: Array, time_s: float) -> Array:
+    """Actuators some time after they began to follow a target, shapes (4,)."""
+    after = target.copy()
+    for axis in range(4):
+        lag_s = vehicle[LAG + axis]
+        if lag_s > 0.0:
+            after[axis] += (actuator[axis] - target[axis]) * math.exp(-time_s / lag_s)
+    return after
+
+
+@part
+def followed(
+    vehicle: Array, yaw_rate: float, actuator: Array, sticks: Array, push_yaw: float, time_s: float
+) -> Array:
+    """Sticks with what gyro and thrust make of that of yaw in the middle of a time, shape (4,)."""
+    half_s = 0.5 * time_s
+    middle_rate = yaw_rate + half_s * (vehicle[GAIN + TURN] * actuator[TURN] + push_yaw)
+    ahead = sticks[THRUST] - after_lag(vehicle, actuator, sticks, half_s)[THRUST]
+    result = sticks.copy()
+    result[TURN] += vehicle[COUPLING] * ahead - vehicle[GYRO] * middle_rate
+    return result
+
+
+@part
+def derivative(vehicle: Array, motion: Array, actuator: Array, disturbance: Array) -> Array:
+    """Equation (1): rates of the motion state, shape (8,)."""
+    c, s = math.cos(motion[3]), math.sin(motion[3])
+    xd, yd, zd, yaw_rate = motion[4], motion[5], motion[6], motion[7]
+    rates = np.empty(8)
+    rates[0] = c * xd - s * yd
+    rates[1] = s * xd + c * yd
+    rates[2] = zd
+    rates[3] = yaw_rate
+    for axis in range(4):
+        rates[4 + axis] = (
+            vehicle[GAIN + axis] * actuator[axis]
+            + disturbance[axis]
+            + vehicle[DAMPING + axis] * motion[4 + axis]
+        )
+    rates[4] += yaw_rate * yd
+    rates[5] -= yaw_rate * xd
+    rates[6] -= vehicle[GRAVITY]
+    return rates
+
+
+@compiled(VECTOR, ANY_VECTOR, ANY_VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, COUNT)
+def predict_motion(
+    vehicle: Array,
+    motion: Array,
+    actuator: Array,
+    sticks: Array,
+    disturbance: Array,
+    step_s: float,
+    steps: int,
+) -> tuple[Array, Array]:
+    """Motion and actuators after some steps of classical Runge-Kutta.
+
+    Parameters
+    ----------
+    vehicle
+        Parameters, shape (`PARAMETERS`,).
+    motion, actuator, sticks, disturbance
+        At the start; shapes (8,), (4,), (4,), (4,).
+    step_s, steps
+        Length of a step, and how many.
+    """
+    at, held, given, pushed = motion.copy(), actuator.copy(), sticks.copy(), disturbance.copy()
+    for _ in range(steps):
+        now = after_lag(vehicle, held, followed(vehicle, at[7], held, given, pushed[3], 0.0), 0.0)
+        half_s = 0.5 * step_s
+        middle = after_lag(vehicle, held, followed(vehicle, at[7], held, given, pushed[3], half_s), half_s)
+        end = after_lag(vehicle, held, followed(vehicle, at[7], held, given, pushed[3], step_s), step_s)
+        f1 = derivative(vehicle, at, now, pushed)
+        f2 = derivative(vehicle, at + half_s * f1, middle, pushed)
+        f3 = derivative(vehicle, at + half_s * f2, middle, pushed)
+        f4 = derivative(vehicle, at + step_s * f3, end, pushed)
+        at = at + step_s / 6 * (f1 + 2 * f2 + 2 * f3 + f4)
+        held = end
+    return at, held
+
+
+@compiled(VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)
+def follow_lags(vehicle: Array, actuator: Array, sticks: Array, yaw_rate: float, period_s: float) -> Array:
+    """Actuators after a period at a constant yaw rate without disturbance, shape (4,)."""
+    steady = np.zeros(4)
+    steady[THRUST] = actuator[THRUST]
+    target = followed(vehicle, yaw_rate, steady, sticks.copy(), 0.0, period_s)
+    return after_lag(vehicle, actuator.copy(), target, period_s)
+
+
+@compiled(*8 * [ANY_VECTOR], ANY_MATRIX, ANY_MATRIX, NUMBER)
+def predict_with_tilt(
+    motion: Array,
+    after: Array,
+    core: Array,
+    servo: Array,
+    wind: Array,
+    trim: Array,
+    sticks: Array,
+    gain: Array,
+    transition: Array,
+    demand: Array,
+    pole: float,
+) -> tuple[Array, Array, Array, Array]:
+    """Horizontal motion of a vehicle with a tilt model after a period, x = F x + G e.
+
+    Parameters
+    ----------
+    motion, after
+        Motion state before and after the period, whose height and heading are kept, shape (8,).
+    core, servo, wind, trim
+        Of the tilt model, shapes (k,), (2,), (2,), (2,).
+    sticks
+        What acts, its first two are pitch and roll.
+    gain
+        Demand per stick, shape (2,).
+    transition, demand
+        F and G, shapes (n, n) and (n, 2), n = k + 8.
+    pole
+        Of the servo.
+
+    Returns
+    -------
+    tuple
+        Motion, core, servo and wind after the period.
+    """
+    cores = len(core)
+    size = cores + 8
+    state = np.empty(size)
+    yaw, end = motion[3], after[3]
+    c, s = math.cos(yaw), math.sin(yaw)
+    state[:2] = motion[:2]
+    state[2] = c * motion[4] - s * motion[5]
+    state[3] = s * motion[4] + c * motion[5]
+    state[4 : 4 + cores] = core
+    middle = 0.5 * (yaw + end)
+    c, s = math.cos(middle), math.sin(middle)
+    stick_x, stick_y = sticks[0] + trim[0], sticks[1] + trim[1]
+    state[4 + cores] = c * gain[0] * servo[0] - s * gain[1] * servo[1]
+    state[5 + cores] = s * gain[0] * servo[0] + c * gain[1] * servo[1]
+    state[6 + cores], state[7 + cores] = wind[0], wind[1]
+    demand_x = c * gain[0] * stick_x - s * gain[1] * stick_y
+    demand_y = s * gain[0] * stick_x + c * gain[1] * stick_y
+    moved = np.empty(size)
+    for row in range(size):
+        total = demand[row, 0] * demand_x + demand[row, 1] * demand_y
+        for column in range(size):
+            total += transition[row, column] * state[column]
+        moved[row] = total
+    result = after.copy()
+    result[:2] = moved[:2]
+    c, s = math.cos(end), math.sin(end)
+    result[4] = c * moved[2] + s * moved[3]
+    result[5] = c * moved[3] - s * moved[2]
+    followed_servo = np.empty(2)
+    followed_servo[0] = stick_x + pole * (servo[0] - stick_x)
+    followed_servo[1] = stick_y + pole * (servo[1] - stick_y)
+    return result, moved[4 : 4 + cores].copy(), followed_servo, moved[6 + cores :].copy()
