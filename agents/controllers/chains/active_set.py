@@ -17,6 +17,7 @@ import numpy as np
 
 from rcopterx.agents.controllers.chains.chain import ChainTarget
 from rcopterx.agents.controllers.chains.interior_point import InteriorPoint, StageProblem
+from rcopterx.native.bounds import pressed_pull, pressed_side, pull_of, update_multipliers
 from rcopterx.vehicles.state import Array
 
 INPUT_PENALTY: Final = 1e6
@@ -140,7 +141,7 @@ class ActiveSetQP:
         chain = self._chain
         self._penalty: Array = chain.bounded * chain.soft_weights
         self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
-        self._can_press = chain.bounded > 0.0
+        self._nothing_pressed: Array = np.zeros(chain.bounded.shape)
 
     def forget(self) -> None:
         """Start the next solve from nothing, also after one that was interrupted anywhere."""
@@ -247,8 +248,7 @@ class ActiveSetQP:
                 return False, iteration
             chain.move(step)
             values = chain.values()
-            side = self._pressed_side(values, target)
-            settled = _same(side, active.side)
+            side, settled = self._pressed_side(values, target)
             active.side = side
             if settled and self._update_multipliers(values, target):
                 self._values = values
@@ -261,48 +261,62 @@ class ActiveSetQP:
     def _newton_step(self, values: Array, target: ChainTarget) -> Array | None:
         """Step to the minimum with the present side's bounds active; None if there is none."""
         chain, side = self._chain, self._active.side
-        pull = chain.weights * (values - target.rows)
         if side is None:
             weights = chain.weights
+            pull = pull_of(values, target.rows, weights)
         else:
-            active = self._penalty * np.abs(side)
-            weights = chain.weights + active
-            pull += active * (values - np.where(side > 0.0, target.upper, target.lower))
-            pull[:, chain.inputs] += np.abs(side[:, chain.inputs]) * self._active.multipliers
+            pull, weights = pressed_pull(
+                values,
+                target.rows,
+                chain.weights,
+                self._penalty,
+                side,
+                self._active.multipliers,
+                np.atleast_2d(target.lower),
+                np.atleast_2d(target.upper),
+                chain.inputs.start,
+            )
         if self._factor is None or not _same(side, self._factor_side):
             self._factor, self._factor_side = chain.factorize(weights), side
             if self._factor is None:
                 return None
         return chain.solve(self._factor, -chain.cost_gradient(pull, target))
 
-    def _pressed_side(self, values: Array, target: ChainTarget) -> Array | None:
-        """Which bound each row presses on: -1 lower, 1 upper, 0 none; None if no row presses on any."""
-        pressed = values
-        if self._active.side is not None:
-            pressed = values.copy()
-            pressed[:, self._chain.inputs] += self._active.multipliers / INPUT_PENALTY
-        above, below = pressed > target.upper, pressed < target.lower
-        above &= self._can_press
-        below &= self._can_press
-        if above.any() or below.any():
-            return above.astype(float) - below
-        return None
+    def _pressed_side(self, values: Array, target: ChainTarget) -> tuple[Array | None, bool]:
+        """Which bound each row presses on, -1 lower, 1 upper, 0 none; None if no row presses on any.
+
+        And whether that is as it was.
+        """
+        active, chain = self._active, self._chain
+        side, presses, same = pressed_side(
+            values,
+            chain.bounded,
+            # Where nothing was active, no multiplier counts.
+            self._unbound.multipliers if active.side is None else active.multipliers,
+            self._nothing_pressed if active.side is None else active.side,
+            np.atleast_2d(target.lower),
+            np.atleast_2d(target.upper),
+            chain.inputs.start,
+            INPUT_PENALTY,
+        )
+        if not presses:
+            return None, active.side is None
+        return side, same and active.side is not None
 
     def _update_multipliers(self, values: Array, target: ChainTarget) -> bool:
         """One step of the method of multipliers; True if the inputs lie within and on their bounds."""
         if self._active.side is None:
             self._active.multipliers[:] = 0.0
             return True
-        columns = self._chain.inputs
-        inputs = values[:-1, columns]
-        lower, upper = self._input_bounds(target)
-        multipliers = self._active.multipliers[:-1]
-        pressed = inputs + multipliers / INPUT_PENALTY
-        updated = INPUT_PENALTY * (pressed - np.clip(pressed, lower, upper))
-        # The change is the distance to the bound, outside or inside: a row that presses must lie on it.
-        distance = np.abs(updated - multipliers).max() / INPUT_PENALTY
-        multipliers[:] = updated
-        return bool(distance <= INPUT_TOLERANCE)
+        distance = update_multipliers(
+            values,
+            self._active.multipliers,
+            np.atleast_2d(target.lower),
+            np.atleast_2d(target.upper),
+            self._chain.inputs.start,
+            INPUT_PENALTY,
+        )
+        return distance <= INPUT_TOLERANCE
 
     def _input_bounds(self, target: ChainTarget) -> tuple[Array, Array]:
         """Of the inputs of the horizon, which are the same at every stage."""

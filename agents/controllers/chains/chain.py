@@ -9,16 +9,15 @@ with E_i orthogonal and one or two axes: yaw, the vertical and, along a known he
 motion are all of this form (control.md section 6). Positions determine everything else: velocities are their
 differences, actuators differences of those, inputs differences of those. In the positions y_i alone there are
 no dynamics left to respect, every quantity of stage i is a row times the window (y_i, .., y_{i + levels}),
-and the Hessian is a band: one Newton step is one banded Cholesky factorisation (LAPACK pbtrf), linear in N.
+and the Hessian is a band: one Newton step is one banded Cholesky factorisation, linear in N.
 Rows that keep the vehicle clear of others are of the same kind: a direction times the stage's position.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided, sliding_window_view
-from scipy.linalg import lapack
 
+from rcopterx.native.chain import chain_factor, chain_gradient, chain_roll_out, chain_solve, chain_values
 from rcopterx.vehicles.state import Array
 
 
@@ -125,7 +124,7 @@ class Chain:
         self._clearances = slice(3 * m, 3 * m + parameters.clearances)
         rows = self._clearances.stop
         self._push = parameters.period_s * parameters.gain
-        self._width = width = (levels + 1) * m
+        width = (levels + 1) * m
         self._rows: Array = np.zeros((stages, rows, width))
         self._rows[:, :m, :m] = np.eye(m)
         self._terminal_map: Array = np.eye(levels * m)
@@ -141,18 +140,9 @@ class Chain:
         self.bounded[:, self._clearances] = 0.0
         self.soft_weights: Array = np.full(rows, parameters.soft_weight)
         self.soft_weights[self._clearances] = parameters.clearance_weight
-        self._products: Array = np.zeros((stages, width, 2 * width))
-        step, row, item = self._products.strides
-        # entry (s, j, a, d) of this view is products[s, j m + a, j m + a + d]: a diagonal as a column
-        self._diagonals = as_strided(
-            self._products, (stages, levels + 1, m, width), (step, m * (row + item), row + item, item)
-        )
-        self._band: Array = np.zeros((stages + levels, m, width))
         self._free = slice(levels * m, (stages + levels - 1) * m)
         self.flat: Array = np.zeros((stages + levels, m))
-        self._flat_windows = sliding_window_view(self.flat.reshape(-1), width)[::m]
         self._change: Array = np.zeros((stages + levels) * m)
-        self._change_windows = sliding_window_view(self._change, width)[::m]
 
     def set_matrices(self, turn: Array, transition: Array, terminal_cost: Array) -> None:
         """Replace E, F and the terminal cost.
@@ -251,12 +241,12 @@ class Chain:
 
     def values(self) -> Array:
         """Rows at the present positions, shape (N, 3 m + K)."""
-        return np.asarray(np.einsum("srk,sk->sr", self._rows, self._flat_windows))
+        return chain_values(self._rows, self.flat.reshape(-1), self.parameters.axes)
 
     def change_of_values(self, step: Array) -> Array:
         """Change of the rows under a step of the free positions, shape (N, 3 m + K)."""
         self._change[self._free] = step
-        return np.asarray(np.einsum("srk,sk->sr", self._rows, self._change_windows))
+        return chain_values(self._rows, self._change, self.parameters.axes)
 
     def move(self, step: Array) -> None:
         """Take a step of the free positions."""
@@ -264,31 +254,20 @@ class Chain:
 
     def roll_out(self, inputs: Array) -> None:
         """Set the free positions to what inputs, balance added, lead to; shape (N - 1, m)."""
-        m, first = self.parameters.axes, self.parameters.levels
-        windows = self._rows[:-1, self.inputs]
-        # In one go for all stages, because what is rolled out is what is left of a control period.
-        by_input = np.linalg.inv(windows[:, :, -m:])
-        forced = np.einsum("sab,sb->sa", by_input, inputs)
-        free = by_input @ windows[:, :, :-m]
         flat = self.flat.reshape(-1)
-        for stage in range(len(inputs)):
-            at = stage * m
-            flat[at + first * m : at + (first + 1) * m] = (
-                forced[stage] - free[stage] @ flat[at : at + first * m]
-            )
+        chain_roll_out(self._rows, inputs.copy(), flat, self.parameters.axes, self.inputs.start)
 
     def gradient(self, pull: Array) -> Array:
         """Derivative with respect to the free positions of sum(pull * rows), both of the same shape."""
-        return np.asarray(self._overlapped(pull).reshape(-1)[self._free])
+        return chain_gradient(self._rows, pull, self.parameters.axes)[self._free]
 
     def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
         """As `gradient`, with the terminal cost's part."""
-        last = self.parameters.stages - 1
-        gradient = self._overlapped(pull)
+        m = self.parameters.axes
+        gradient = chain_gradient(self._rows, pull, m)
         error = self._terminal_error(target)
-        end = self._terminal_map.T @ (self._terminal_cost @ error)
-        gradient[last:-1] += end.reshape(-1, self.parameters.axes)
-        return np.asarray(gradient.reshape(-1)[self._free])
+        gradient[m * (self.parameters.stages - 1) : -m] += (self._terminal_cost @ error) @ self._terminal_map
+        return gradient[self._free]
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
         """Terminal cost of the present positions."""
@@ -301,27 +280,11 @@ class Chain:
 
     def factorize(self, weights: Array) -> Array | None:
         """Banded Cholesky factor of the Hessian with these row weights; None if it is not definite."""
-        stages, width, band = self.parameters.stages, self._width, self._band
-        scaled = self._rows * weights[:, :, None]
-        products = self._products[:, :, :width]
-        np.matmul(self._rows.transpose(0, 2, 1), scaled, out=products)
-        size = len(self._terminal_hessian)
-        products[-1, :size, :size] += self._terminal_hessian
-        band[:] = 0.0
-        for shift in range(self.parameters.levels + 1):
-            band[shift : shift + stages] += self._diagonals[:, shift]
-        factor, info = lapack.dpbtrf(band.reshape(-1, width)[self._free].T, lower=1)
-        return None if info else factor
+        m, fixed = self.parameters.axes, self._free.start
+        factor, definite = chain_factor(self._rows, weights, self._terminal_hessian, m, fixed)
+        return factor if definite else None
 
     @staticmethod
     def solve(factor: Array, right_side: Array) -> Array:
         """Solve with a factor from `factorize`."""
-        return np.asarray(lapack.dpbtrs(factor, right_side, lower=1)[0])
-
-    def _overlapped(self, pull: Array) -> Array:
-        stages, m, levels = self.parameters.stages, self.parameters.axes, self.parameters.levels
-        windows = np.einsum("srk,sr->sk", self._rows, pull).reshape(stages, levels + 1, m)
-        total = np.zeros((stages + levels, m))
-        for shift in range(levels + 1):
-            total[shift : shift + stages] += windows[:, shift]
-        return total
+        return chain_solve(factor, right_side)

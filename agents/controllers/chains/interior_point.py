@@ -11,12 +11,14 @@ from typing import Final, Protocol
 import numpy as np
 
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.native.bounds import complementarity_ahead, direction_of, residual_of, shift_of, softened_of
 from rcopterx.vehicles.state import Array
 
 RESIDUAL: Final = 1e-7
 START_MULTIPLIER: Final = 10.0
 START_SLACK: Final = 0.1
 TO_BOUNDARY: Final = 0.99
+_LONGEST: Final = 1.0 / TO_BOUNDARY
 
 
 class StageProblem(Protocol):
@@ -137,55 +139,45 @@ class InteriorPoint:
             Whether it was reached.
         """
         while True:
-            residual = self._residual()
-            present = float(np.vdot(self.slacks, self.multipliers)) / self._count
-            if present < gap and np.abs(residual).max() < RESIDUAL:
+            residual, largest, together = residual_of(
+                self._values, self.multipliers, self._give, self.slacks, self._bounds, self._mask
+            )
+            present = together / self._count
+            if present < gap and largest < RESIDUAL:
                 return True
             if self.iterations >= max_iterations or expired() or not self._step(residual, present):
                 return False
             self.iterations += 1
 
-    def _residual(self) -> Array:
-        both = np.stack((self._values, -self._values)) - self._give * self.multipliers
-        return np.asarray((both + self.slacks - self._bounds) * self._mask)
-
     def _step(self, residual: Array, gap: float) -> bool:
         """One predictor and corrector; False if the Hessian cannot be factorised."""
         chain, slacks, multipliers = self._chain, self.slacks, self.multipliers
-        softened = slacks + self._give * multipliers
-        stiffness = multipliers / softened
-        factor = chain.factorize(chain.weights + stiffness[0] + stiffness[1])
+        softened, stiffness, weights, pull = softened_of(
+            slacks, multipliers, self._give, self._values, self._target.rows, chain.weights
+        )
+        factor = chain.factorize(weights)
         if factor is None:
             return False
-        pull = chain.weights * (self._values - self._target.rows) + multipliers[0] - multipliers[1]
         gradient = chain.cost_gradient(pull, self._target)
-        forced = stiffness * residual
 
-        def direction(product: Array) -> tuple[Array, Array, Array, Array]:
-            shift = forced - product / softened
-            step = chain.solve(factor, -gradient - chain.gradient(shift[0] - shift[1]))
+        def direction(product: Array) -> tuple[Array, Array, Array, Array, float]:
+            shift, pushed = shift_of(stiffness, residual, product, softened)
+            step = chain.solve(factor, -gradient - chain.gradient(pushed))
             values = chain.change_of_values(step)
-            both = np.stack((values, -values))
-            to_multipliers = stiffness * both + shift
-            to_slacks = (self._give * to_multipliers - residual - both) * self._mask
-            return step, values, to_slacks, to_multipliers
+            ahead = direction_of(
+                values, self._give, stiffness, shift, residual, self._mask, slacks, multipliers, _LONGEST
+            )
+            return step, values, *ahead
 
         product = slacks * multipliers
-        _, _, to_slacks, to_multipliers = direction(product)
-        length = min(_longest(slacks, to_slacks), _longest(multipliers, to_multipliers))
-        ahead = np.vdot(slacks + length * to_slacks, multipliers + length * to_multipliers) / self._count
-        centering = (float(ahead) / gap) ** 3
+        _, _, to_slacks, to_multipliers, length = direction(product)
+        ahead = complementarity_ahead(slacks, multipliers, to_slacks, to_multipliers, length) / self._count
+        centering = (ahead / gap) ** 3
         product += (to_slacks * to_multipliers - centering * gap) * self._mask
-        step, values, to_slacks, to_multipliers = direction(product)
-        length = TO_BOUNDARY * min(_longest(slacks, to_slacks), _longest(multipliers, to_multipliers))
+        step, values, to_slacks, to_multipliers, length = direction(product)
+        length *= TO_BOUNDARY
         chain.move(length * step)
         self._values = self._values + length * values
         slacks += length * to_slacks
         multipliers += length * to_multipliers
         return True
-
-
-def _longest(at: Array, direction: Array) -> float:
-    """Largest step up to 1 / TO_BOUNDARY that keeps `at` non-negative."""
-    ratio = float((direction / np.where(at > 0, at, np.inf)).min())
-    return min(1.0 / TO_BOUNDARY, -1.0 / ratio) if ratio < 0 else 1.0 / TO_BOUNDARY

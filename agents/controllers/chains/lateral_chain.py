@@ -14,6 +14,7 @@ from scipy.linalg import lapack, solve_discrete_are
 
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
+from rcopterx.native.lateral import add_stick_weights, lateral_pull, lateral_rows
 from rcopterx.vehicles.state import Array
 
 AXES: Final = 2
@@ -64,7 +65,7 @@ class LateralChain:
         self._condense()
         self.terminal_cost = self._riccati_cost()
         self._hessian = self._constant_hessian()
-        self._factor = _cholesky(self._hessian)
+        self._factor = _cholesky(self._hessian.copy())
         level = np.tile(np.eye(AXES), (stages, 1, 1))
         self.set_headings(level, level[:-1])
         self.set_start(np.zeros(system.size))
@@ -77,8 +78,11 @@ class LateralChain:
         powers[0] = np.eye(size)
         for stage in range(1, count):
             powers[stage] = system.transition @ powers[stage - 1]
-        self._position_free, self._velocity_free = powers[:, POSITION], powers[:, VELOCITY]
-        self._last_free = powers[stages - 1]
+        positions, velocities = powers[:, POSITION].reshape(-1, size), powers[:stages, VELOCITY]
+        self._state_map = np.ascontiguousarray(
+            np.concatenate((positions[: AXES * stages], velocities.reshape(-1, size), powers[stages - 1]))
+        )
+        self._beyond_state_map = np.ascontiguousarray(positions[AXES * stages :])
         pushed = powers @ system.demand
         demand = np.zeros((count, size, stages - 1, AXES))
         for stage in range(1, count):
@@ -87,9 +91,16 @@ class LateralChain:
             for beyond in range(stage - known):
                 demand[stage, :, -1] += pushed[beyond]
         flat = demand.reshape(count, size, self._free)
-        self._position_map = np.ascontiguousarray(flat[:, POSITION].reshape(AXES * count, -1))
-        self._velocity_map = np.ascontiguousarray(flat[:stages, VELOCITY].reshape(AXES * stages, -1))
-        self._last_map = flat[stages - 1].copy()
+        positions, velocities = flat[:, POSITION].reshape(AXES * count, -1), flat[:stages, VELOCITY]
+        beyond = AXES * stages
+        # Positions and velocities of the stages, the last state: one product with the demands gives all.
+        self._map = np.ascontiguousarray(
+            np.concatenate((positions[:beyond], velocities.reshape(beyond, -1), flat[stages - 1]))
+        )
+        self._position_map, self._velocity_map = self._map[:beyond], self._map[beyond : 2 * beyond]
+        self._last_map = self._map[2 * beyond :]
+        self._beyond_map = np.ascontiguousarray(positions[beyond:])
+        self._pulled: Array = np.zeros(len(self._map))
 
     def _riccati_cost(self) -> Array:
         """Cost of the last state: what an endless horizon would add."""
@@ -138,9 +149,8 @@ class LateralChain:
 
     def set_start(self, first_state: Array) -> None:
         """Start from a state of the lateral system, shape (n,)."""
-        self._position_base = self._position_free @ first_state
-        self._velocity_base = self._velocity_free[: self.parameters.stages] @ first_state
-        self._last_base = self._last_free @ first_state
+        self._base = self._state_map @ first_state
+        self._beyond_base = self._beyond_state_map @ first_state
 
     def rest(self) -> None:
         """Begin from no demand at all."""
@@ -160,30 +170,22 @@ class LateralChain:
 
     def positions(self) -> Array:
         """Positions of the stages and `BEYOND` more, shape (N + 2, 2)."""
-        return self._position_base + (self._position_map @ self._demands).reshape(-1, AXES)
+        stages = self._base[: AXES * self.parameters.stages] + self._position_map @ self._demands
+        beyond = self._beyond_base + self._beyond_map @ self._demands
+        return np.concatenate((stages, beyond)).reshape(-1, AXES)
 
     def values(self) -> Array:
         """Rows at the present demands, shape (N, 6 + K)."""
-        stages = self.parameters.stages
-        velocity = self._velocity_base + (self._velocity_map @ self._demands).reshape(-1, AXES)
-        return self._rows(self.positions()[:stages], velocity, self._demands)
+        return self._rows(self._base + self._map @ self._demands, self._demands)
 
     def change_of_values(self, step: Array) -> Array:
         """Change of the rows under a step of the demands, shape (N, 6 + K)."""
-        stages = self.parameters.stages
-        position = (self._position_map[: AXES * stages] @ step).reshape(-1, AXES)
-        velocity = (self._velocity_map @ step).reshape(-1, AXES)
-        return self._rows(position, velocity, step)
+        return self._rows(self._map @ step, step)
 
-    def _rows(self, position: Array, velocity: Array, demands: Array) -> Array:
-        rows = np.zeros(self.weights.shape)
-        rows[:, :AXES] = position
-        rows[:, AXES : 2 * AXES] = turned_back(self._turn, velocity)
-        sticks = turned_back(self._demand_turn, demands.reshape(-1, AXES))
-        rows[:-1, self.inputs] = sticks / self.parameters.gain
-        if self._directions.size:
-            rows[:, self._clearances] = np.einsum("ska,sa->sk", self._directions, position)
-        return rows
+    def _rows(self, moved: Array, demands: Array) -> Array:
+        return lateral_rows(
+            moved, demands, self._turn, self._demand_turn, self.parameters.gain, self._directions
+        )
 
     def move(self, step: Array) -> None:
         """Take a step of the demands."""
@@ -196,21 +198,19 @@ class LateralChain:
 
     def gradient(self, pull: Array) -> Array:
         """Derivative with respect to the demands of sum(pull * rows), both of the same shape."""
-        stages = self.parameters.stages
-        position = pull[:, :AXES]
-        if self._directions.size:
-            position = position + np.einsum("ska,sk->sa", self._directions, pull[:, self._clearances])
-        velocity = np.einsum("sab,sb->sa", self._turn, pull[:, AXES : 2 * AXES])
-        sticks = pull[:-1, self.inputs] / self.parameters.gain
-        gradient: Array = position.reshape(-1) @ self._position_map[: AXES * stages]
-        gradient += velocity.reshape(-1) @ self._velocity_map
-        gradient += np.einsum("sab,sb->sa", self._demand_turn, sticks).reshape(-1)
-        return np.asarray(gradient)
+        self._pulled[-self._system.size :] = 0.0
+        return self._gradient(pull)
 
     def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
         """As `gradient`, with the terminal cost's part."""
-        error = self._terminal_error(target)
-        return np.asarray(self.gradient(pull) + (self.terminal_cost @ error) @ self._last_map)
+        self._pulled[-self._system.size :] = self.terminal_cost @ self._terminal_error(target)
+        return self._gradient(pull)
+
+    def _gradient(self, pull: Array) -> Array:
+        sticks = lateral_pull(
+            pull, self._turn, self._demand_turn, self.parameters.gain, self._directions, self._pulled
+        )
+        return np.asarray(sticks + self._pulled @ self._map)
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
         """Terminal cost of the present demands."""
@@ -218,7 +218,8 @@ class LateralChain:
         return 0.5 * float(error @ self.terminal_cost @ error)
 
     def _terminal_error(self, target: ChainTarget) -> Array:
-        return np.asarray(self._last_base + self._last_map @ self._demands - target.terminal)
+        last = self._base[-self._system.size :] + self._last_map @ self._demands
+        return np.asarray(last - target.terminal)
 
     def factorize(self, weights: Array) -> Array | None:
         """Cholesky factor of the Hessian with these row weights; None if it is not definite."""
@@ -226,13 +227,7 @@ class LateralChain:
             return self._factor
         added = weights - self.weights
         hessian = self._hessian.copy()
-        inputs = added[:-1, self.inputs] / self.parameters.gain**2
-        if inputs.any():
-            turned = self._demand_turn * inputs[:, None, :]
-            blocks = turned @ self._demand_turn.transpose(0, 2, 1)
-            stage = np.arange(len(blocks))
-            whole = hessian.reshape(len(blocks), AXES, len(blocks), AXES)
-            whole[stage, :, stage, :] += blocks
+        add_stick_weights(hessian, added, self._demand_turn, self.parameters.gain, self.inputs.start)
         for rows in self._active_rows(added):
             hessian += rows.T @ rows
         return _cholesky(hessian)
@@ -260,7 +255,9 @@ class LateralChain:
 
 
 def _cholesky(hessian: Array) -> Array | None:
-    factor, info = lapack.dpotrf(hessian, lower=1, overwrite_a=0)
+    """Cholesky factor in the place of a matrix; None if it is not definite."""
+    # Transposed it is the same matrix, and LAPACK need not copy it.
+    factor, info = lapack.dpotrf(hessian.T, lower=1, overwrite_a=1)
     return None if info else factor
 
 
