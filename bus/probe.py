@@ -10,6 +10,8 @@ from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.keys import probe_key
 
+CONTENT: Final = b"probe"
+"""Messages without content are those of `rcopterx doctor`."""
 PERIOD_S: Final = LONGEST_WAIT_S
 OPENING_LIMIT_S: Final = 10.0
 """How long the router may take to accept its own process."""
@@ -39,7 +41,7 @@ class Probe:
 
     def send(self) -> None:
         """Send a message; never blocks."""
-        self._publisher.put(b"")
+        self._publisher.put(CONTENT)
 
     def came_back(self) -> bool:
         """Whether a message has arrived since the last call."""

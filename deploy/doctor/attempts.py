@@ -4,7 +4,7 @@ Whatever is sent has no content, so that whoever receives it rejects and counts 
 """
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from datetime import datetime
 from pathlib import Path
@@ -92,16 +92,22 @@ def _tried(
     rogue: zenoh.Session,
     listener: zenoh.Session,
 ) -> Iterator[Result]:
-    forbidden = sorted(published_keys(fleet, everybody) - published_keys(fleet, own))
+    forbidden = _beyond(published_keys(fleet, everybody), published_keys(fleet, own))
     passed = _published(forbidden, rogue, listener)
     yield from (Result(False, f"{name}: may publish {key}, which is not its own") for key in passed)
     if not passed:
         yield Result(True, f"{name}: {len(forbidden)} keys that are not its own refused")
-    forbidden = sorted(asked_keys(fleet, everybody) - asked_keys(fleet, own))
+    forbidden = _beyond(asked_keys(fleet, everybody), asked_keys(fleet, own))
     answered = [key for key in forbidden if list(rogue.get(key, timeout=ANSWER_S))]
     yield from (Result(False, f"{name}: may ask {key}, which it must not") for key in answered)
     if not answered:
         yield Result(True, f"{name}: {len(forbidden)} requests that it must not make refused")
+
+
+def _beyond(keys: Iterable[str], own: Iterable[str]) -> list[str]:
+    """Keys that none of one's own covers; these may have wildcards."""
+    covering = [zenoh.KeyExpr(key) for key in own]
+    return sorted(key for key in keys if not any(each.includes(zenoh.KeyExpr(key)) for each in covering))
 
 
 def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Session) -> list[str]:

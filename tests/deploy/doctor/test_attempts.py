@@ -1,5 +1,6 @@
 """What a router must refuse is tried on real ones: those that do, and those that do not."""
 
+import threading
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
@@ -8,7 +9,9 @@ from msgspec import structs
 from support.bus import router
 from support.secured import SecuredBus, secured_bus
 
-from rcopterx.bus.channels import FLEET_UNIT, KILL, key
+from rcopterx.bus.channels import FLEET_UNIT, KILL, key, request_key
+from rcopterx.bus.keys import probe_key
+from rcopterx.bus.probe import Probe
 from rcopterx.bus.session import BusAddress
 from rcopterx.deploy.doctor import attempts
 from rcopterx.deploy.fleet_file.schema import HostConfig
@@ -34,6 +37,25 @@ def test_a_fleet_with_certificates_has_no_findings(bus: SecuredBus, host: str) -
     found = results(bus, host)
     assert [result.text for result in found if not result.good] == []
     assert len(found) > 10
+
+
+def test_what_others_say_and_what_an_agent_may_ask_of_every_host_is_no_finding(bus: SecuredBus) -> None:
+    bus.serve(bus.local["main"], request_key("lab", "main", "recall"))
+    probe = Probe(bus.local["second"], bus.local["second"], probe_key("lab", "second"))
+    ended = threading.Event()
+
+    def go_on() -> None:
+        while not ended.wait(0.001):
+            probe.send()
+
+    sender = threading.Thread(target=go_on)
+    sender.start()
+    try:
+        found = results(bus, "main")
+    finally:
+        ended.set()
+        sender.join()
+    assert [result.text for result in found if not result.good] == []
 
 
 def test_routers_that_let_through_more_than_the_fleet_file_says_are_found(bus: SecuredBus) -> None:
