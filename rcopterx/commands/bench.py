@@ -227,6 +227,37 @@ def links(
 
 
 @app.command()
+def hosts(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Flights of each kind.")] = 2,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=1, max=600, help="How long each flight is measured.")
+    ] = 20.0,
+) -> None:
+    """From pose to command over four hosts with mutual TLS, against one host without. Needs root."""
+    from rcopterx.benchmarks.hosts import run
+    from rcopterx.benchmarks.namespaces import NetworkUnavailableError
+
+    try:
+        with user_errors():
+            document = run(rounds, seconds, lambda text: typer.echo(f"bench hosts: {text}", err=True))
+    except NetworkUnavailableError as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(EXIT_FAILED) from None
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    for name in ("one_host", "four_hosts"):
+        row = document[name]
+        times = ", ".join(f"{kind} {value:.2f}" for kind, value in row["pose_to_command_ms"].items())
+        typer.echo(
+            f"{name.replace('_', ' '):10} pose to command [ms]: {times}; "
+            f"{row['missed']} of {row['periods']} periods missed"
+        )
+    typer.echo(f"p99 over four hosts: {document['ratio_p99']:.2f} times that of one")
+
+
+@app.command()
 def kill(
     as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
     presses: Annotated[int, typer.Option(metavar="N", min=1, help="How often each way is tried.")] = 20,

@@ -1,0 +1,242 @@
+"""The way from pose to command over four hosts with mutual TLS, against one host without, in the same run.
+
+Hosts are network namespaces of this computer: their monotonic clocks are one, and they share its processors.
+"""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.bus import channels
+from rcopterx.deploy.certificates.fleet_certificates import make_certificates
+from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.statistics import percentiles
+
+LABORATORY: Final = "main"
+"""Host of the simulated laboratory and its gateways."""
+ONE: Final[Mapping[str, str]] = {"h1": "main", "h2": "main", "h3": "main"}
+FOUR: Final[Mapping[str, str]] = {"h1": "compute1", "h2": "compute2", "h3": "compute3"}
+"""Which vehicle's agent runs where."""
+HORIZON: Final = 50
+OFFSETS_M: Final = {"h2": (-0.4, 0.5, 0.0), "h3": (-0.4, -0.5, 0.0)}
+LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1.0))
+LEG_S: Final = 4.0
+ROUTER_PORT: Final = 7447
+TRACKER_PORT: Final = 8010
+FIRST_ROUTER_S: Final = 30.0
+READY_S: Final = 60.0
+SETTLE_S: Final = 5.0
+STOP_S: Final = 30.0
+
+Tell = Callable[[str], None]
+
+
+def run(rounds: int, seconds: float, tell: Tell = lambda _: None) -> dict[str, Any]:
+    """Fly the trio on one host and over four in turn.
+
+    Parameters
+    ----------
+    rounds
+        How often each.
+    seconds
+        How long each flight is measured.
+    tell
+        Told what is going on.
+
+    Returns
+    -------
+    dict
+        `one_host` and `four_hosts`: `pose_to_command_ms` (p50, p99, max) and control periods `missed` of
+        `periods`; `ratio_p99`; the `load` of the machine before.
+
+    Raises
+    ------
+    NetworkUnavailableError
+        No network namespaces here.
+    FLIGHT_ERRORS
+        A fleet could not be flown.
+    """
+    load = os.getloadavg()[0]
+    flown: dict[str, list[Flown]] = {"one_host": [], "four_hosts": []}
+    for number in range(rounds):
+        for name, agents, certificates in (("one_host", ONE, False), ("four_hosts", FOUR, True)):
+            tell(f"round {number + 1}: {name.replace('_', ' ')}")
+            flown[name].append(_flown(agents, certificates, seconds))
+    document = {name: _figures(flights) for name, flights in flown.items()}
+    p99_ms = [document[name]["pose_to_command_ms"]["p99"] for name in ("four_hosts", "one_host")]
+    return {**document, "ratio_p99": p99_ms[0] / p99_ms[1], "horizon": HORIZON, "load": load}
+
+
+class Flown:
+    """What a flight showed.
+
+    Attributes
+    ----------
+    times_ms
+        From pose to command.
+    missed, periods
+        Frames of the motion capture without a command that was obeyed, of how many.
+    """
+
+    def __init__(self) -> None:
+        self.times_ms: list[float] = []
+        self.missed = self.periods = 0
+
+    def add(self, commands: list[tuple[int, float]]) -> None:
+        """Take in the commands of a vehicle: frame, and time from its pose [ms]."""
+        frames = {frame for frame, _ in commands}
+        span = max(frames) - min(frames) + 1
+        self.times_ms += [time_ms for _, time_ms in commands]
+        self.periods += span
+        self.missed += span - len(frames)
+
+
+def _figures(flights: list[Flown]) -> dict[str, Any]:
+    return {
+        "pose_to_command_ms": percentiles([time_ms for flight in flights for time_ms in flight.times_ms]),
+        "missed": sum(flight.missed for flight in flights),
+        "periods": sum(flight.periods for flight in flights),
+    }
+
+
+def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> Flown:
+    hosts = list(dict.fromkeys((LABORATORY, *agents.values())))
+    with ExitStack() as stack:
+        # A short path, because the routers' sockets live in it.
+        directory = Path(stack.enter_context(TemporaryDirectory(prefix="rcopterx-")))
+        net = stack.enter_context(network(hosts))
+        path = directory / "lab.toml"
+        path.write_text(fleet_text(net.addresses, agents, directory if certificates else None))
+        file = load_fleet(path)
+        if certificates:
+            make_certificates(file, datetime.now(UTC), days=1)
+        for host in hosts:
+            stack.enter_context(_host(net, host, path))
+        stack.enter_context(_here(_run_directory(path, LABORATORY)))
+        fleet = stack.enter_context(closing(Fleet(file, LABORATORY, FIRST_ROUTER_S)))
+        fleet.wait_ready(timeout_s=READY_S)
+        fleet.wait_until(
+            lambda: all(status.spare_ready for status in fleet.launchers().values()), READY_S, "no spares"
+        )
+        return _measured(fleet, seconds)
+
+
+def _measured(fleet: Fleet, seconds: float) -> Flown:
+    names = list(fleet.file.vehicles)
+    fleet.take_off()
+    fleet.wait_for_formation()
+    time.sleep(SETTLE_S)
+    depth = int(200 * (seconds + SETTLE_S))
+    inboxes = [fleet.session.subscribe(channels.APPLIED, name, depth=depth) for name in names]
+    until_s, legs = time.monotonic() + seconds, 0
+    while (left_s := until_s - time.monotonic()) > 0:
+        fleet["h1"].go_to(LEGS_M[legs % len(LEGS_M)])
+        legs += 1
+        time.sleep(min(LEG_S, left_s))
+    flown = Flown()
+    for inbox in inboxes:
+        obeyed = [received.message for received in inbox.drain()]
+        flown.add(
+            [
+                (told.frame, 1e3 * (told.command_arrived_s - told.timing.received_s))
+                for told in obeyed
+                if told.timing is not None and told.command_arrived_s is not None
+            ]
+        )
+    fleet.land()
+    return flown
+
+
+def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certificates: Path | None) -> str:
+    """Fleet file of the trio, with the agents of its vehicles on these hosts.
+
+    Parameters
+    ----------
+    addresses
+        Of the hosts.
+    agents
+        Host of the agent of each vehicle.
+    certificates
+        Directory of the certificates; None for a fleet without.
+    """
+    security = "insecure = true" if certificates is None else f'certificates = "{certificates}/certificates"'
+    hosts = "\n".join(
+        f'[hosts.{host}]\naddress = "{address}"\nrouter_port = {ROUTER_PORT}'
+        for host, address in addresses.items()
+    )
+    vehicles = "\n".join(
+        _vehicle(number, name, host) for number, (name, host) in enumerate(agents.items(), 1)
+    )
+    return f"""
+name = "lab"
+{hosts}
+[security]
+{security}
+[tracker]
+address = "{addresses[LABORATORY]}:{TRACKER_PORT}"
+[simulator]
+[defaults.control]
+controller = "cascade"
+horizon = {HORIZON}
+{vehicles}
+"""
+
+
+def _vehicle(number: int, name: str, host: str) -> str:
+    offset_m = OFFSETS_M.get(name)
+    follow = f'follow = [{{ leader = "h1", offset_m = {list(offset_m)} }}]' if offset_m else ""
+    return f"""
+[vehicles.{name}]
+subject = "heli{number}"
+host = "{host}"
+transmitter = {{ port = "radio-{name}", model_match = {number} }}
+{follow}"""
+
+
+def _run_directory(path: Path, host: str) -> Path:
+    return path.parent / host
+
+
+@contextmanager
+def _here(run_directory: Path) -> Iterator[None]:
+    """Let this process find the router of a host by its run directory."""
+    before = os.environ.get("RCOPTERX_RUN")
+    os.environ["RCOPTERX_RUN"] = str(run_directory)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["RCOPTERX_RUN"]
+        else:
+            os.environ["RCOPTERX_RUN"] = before
+
+
+@contextmanager
+def _host(net: Network, host: str, path: Path) -> Iterator[None]:
+    """The processes of a host, as `rcopterx up --host` starts them."""
+    own = _run_directory(path, host)
+    own.mkdir(mode=0o700)
+    process = subprocess.Popen(
+        net.python(host, "-m", "rcopterx", "up", str(path), "--host", host, "--no-record"),
+        env=os.environ | {"RCOPTERX_RUN": str(own)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
