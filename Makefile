@@ -7,12 +7,13 @@ ARGS ?=
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test campaign lint docs wheel clean
+.PHONY: help demo test campaign mutation lint docs wheel clean
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
 	@echo "make test      unit tests, and fleets of real processes (less than eight minutes on two cores)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
+	@echo "make mutation  how much of what is changed in arbiter, landing and watchdog the unit tests notice (an hour)"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"
 	@echo "make wheel     source archive and wheel in dist, checked, and flown from empty environments"
@@ -49,6 +50,13 @@ $(VENV)/.browser: $(VENV)/.test
 campaign: $(VENV)/.browser
 	$(BIN)/python -m pytest -m campaign $(ARGS)
 	$(BIN)/python -m pytest -n 2 -m "hypothesis and not integration" --hypothesis-profile=search
+
+$(VENV)/.mutation: $(VENV)/.test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[mutation]'
+	@touch $@
+
+mutation: $(VENV)/.mutation
+	$(BIN)/python tests/mutation_score.py
 
 lint: $(VENV)/.test
 	$(BIN)/ruff format --check .

@@ -1,0 +1,133 @@
+"""Mutation scores of what keeps helicopters from falling: arbiter, closed-loop landing, watchdog.
+
+    make mutation
+
+changes the code in many small ways, one after the other, and counts which of them the unit tests notice.
+Functions are changed by mutmut (its settings are in pyproject.toml) in a copy of the tree, because it looks
+for packages where their folders are, and here they are linked. Rows of the arbiter's transition table are no
+functions; they are changed here. The exit code is 1 if a score is below 90 %.
+"""
+
+import importlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+COPY: Final = ROOT / "build" / "mutation"
+LEAST_SCORE: Final = 0.9
+GATEWAY: Final = "rcopterx/transmitter_gateway"
+GROUPS: Final = {
+    "arbiter": [
+        f"{GATEWAY}/{name}.py"
+        for name in ("arbiter", "surveillance", "bridging", "permissions", "hover", "leases")
+    ],
+    "closed-loop landing": [
+        f"{GATEWAY}/{name}.py" for name in ("landing", "touchdown", "shaping", "take_over")
+    ],
+    "watchdog": [f"rcopterx/deploy/{name}.py" for name in ("watchdog", "processor_time")],
+}
+TABLE_TESTS: Final = (
+    *("arbiter_edges", "land_state", "arming", "kill_and_lease", "late_commands", "takeover"),
+    *("arbiter", "descent", "landing_flights"),
+)
+"""Of behaviour; the one that compares the table with its page would notice everything."""
+
+
+class Score(NamedTuple):
+    """How many changes there were, and the names of those that no test noticed."""
+
+    changes: int
+    survivors: Sequence[str]
+
+    @property
+    def share(self) -> float:
+        """Share of changes that were noticed."""
+        return 1.0 - len(self.survivors) / self.changes
+
+
+def copy_tree() -> None:
+    """Make the copy, with folders where links are."""
+    shutil.rmtree(COPY, ignore_errors=True)
+    without = shutil.ignore_patterns("__pycache__")
+    for folder in ("rcopterx", "tests", "docs"):
+        shutil.copytree(ROOT / folder, COPY / folder, ignore=without)
+    shutil.copy(ROOT / "pyproject.toml", COPY)
+
+
+def score_functions() -> dict[str, Score]:
+    """Let mutmut change functions; scores by group."""
+    environment = {**os.environ, "PYTHONPATH": str(COPY)}
+    subprocess.run([sys.executable, "-m", "mutmut", "run"], cwd=COPY, env=environment, check=True)
+    return {group: _score_of(files) for group, files in GROUPS.items()}
+
+
+def _score_of(files: Sequence[str]) -> Score:
+    codes: dict[str, int] = {}
+    for file in files:
+        found = json.loads((COPY / "mutants" / f"{file}.meta").read_text(encoding="utf-8"))
+        codes |= found["exit_code_by_key"]
+    return Score(len(codes), [name for name, code in codes.items() if code == 0])
+
+
+def score_table() -> Score:
+    """Change the rows of the transition table."""
+    pytest = importlib.import_module("pytest")
+    transitions = importlib.import_module("rcopterx.transmitter_gateway.transitions")
+    tests = [f"tests/transmitter_gateway/test_{name}.py" for name in TABLE_TESTS]
+    arguments = ["-q", "-x", "-p", "no:cacheprovider", *tests]
+    # What is imported once need not be imported for every change.
+    pytest.main(["--collect-only", "-q", *arguments])
+
+    def notice(rows: Sequence[Any]) -> bool:
+        child = os.fork()
+        if child == 0:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            transitions.TRANSITIONS = tuple(rows)
+            os._exit(int(pytest.main(arguments)))
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
+
+    if notice(transitions.TRANSITIONS):
+        sys.exit("the tests fail without any change")
+    survivors, changes = [], 0
+    for name, rows in changed_tables(transitions.TRANSITIONS):
+        changes += 1
+        if not notice(rows):
+            survivors.append(name)
+        print(f"transition table: {changes} changes, {len(survivors)} not noticed", end="\r", flush=True)
+    print()
+    return Score(changes, survivors)
+
+
+def changed_tables(rows: Sequence[Any]) -> Iterator[tuple[str, list[Any]]]:
+    """Tables with one row less, or with one condition or state of a row less; with the change's name."""
+    for place, row in enumerate(rows):
+        name = f"row {place + 1} ({row.reason})"
+        yield f"{name} left out", [*rows[:place], *rows[place + 1 :]]
+        for field in ("states", "needs", "unless"):
+            members = getattr(row, field)
+            for member in sorted(members):
+                changed = replace(row, **{field: members - {member}})
+                yield f"{name} without {field} {member.name}", [*rows[:place], changed, *rows[place + 1 :]]
+
+
+def main() -> int:
+    """Print the scores and what was not noticed."""
+    copy_tree()
+    scores = {**score_functions(), "transition table": score_table()}
+    for group, score in scores.items():
+        print(*score.survivors, sep="\n")
+        noticed = score.changes - len(score.survivors)
+        print(f"{group}: {noticed} of {score.changes} changes noticed, {score.share:.1%}")
+    print("`mutmut show NAME` in build/mutation shows a change")
+    return 0 if all(score.share >= LEAST_SCORE for score in scores.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
