@@ -41,20 +41,22 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
     fresh_s = [message.written_s for message in applied if message.fresh]
     silences = [1000 * (after - before) for before, after in pairwise(fresh_s)]
     away = np.array([state.position_m for state in truth]).reshape(-1, 3) - np.array(place_m)
-    stands = bool(truth) and truth[-1].on_floor
+    touchdowns = _touchdowns(truth)
     return Seen(
         states=len(truth),
         deviation_mm=round(1000 * float(np.linalg.norm(away, axis=1).max(initial=0.0)), 1),
-        drift_mm=round(1000 * float(np.linalg.norm(away[-1, :2])), 1) if stands else None,
-        touchdown_m_s=_hardest_touchdown(truth),
+        # Of several touchdowns, as after a hop, the last one tells where and the hardest one how.
+        drift_mm=round(1000 * float(np.linalg.norm(away[touchdowns[-1], :2])), 1) if touchdowns else None,
+        touchdown_m_s=max((round(truth[place].touchdown_speed_m_s, 3) for place in touchdowns), default=None),
         silence_ms=round(max(silences), 1) if silences else None,
         states_of_arbiter=tuple(state for state, _ in groupby(message.state for message in applied)),
     )
 
 
-def _hardest_touchdown(truth: list[LaboratoryVehicle]) -> float | None:
-    """Speed of the hardest touchdown since the first state; None without one."""
-    speeds = [
-        after.touchdown_speed_m_s for before, after in pairwise(truth) if after.touchdowns > before.touchdowns
+def _touchdowns(truth: list[LaboratoryVehicle]) -> list[int]:
+    """Where in a sequence of states the vehicle touches the floor."""
+    return [
+        place
+        for place, (before, after) in enumerate(pairwise(truth), 1)
+        if after.touchdowns > before.touchdowns
     ]
-    return round(max(speeds), 3) if speeds else None

@@ -99,11 +99,12 @@ def test_a_recording_shows_how_far_a_vehicle_was_from_its_place_and_for_how_long
     assert not seen.down
 
 
-def test_the_hardest_touchdown_counts_and_where_the_vehicle_stands_in_the_end() -> None:
+def test_the_hardest_touchdown_counts_and_the_place_of_the_last_one_although_the_vehicle_hops() -> None:
     records = [
         truth(1, 0.0, touchdowns=1, touchdown_speed_m_s=3.0),
         truth(2, 0.1, touchdowns=2, touchdown_speed_m_s=0.7, on_floor=True),
         truth(3, 0.2, touchdowns=3, touchdown_speed_m_s=0.1, on_floor=True),
+        truth(4, 0.3, touchdowns=3, touchdown_speed_m_s=0.1),
     ]
     seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
     assert (seen.touchdown_m_s, seen.drift_mm, seen.silence_ms) == (0.7, 200.0, None)
