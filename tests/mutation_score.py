@@ -34,7 +34,7 @@ GROUPS: Final = {
     "watchdog": [f"rcopterx/deploy/{name}.py" for name in ("watchdog", "processor_time")],
 }
 TABLE_TESTS: Final = (
-    *("arbiter_edges", "land_state", "arming", "kill_and_lease", "late_commands", "takeover"),
+    *("transitions", "arbiter_edges", "land_state", "arming", "kill_and_lease", "late_commands", "takeover"),
     *("arbiter", "descent", "landing_flights"),
 )
 """Of behaviour; the one that compares the table with its page would notice everything."""
