@@ -27,7 +27,7 @@ class AlarmTimeLimit(TimeLimit):
 
     def __init__(self) -> None:
         self._limit_s = np.inf
-        self._active = False
+        self._active = self._rang = False
         self._begun_s = self._began_at_s = self._used_s = 0.0
         signal.signal(signal.SIGALRM, self._ring)
 
@@ -36,28 +36,27 @@ class AlarmTimeLimit(TimeLimit):
         """See `TimeLimit.within`."""
         self._limit_s = limit_s
         self._begun_s, self._began_at_s = time.thread_time(), time.monotonic()
-        self._active = True
+        self._active, self._rang = True, False
         if limit_s < np.inf:
             signal.setitimer(signal.ITIMER_REAL, limit_s)
         try:
             yield
         finally:
             self._active = False
-            self._used_s = time.thread_time() - self._begun_s
+            self._used_s = np.inf if self._rang else time.thread_time() - self._begun_s
             if limit_s < np.inf:
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
 
-    def used_s(self) -> float:
-        """See `TimeLimit.used_s`."""
-        return time.thread_time() - self._begun_s if self._active else self._used_s
+    def over(self, limit_s: float) -> bool:
+        """See `TimeLimit.over`; what was interrupted is over every limit."""
+        return (time.thread_time() - self._begun_s if self._active else self._used_s) > limit_s
 
     def _ring(self, *_: object) -> None:
         if not self._active:
             return
-        left_s = self._limit_s - self.used_s()
+        left_s = self._limit_s - (time.thread_time() - self._begun_s)
         waited_s = time.monotonic() - self._began_at_s
         if left_s <= 0.0 or waited_s >= LONGEST_WAIT_S:
-            self._active = False
-            self._used_s = np.inf
+            self._active, self._rang = False, True
             raise OutOfTimeError
         signal.setitimer(signal.ITIMER_REAL, max(min(left_s, LONGEST_WAIT_S - waited_s), SHORTEST_ALARM_S))

@@ -9,6 +9,7 @@ import numpy as np
 
 from rcopterx.agents.alarm import AlarmTimeLimit
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
+from rcopterx.agents.flight.time_limit import NotedTimeLimit, NoTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter
 from rcopterx.agents.settings import AgentSettings
@@ -41,6 +42,8 @@ class Agent:
         Whether the process runs in a real-time scheduling class.
     stopwatch
         Monotonic clock [s] that goes on during a step, for the duration of control steps.
+    limit
+        Gives up calls of controllers and estimators that take too long; None for none.
     """
 
     def __init__(
@@ -50,9 +53,12 @@ class Agent:
         bus: StepBus,
         realtime: bool,
         stopwatch: Callable[[], float] = monotonic_s,
+        limit: TimeLimit | None = None,
     ) -> None:
         self._settings, self._pilot, self._bus, self._clock = settings, pilot, bus, bus.clock
         self._stopwatch = stopwatch
+        self._limit = NotedTimeLimit(NoTimeLimit() if limit is None else limit)
+        pilot.limit_time(self._limit)
         self._parts = assemble(settings, pilot, bus, realtime)
         self._reporter = Reporter(settings, pilot, bus, self._parts)
         self._control_by_s: float | None = None
@@ -71,6 +77,7 @@ class Agent:
     def step(self) -> None:
         """Everything that is due now: read, decide, control, publish."""
         self._bus.begin_step()
+        self._limit.begin_step()
         self._step_s = self._stopwatch()
         self._estimate = None
         self._tend_lease()
@@ -83,7 +90,7 @@ class Agent:
                     self._publish(self._control(late))
             if self._clock() >= self._reporter.due_s and not self._parts.lease.quiet:
                 self._reporter.report()
-        self._bus.end_step(self._settings.vehicle, self._estimate)
+        self._bus.end_step(self._settings.vehicle, self._estimate, self._limit.overtime)
 
     def _tend_lease(self) -> None:
         """Ask for a lease as long as there is none, and speak for the vehicle from then on."""
@@ -249,9 +256,8 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     realtime = request_realtime(settings.realtime_priority)
-    pilot.limit_time(AlarmTimeLimit())
     with Session(settings.bus, wake=wake.set) as session:
-        agent = Agent(settings, pilot, SteppedSession(session), realtime)
+        agent = Agent(settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit())
         heartbeat = own_heartbeat()
         settle()
         while not stop.is_set() and not agent.lost:

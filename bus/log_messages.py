@@ -88,7 +88,8 @@ class RoundedEstimate(Struct, frozen=True):
 class AgentSteps(Message, frozen=True, kw_only=True):
     """What an agent took in, step by step: with the messages themselves, all that a replay needs.
 
-    A step begins with whatever has arrived, at one time; nothing else enters into what the agent does in it.
+    A step begins with whatever has arrived, at one time; nothing else enters into what the agent does in it,
+    but that calls may be given up for time.
     """
 
     MAX_BYTES: ClassVar[int] = 131072
@@ -111,6 +112,9 @@ class AgentSteps(Message, frozen=True, kw_only=True):
     """Of each input: CRC-32 of its bytes, by which it is found in the flight log."""
     arrivals_s: tuple[float, ...]
     """Of each input: when it arrived [monotonic s]."""
+    overtime: tuple[tuple[Count, Count, Count], ...] = ()
+    """What was given up because it took too long: the step, the call of a controller or an estimator in it,
+    and the question of the solver in that call from which on its time was over; 0 for the whole call."""
     replies: tuple[Annotated[bytes, Meta(max_length=MAX_REPLY_BYTES * 3)], ...] = ()
     """Replies to what the agent itself asked for when it was made."""
     estimate: RoundedEstimate | None = None
@@ -123,3 +127,5 @@ class AgentSteps(Message, frozen=True, kw_only=True):
         inputs = (self.keys, self.subscriptions, self.checksums, self.arrivals_s)
         if any(len(column) != sum(self.counts) for column in inputs):
             raise InvalidMessageError("keys: not as many inputs as the steps took in")
+        if any(step >= len(self.times_s) for step, *_ in self.overtime):
+            raise InvalidMessageError(f"overtime: of other steps than these {len(self.times_s)}")

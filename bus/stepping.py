@@ -58,8 +58,10 @@ class StepBus(Protocol):
         """Hand over what has arrived."""
         ...
 
-    def end_step(self, vehicle: str, estimate: Sequence[float] | None) -> None:
-        """Tell what the step took in; with an estimate after a control period."""
+    def end_step(
+        self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
+    ) -> None:
+        """Tell what the step took in and gave up for time; with an estimate after a control period."""
         ...
 
     def tell_steps(self, wanted: bool) -> None:
@@ -133,6 +135,7 @@ class SteppedSession:
         self._times_s: list[float] = []
         self._counts: list[int] = []
         self._inputs: list[_Input] = []
+        self._overtime: list[tuple[int, int, int]] = []
         self._replies: list[bytes] = []
         self._telling = True
 
@@ -159,8 +162,11 @@ class SteppedSession:
         self._counts.append(len(taken))
         self._inputs += taken
 
-    def end_step(self, vehicle: str, estimate: Sequence[float] | None) -> None:
+    def end_step(
+        self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
+    ) -> None:
         """See `StepBus.end_step`."""
+        self._overtime += [(len(self._times_s) - 1, *given_up) for given_up in overtime]
         if estimate is None and len(self._times_s) < STEPS_TOLD:
             return
         if self._telling:
@@ -169,6 +175,7 @@ class SteppedSession:
         self._times_s.clear()
         self._counts.clear()
         self._inputs.clear()
+        self._overtime.clear()
         self._replies.clear()
 
     def _tell(self, vehicle: str, estimate: RoundedEstimate | None) -> None:
@@ -182,6 +189,7 @@ class SteppedSession:
             subscriptions=tuple(item.subscription for item in self._inputs),
             checksums=tuple(zlib.crc32(item.payload) for item in self._inputs),
             arrivals_s=tuple(item.arrived_s for item in self._inputs),
+            overtime=tuple(self._overtime),
             replies=tuple(self._replies),
             estimate=estimate,
         )

@@ -173,7 +173,7 @@ class StepGuard:
             self._early = controller if isinstance(controller, StopsEarly) else None
         if self._early is not None:
             limit, solver_s = self.calls.limit, self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
-            self._early.set_deadline(lambda: limit.used_s() > solver_s)
+            self._early.set_deadline(lambda: limit.over(solver_s))
 
         def question() -> ControlStep | NoSolutionError:
             try:

@@ -97,10 +97,7 @@ class GuardedCall:
         allowed_s = self.allowed_s(limit_s)
         self._calls += 1
         try:
-            with self.limit.within(allowed_s):
-                answer = question()
-            if self.limit.used_s() > allowed_s:
-                raise OutOfTimeError
+            answer = self._timely(question, allowed_s)
             found = problem(answer)
         except OutOfTimeError:
             self._note(self._kinds.late, f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
@@ -111,6 +108,18 @@ class GuardedCall:
                 return answer
             self._note(self._kinds.unusable, f"{name}: {found}")
         return None
+
+    def _timely(self, question: Callable[[], T], allowed_s: float) -> T:
+        """What comes in time; whatever came too late is asked after, so that it is noted."""
+        try:
+            with self.limit.within(allowed_s):
+                answer = question()
+        except OutOfTimeError:
+            self.limit.over(allowed_s)
+            raise
+        if self.limit.over(allowed_s):
+            raise OutOfTimeError
+        return answer
 
     def tell(self, name: str, message: Callable[[], None]) -> bool:
         """Tell somebody something, without a time limit; False if that raised an exception."""

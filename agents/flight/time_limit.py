@@ -1,7 +1,8 @@
 """How long a control step may take: asked by solvers that can stop early, enforced on all others."""
 
 from abc import ABC, abstractmethod
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Final
 
 SOLVER_SHARE: Final = 0.4
@@ -25,17 +26,109 @@ class TimeLimit(ABC):
         """Context in which code that takes longer is ended by `OutOfTimeError`, as far as possible."""
 
     @abstractmethod
-    def used_s(self) -> float:
-        """Time that has passed since the context was entered; when it has been left, the whole."""
+    def over(self, limit_s: float) -> bool:
+        """Whether the code has used more time than that since the context was entered."""
+
+
+Overtime = tuple[int, int]
+"""Number of a call in a step, and the number of the question during it from which on its time was over; 0 for
+the question after the call."""
 
 
 class NoTimeLimit(TimeLimit):
-    """For experiments and replay, which take as long as they need and must not depend on the machine."""
+    """For experiments, which take as long as they need and must not depend on the machine."""
 
     def within(self, limit_s: float) -> AbstractContextManager[None]:  # noqa: ARG002 - there is none
         """See `TimeLimit.within`."""
         return nullcontext()
 
-    def used_s(self) -> float:
-        """See `TimeLimit.used_s`."""
-        return 0.0
+    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - there is none
+        """See `TimeLimit.over`."""
+        return False
+
+
+class NotedTimeLimit(TimeLimit):
+    """Notes which calls of a step another limit found too long, and when.
+
+    Parameters
+    ----------
+    limit
+        Has the clock.
+
+    Attributes
+    ----------
+    overtime
+        Of the present step.
+    """
+
+    def __init__(self, limit: TimeLimit) -> None:
+        self.overtime: list[Overtime] = []
+        self._limit = limit
+        self._calls = self._questions = 0
+        self._inside = self._was_over = False
+
+    def begin_step(self) -> None:
+        """Count calls anew."""
+        self.overtime.clear()
+        self._calls = 0
+
+    @contextmanager
+    def within(self, limit_s: float) -> Iterator[None]:
+        """See `TimeLimit.within`."""
+        self._calls += 1
+        self._questions = 0
+        self._was_over = False
+        self._inside = True
+        try:
+            with self._limit.within(limit_s):
+                yield
+        finally:
+            self._inside = False
+
+    def over(self, limit_s: float) -> bool:
+        """See `TimeLimit.over`."""
+        over = self._limit.over(limit_s)
+        if not self._inside:
+            if over:
+                self.overtime.append((self._calls, 0))
+            return over
+        self._questions += 1
+        if over and not self._was_over:
+            self._was_over = True
+            self.overtime.append((self._calls, self._questions))
+        return over
+
+
+class RepeatedTimeLimit(TimeLimit):
+    """Says of every call what a `NotedTimeLimit` has noted."""
+
+    def __init__(self) -> None:
+        self._from: dict[int, int] = {}
+        self._afterwards: frozenset[int] = frozenset()
+        self._calls = self._questions = 0
+        self._inside = False
+
+    def begin_step(self, overtime: Iterable[Overtime]) -> None:
+        """Repeat this in the next step."""
+        noted = tuple(overtime)
+        self._from = {call: question for call, question in noted if question}
+        self._afterwards = frozenset(call for call, question in noted if not question)
+        self._calls = 0
+
+    @contextmanager
+    def within(self, limit_s: float) -> Iterator[None]:  # noqa: ARG002 - as long as it needs
+        """See `TimeLimit.within`."""
+        self._calls += 1
+        self._questions = 0
+        self._inside = True
+        try:
+            yield
+        finally:
+            self._inside = False
+
+    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - it was another computer's
+        """See `TimeLimit.over`."""
+        if not self._inside:
+            return self._calls in self._afterwards
+        self._questions += 1
+        return self._calls in self._from and self._questions >= self._from[self._calls]

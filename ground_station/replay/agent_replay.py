@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
+from rcopterx.agents.flight.time_limit import RepeatedTimeLimit
 from rcopterx.agents.process import Agent
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode, encode
@@ -126,7 +127,7 @@ def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) ->
         if life.lost_steps:
             result.notes.append(f"{life.lost_steps} messages about steps are lost")
         compared = _LifeComparison(life, result, errors, tolerance)
-        for step, period in control_periods(recorded.vehicle, fleet, life):
+        for step, period in control_periods(recorded.vehicle, fleet, life, fleet == recorded.fleet):
             compared.period(step, period)
         compared.end()
         if life.steps:
@@ -158,9 +159,12 @@ class ControlPeriod:
 
 
 def control_periods(
-    vehicle: str, fleet: FleetFile, life: AgentLife
+    vehicle: str, fleet: FleetFile, life: AgentLife, as_flown: bool = True
 ) -> Iterator[tuple[AgentStep, ControlPeriod]]:
-    """Every step in which the replayed agent of a vehicle or the recorded one controlled, and what it did."""
+    """Every step in which the replayed agent of a vehicle or the recorded one controlled, and what it did.
+
+    What the recorded one gave up for time is given up again if it flew by the same fleet file (`as_flown`).
+    """
     period = ControlPeriod()
 
     def published(_: Channel[Any], message: Message) -> None:
@@ -171,12 +175,14 @@ def control_periods(
 
     bus = ReplayBus(life, published)
     settings, pilot = pilot_of(fleet, vehicle)
-    agent = Agent(settings, pilot, bus, realtime=False, stopwatch=lambda: 0.0)
+    limit = RepeatedTimeLimit()
+    agent = Agent(settings, pilot, bus, realtime=False, stopwatch=lambda: 0.0, limit=limit)
     for step in life.steps:
         if any(item.key in (TUNED, TRAJECTORY_CHECKED) for item in step.inputs):
             agent.wait_for_work()
         period = ControlPeriod()
         bus.take(step)
+        limit.begin_step(step.overtime if as_flown else ())
         agent.step()
         if bus.estimate is not None or step.estimate is not None:
             period.estimate = None if bus.estimate is None else RoundedEstimate.of(bus.estimate)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rcopterx.agents.flight.time_limit import Overtime
 from rcopterx.bus import channels
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.log_messages import AgentSteps, AnsweredRequest, RoundedEstimate
@@ -31,11 +32,12 @@ class StepInput:
 
 @dataclass(frozen=True, slots=True)
 class AgentStep:
-    """One step; `estimate` is None unless it controlled."""
+    """One step; `estimate` is None unless it controlled, `overtime` what it gave up for time."""
 
     time_s: float
     inputs: tuple[StepInput, ...]
-    estimate: RoundedEstimate | None
+    estimate: RoundedEstimate | None = None
+    overtime: tuple[Overtime, ...] = ()
 
 
 @dataclass
@@ -192,10 +194,10 @@ def _steps_of(steps: AgentSteps, payloads: dict[tuple[str, int], bytes]) -> list
         for key, number, checksum, arrived_s in columns
     ]
     found, start = [], 0
-    for time_s, count in zip(steps.times_s, steps.counts, strict=True):
-        found.append(AgentStep(time_s, tuple(inputs[start : start + count]), None))
+    last = len(steps.times_s) - 1
+    for number, (time_s, count) in enumerate(zip(steps.times_s, steps.counts, strict=True)):
+        overtime = tuple((call, question) for step, call, question in steps.overtime if step == number)
+        estimate = steps.estimate if number == last else None
+        found.append(AgentStep(time_s, tuple(inputs[start : start + count]), estimate, overtime))
         start += count
-    if steps.estimate is not None:
-        last = found[-1]
-        found[-1] = AgentStep(last.time_s, last.inputs, steps.estimate)
     return found

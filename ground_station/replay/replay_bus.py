@@ -98,7 +98,9 @@ class ReplayBus:
         request = decode(payload, VERBS[verb].request)
         self._requests.append(Incoming("", verb, request, payload, arrived_s, lambda _: None))
 
-    def end_step(self, _vehicle: str, estimate: Sequence[float] | None) -> None:
+    def end_step(
+        self, _vehicle: str, estimate: Sequence[float] | None, _overtime: Sequence[tuple[int, int]] = ()
+    ) -> None:
         """See `StepBus.end_step`."""
         self.estimate = estimate
 

@@ -107,6 +107,18 @@ def test_columns_of_inputs_belong_together(join: Join) -> None:
     assert [received.message.frame for received in inbox.drain()] == [1, 2]
 
 
+def test_what_was_given_up_for_time_is_told_with_its_step(join: Join) -> None:
+    stepped, sent = SteppedSession(join()), []
+    stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
+    for overtime in ([(3, 2)], [], [(1, 0), (4, 7)]):
+        stepped.begin_step()
+        stepped.end_step("h1", None if len(overtime) < 2 else 16 * [0.0], overtime)
+    stepped.begin_step()
+    stepped.end_step("h1", 16 * [0.0])
+    assert [message.overtime for message in sent] == [((0, 3, 2), (2, 1, 0), (2, 4, 7)), ()]
+    assert decode(encode(sent[0]), AgentSteps) == sent[0]
+
+
 def stepped_input(stepped: SteppedSession, inbox: object, frame: int) -> object:
     deliverer = stepped._deliverer()
     deliverer(inbox, encode(pose(frame)), 0.1 * frame)  # type: ignore[arg-type]

@@ -75,12 +75,15 @@ def _as_fly(plain: dict[str, Any]) -> dict[str, Any]:
 
 
 def _as_steps(plain: dict[str, Any]) -> dict[str, Any]:
-    """As many inputs as there are in every column, all taken in by the last step."""
+    """As many inputs as there are in every column; all of the last step, and so is what was given up."""
     columns = "keys", "subscriptions", "checksums", "arrivals_s"
     inputs = min(len(plain[column]) for column in columns) if plain["times_s"] else 0
     counts = [0] * len(plain["times_s"])
     counts[-1:] = [inputs] * len(counts[-1:])
-    return plain | {column: plain[column][:inputs] for column in columns} | {"counts": counts}
+    steps = len(counts)
+    overtime = [[steps - 1, *given_up] for _, *given_up in plain["overtime"]] if steps else []
+    inputs_of = {column: plain[column][:inputs] for column in columns}
+    return plain | inputs_of | {"counts": counts, "overtime": overtime}
 
 
 def _as_plan(plain: dict[str, Any]) -> dict[str, Any]:

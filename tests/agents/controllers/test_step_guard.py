@@ -202,8 +202,8 @@ def test_a_step_that_took_too_long_does_not_count_although_it_came() -> None:
     from rcopterx.agents.flight.time_limit import NoTimeLimit
 
     class Measured(NoTimeLimit):
-        def used_s(self) -> float:
-            return LimitOfTests.used
+        def over(self, limit_s: float) -> bool:
+            return LimitOfTests.used > limit_s
 
     guard, slow = StepGuard(COAXIAL_LAG, limit=Measured()), Slow(HOVER[None, :])
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, 8)

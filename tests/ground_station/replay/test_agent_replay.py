@@ -1,16 +1,25 @@
 """Promises of replays: an agent does the same again, and what differs first is told with its cause."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
+from rcopterx.agents.flight.time_limit import TimeLimit
+from rcopterx.agents.process import Agent
 from rcopterx.bus.codec import decode, encode
-from rcopterx.bus.messages import Pose
+from rcopterx.bus.message import Message
+from rcopterx.bus.messages import Command, Plan, Pose
+from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.flight_log.mcap_reading import FlightLogError
-from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed
+from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, control_periods
 from rcopterx.ground_station.replay.agent_replay import replay as replayed
 from rcopterx.ground_station.replay.recorded_agent import AgentStep, RecordedAgent, StepInput, recorded_agent
+from rcopterx.ground_station.replay.replay_bus import ReplayBus
 
 FLIGHT = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
 """Two vehicles that take off, move, change an offset, a horizon and a controller."""
@@ -21,10 +30,14 @@ def follower() -> RecordedAgent:
     return recorded_agent([FLIGHT], "h2")
 
 
+def with_steps(recorded: RecordedAgent, steps: list[AgentStep]) -> RecordedAgent:
+    (life,) = recorded.lives
+    return replace(recorded, lives=(replace(life, steps=steps),))
+
+
 def with_step(recorded: RecordedAgent, number: int, step: AgentStep) -> RecordedAgent:
     (life,) = recorded.lives
-    steps = [*life.steps[:number], step, *life.steps[number + 1 :]]
-    return replace(recorded, lives=(replace(life, steps=steps),))
+    return with_steps(recorded, [*life.steps[:number], step, *life.steps[number + 1 :]])
 
 
 def flown_pose(recorded: RecordedAgent) -> tuple[int, int]:
@@ -90,6 +103,75 @@ def test_another_controller_tells_what_it_would_have_commanded(follower: Recorde
     assert result.first.cause == "solution"
     assert result.largest_input > 0.01
     assert max(result.rms_input) > 0.001
+
+
+class Hasty(TimeLimit):
+    """Takes many calls to be too long: from a question of the solver on, or when they have come."""
+
+    def __init__(self, seed: int) -> None:
+        self._draw = np.random.default_rng(seed)
+        self._inside, self._asked, self._from, self._after = False, 0, 0, False
+
+    @contextmanager
+    def within(self, limit_s: float) -> Iterator[None]:
+        # No solver asks during calls of an estimator; some of those are late as well, few enough to go on.
+        self._inside, self._asked = True, 0
+        self._from = int(self._draw.integers(1, 4)) if self._draw.random() < 0.8 else 10**6
+        self._after = bool(self._draw.random() < 0.01)
+        try:
+            yield
+        finally:
+            self._inside = False
+
+    def over(self, limit_s: float) -> bool:
+        self._asked += 1
+        return self._asked >= self._from if self._inside else self._after
+
+
+class NotingBus(ReplayBus):
+    """Keeps what was given up in each step."""
+
+    overtime: tuple[tuple[int, int], ...] = ()
+
+    def end_step(
+        self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
+    ) -> None:
+        super().end_step(vehicle, estimate)
+        self.overtime = tuple(overtime)
+
+
+def flown_hastily(recorded: RecordedAgent) -> tuple[list[AgentStep], list[Message], list[Message]]:
+    """Steps with what an agent in a hurry gave up in each, its commands, and its plans."""
+    (life,) = recorded.lives
+    done: list[Message] = []
+    bus = NotingBus(life, lambda _, message: done.append(message))
+    settings, pilot = pilot_of(recorded.fleet, recorded.vehicle)
+    agent = Agent(settings, pilot, bus, realtime=False, stopwatch=lambda: 0.0, limit=Hasty(1))
+    steps: list[AgentStep] = []
+    for step in life.steps:
+        if any(item.key in (TUNED, TRAJECTORY_CHECKED) for item in step.inputs):
+            agent.wait_for_work()
+        bus.take(step)
+        agent.step()
+        steps.append(replace(step, overtime=bus.overtime))
+    agent.wait_for_work()
+    commands, plans = ([message for message in done if isinstance(message, kind)] for kind in (Command, Plan))
+    return steps, commands, plans
+
+
+def test_steps_given_up_for_time_are_given_up_again(follower: RecordedAgent) -> None:
+    steps, commands, plans = flown_hastily(follower)
+    questions = [question for step in steps for _, question in step.overtime]
+    assert sum(question > 0 for question in questions) > 10
+    assert questions.count(0) > 2
+    (life,) = follower.lives
+    periods = [period for _, period in control_periods("h2", follower.fleet, replace(life, steps=steps))]
+    assert len(periods) > 100
+    assert [period.command for period in periods] == commands
+    assert [period.plan for period in periods] == plans
+    result = replayed(with_steps(follower, steps), follower.fleet, TOLERANCE)
+    assert result.first is not None, "nothing was given up that mattered"
+    assert result.first.cause in ("estimate", "solution")
 
 
 def test_changes_are_those_of_one_vehicle_and_other_controllers_forget_its_settings(
