@@ -22,6 +22,8 @@ LASTS = re.compile(
 """These go on until Ctrl-C, in a terminal of their own."""
 ENDS_THE_FLEET = re.compile(r"rcopterx (demo|up (?!.*--host)|(fly|experiment) |(bind|range-check)|replay$)")
 """These want no fleet to be up: a reader ends it with Ctrl-C."""
+DAEMON, PART_OF_A_FLEET = re.compile("^rcopterx host "), re.compile("^rcopterx up .*--host ")
+"""Part of a fleet wants no other fleet to be up than the other parts."""
 MAY_END_WITH_1 = re.compile(r"rcopterx replay .*--agent")
 """A step that a busy machine gave up for time cannot be repeated; the command says so and ends with 1."""
 TYPED_S, END_S = 420.0, 40.0
@@ -69,7 +71,9 @@ class Reader:
     def type(self, command: str) -> str:
         """What a command prints. It ends with 0, or goes on until `interrupt`."""
         if ENDS_THE_FLEET.search(command):
-            self.interrupt(daemons=False)
+            self.interrupt(but=DAEMON)
+        elif PART_OF_A_FLEET.search(command):
+            self.interrupt(but=PART_OF_A_FLEET)
         if LASTS.search(command):
             self._begin(command.removesuffix("&"))
             return ""
@@ -116,9 +120,9 @@ class Reader:
         """Recorded flights, the newest first."""
         return sorted((str(path) for path in (self.directory / "flights").glob("*")), reverse=True)
 
-    def interrupt(self, *, daemons: bool = True) -> None:
-        """Press Ctrl-C in every terminal; all ends without complaint."""
-        kept = [] if daemons else [one for one in self._lasting if one[0].startswith("rcopterx host ")]
+    def interrupt(self, but: re.Pattern[str] | None = None) -> None:
+        """Press Ctrl-C in every terminal but those of these commands; all ends without complaint."""
+        kept = [one for one in self._lasting if but is not None and but.search(one[0])]
         for command, process, log in reversed([one for one in self._lasting if one not in kept]):
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGINT)
