@@ -57,6 +57,11 @@ class Child:
             [sys.executable, "-c", code, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
         )
 
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
     def wait_ready(self) -> None:
         """Wait until the child prints a line."""
         assert self._process.stdout is not None
