@@ -12,12 +12,14 @@ from rcopterx.agents.references.path_shapes import through
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.geometry import on_level
+from rcopterx.ground_station.page.saved_formations import SavedFormations, SavedFormationsError, in_words
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.weights import GROUPS, weights_of
 from rcopterx.ground_station.page.words import vehicle_table
 from rcopterx.ground_station.state import VehicleState
 
 NOBODY: Final = "(nobody)"
+NONE_SAVED: Final = "(none yet)"
 KILL_STYLE: Final = """<style>button:has(.icon-tabler-hand-stop) {
   position: fixed !important; top: 12px; left: 50%; transform: translateX(-50%); z-index: 10000;
   width: min(24em, 90vw) !important; height: 3.4em !important; font-weight: 700; font-size: 1.05em;
@@ -63,6 +65,62 @@ def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: St
     server.gui.add_button("Promote it to leader of the present formation", icon=viser.Icon.CROWN).on_click(
         lambda _: steering.promote(leader.value)
     )
+
+
+class SavedFormationControls:
+    """Keeps the present formation, and flies those that were kept.
+
+    They are numbered: a page whose space bar is KILL has no field for text.
+    """
+
+    def __init__(self, server: viser.ViserServer, steering: Steering, saved: SavedFormations) -> None:
+        self._steering = steering
+        self._saved = saved
+        self._names: dict[str, str] = {}
+        server.gui.add_button("Save the present formation", icon=viser.Icon.DEVICE_FLOPPY).on_click(
+            lambda _: self.save()
+        )
+        self.choice: Any = server.gui.add_dropdown("saved", (NONE_SAVED,))
+        server.gui.add_button("Fly the saved formation", icon=viser.Icon.FOLDER_OPEN).on_click(
+            lambda _: self.fly()
+        )
+        server.gui.add_button("Forget it", icon=viser.Icon.TRASH).on_click(lambda _: self.forget())
+        self._list()
+
+    def _list(self) -> None:
+        try:
+            formations = self._saved.all()
+        except SavedFormationsError as error:
+            self._steering.refuse(str(error))
+            return
+        self._names = {f"{name}: {in_words(formation)}": name for name, formation in formations.items()}
+        self.choice.options = tuple(self._names) or (NONE_SAVED,)
+
+    def save(self) -> None:
+        """Keep who follows whom now."""
+        self._steering.save_formation(self._saved)
+        self._list()
+        self.choice.value = self.choice.options[-1]
+
+    def fly(self) -> None:
+        """Fly the one that is chosen."""
+        name = self._chosen()
+        if name is not None:
+            self._steering.fly_saved(self._saved, name)
+
+    def forget(self) -> None:
+        """Remove the one that is chosen."""
+        name = self._chosen()
+        if name is not None and self._steering.ask(
+            "forgetting", lambda: self._saved.forget(name), "forgotten"
+        ):
+            self._list()
+
+    def _chosen(self) -> str | None:
+        name = self._names.get(self.choice.value)
+        if name is None:
+            self._steering.refuse("no formation is saved yet")
+        return name
 
 
 class VehicleControls:

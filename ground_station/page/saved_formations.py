@@ -1,0 +1,99 @@
+"""Formations that users of the page have saved: who follows whom, and where; a file for every fleet."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from rcopterx.agents.formation.topology import FormationGraph, ancestors
+from rcopterx.bus.messages import LeaderLink
+
+Formation = dict[str, tuple[LeaderLink, ...]]
+"""Leaders by vehicle; none for a vehicle that leads."""
+_DECODER = msgspec.json.Decoder(dict[str, Formation])
+
+
+class SavedFormationsError(ValueError):
+    """The file cannot be used; says which and why."""
+
+
+def default_path(fleet: str) -> Path:
+    """Where the formations of a fleet lie: among the user's data."""
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(data) / "rcopterx" / "formations" / f"{fleet}.json"
+
+
+class SavedFormations:
+    """Formations by name in a file, which is read anew every time: several pages may use it.
+
+    Parameters
+    ----------
+    path
+        The file; it need not exist.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def all(self) -> dict[str, Formation]:
+        """Every formation, in the order in which they were saved.
+
+        Raises
+        ------
+        SavedFormationsError
+            The file cannot be read or holds something else.
+        """
+        try:
+            return _DECODER.decode(self.path.read_bytes())
+        except FileNotFoundError:
+            return {}
+        except (OSError, msgspec.MsgspecError) as error:
+            raise SavedFormationsError(f"{self.path}: {error}") from None
+
+    def save(self, formation: Formation) -> str:
+        """Keep a formation; returns its name, the lowest number that is free.
+
+        Raises
+        ------
+        SavedFormationsError
+            The file cannot be read or written.
+        """
+        kept = self.all()
+        name = next(str(number) for number in range(1, len(kept) + 2) if str(number) not in kept)
+        self._write({**kept, name: formation})
+        return name
+
+    def forget(self, name: str) -> None:
+        """Remove a formation; one that is not there is no error.
+
+        Raises
+        ------
+        SavedFormationsError
+            The file cannot be read or written.
+        """
+        self._write({other: formation for other, formation in self.all().items() if other != name})
+
+    def _write(self, formations: Mapping[str, Formation]) -> None:
+        """Replace the file at once, so that nobody reads half of it."""
+        new = self.path.with_suffix(".new")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            new.write_bytes(msgspec.json.format(msgspec.json.encode(formations), indent=2) + b"\n")
+            new.replace(self.path)
+        except OSError as error:
+            raise SavedFormationsError(f"{self.path}: {error.strerror}") from None
+
+
+def in_words(formation: Formation) -> str:
+    """Who leads whom, for people."""
+    heads = [name for name, links in formation.items() if not links]
+    led = {head: [name for name in formation if head in ancestors(formation, name)] for head in heads}
+    return "; ".join(
+        f"{head} leads {' '.join(names)}" if names else f"{head} alone" for head, names in led.items()
+    )
+
+
+def in_order(formation: FormationGraph) -> list[str]:
+    """Vehicles with leaders before their followers: changed so, there is no cycle on the way."""
+    return sorted(formation, key=lambda name: len(ancestors(formation, name)))
