@@ -17,6 +17,10 @@ from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
 from rcopterx.simulator.helicopter_parameters import DEGREE, HelicopterParameters
+from rcopterx.simulator.laboratory import Particulars
+from rcopterx.simulator.oscillating_tilt_plant import TiltOscillator
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.types import COAXIAL_LAG
 
 PROGRAMME: Final = Programme(settled_s=4.0, hover_s=11.0, slot_s=3.5, rest_s=1.0)
 QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=5.0, slot_s=1.0, rest_s=0.5)
@@ -35,6 +39,8 @@ class Departure:
     ----------
     change
         Makes the true parameters from drawn ones.
+    plant_type, oscillator
+        What flies instead of a helicopter: the type, and the tilt unless it is the type's lag.
     conditions
         Fields of the conditions that differ.
     options
@@ -43,6 +49,8 @@ class Departure:
 
     change: Change = field(default=lambda drawn: drawn)
     conditions: Mapping[str, Any] = field(default_factory=dict)
+    plant_type: Model | None = None
+    oscillator: TiltOscillator | None = None
     options: RigOptions = GUARDED
 
 
@@ -64,6 +72,24 @@ def rotors(factor: float) -> dict[str, float]:
     return {"rotor_lag_upper_s": factor, "rotor_lag_lower_s": factor}
 
 
+def oscillating(frequency_rad_s: float, damping_ratio: float) -> Departure:
+    """No stabilizer bar: a tilt that answers the stick as a plain oscillator."""
+    return Departure(plant_type=COAXIAL_LAG, oscillator=TiltOscillator(frequency_rad_s, damping_ratio))
+
+
+def lagging(lag_s: float) -> Departure:
+    """A tilt that follows the stick with a first-order lag."""
+    _, _, thrust_s, yaw_s = COAXIAL_LAG.lag_s
+    return Departure(plant_type=replace(COAXIAL_LAG, lag_s=(lag_s, lag_s, thrust_s, yaw_s)))
+
+
+OSCILLATORS: Final = (
+    (25.0, 0.7), (20.0, 0.7), (14.0, 0.7), (10.0, 0.6), (8.0, 0.6), (18.0, 0.5), (12.0, 0.3), (22.0, 0.2),
+    (9.0, 0.2), (12.0, 0.15), (18.0, 0.1),
+)  # fmt: skip
+"""Frequency [rad/s] and damping ratio."""
+LAGS_S: Final = (0.05, 0.1, 0.2, 0.3)
+
 DEPARTURES: Final = MappingProxyType(
     {
         "none": Departure(),
@@ -77,6 +103,8 @@ DEPARTURES: Final = MappingProxyType(
         "bar 1.5 times as slow": Departure(times(bar_time_constant_s=1.5)),
         "gain of pitch and roll 1.5": Departure(times(swash_gain_rad=1.5)),
         "gain of pitch and roll 0.6": Departure(times(swash_gain_rad=0.6)),
+        "gain of pitch and roll 0.5": Departure(times(swash_gain_rad=0.5)),
+        "gain of pitch and roll 2": Departure(times(swash_gain_rad=2.0)),
         "rotors twice as slow": Departure(times(**rotors(2.0))),
         "rotors 1.5 times as slow, 20 ms more delay, gains 1.2 and 1.3": Departure(
             times(swash_gain_rad=1.3, yaw_rate_gain_rad_s=1.2, **rotors(1.5)), {"transport_delay_s": 0.04}
@@ -90,6 +118,21 @@ DEPARTURES: Final = MappingProxyType(
         "markers 8 degrees off": Departure(
             lambda drawn: replace(drawn, marker_roll_rad=5.7 * DEGREE, marker_pitch_rad=-5.7 * DEGREE)
         ),
+        "markers 5 degrees off, a tenth of the stick as trim": Departure(
+            lambda drawn: replace(
+                drawn,
+                marker_roll_rad=3.5 * DEGREE,
+                marker_pitch_rad=-3.5 * DEGREE,
+                trim=(0.1, -0.1, 0.0, 0.03),
+            )
+        ),
+        "markers 5 cm above the centre of gravity": Departure(
+            lambda drawn: replace(drawn, marker_height_m=0.05)
+        ),
+        "markers 5 cm below it": Departure(lambda drawn: replace(drawn, marker_height_m=-0.05)),
+        "twice the drag": Departure(times(drag_per_s=2.0)),
+        "ground effect ten times as high": Departure(times(ground_effect_height_m=10.0)),
+        "one pose of a hundred off by 5 cm": Departure(conditions={"outlier_fraction": 0.01}),
         "trim twice as large": Departure(times(trim=2.0)),
         "Tracker of 100 Hz": Departure(options=RigOptions(frame_period_s=0.01, guard=True)),
         "Tracker of 200 Hz": Departure(options=RigOptions(frame_period_s=0.005, guard=True)),
@@ -98,6 +141,8 @@ DEPARTURES: Final = MappingProxyType(
         "noise of 2 mm and 10 mrad": Departure(
             conditions={"position_noise_m": 0.002, "angle_noise_rad": 0.01}
         ),
+        **{f"no bar: {w:g} rad/s, damping {zeta:g}": oscillating(w, zeta) for w, zeta in OSCILLATORS},
+        **{f"no bar: lag of {lag_s:g} s": lagging(lag_s) for lag_s in LAGS_S},
     }
 )
 """By name. The guard against oscillation watches, as in agents."""
@@ -109,8 +154,12 @@ def fly_departure(
     """Fly one vehicle of a departure by the default configuration."""
     departure = DEPARTURES[name]
     true = replace(conditions, **departure.conditions)
-    helicopter = departure.change(helicopter_of("h1", conditions, seed))
-    return fly_member(CASCADE, true, seed, programme, progress, helicopter, departure.options)
+    flown: Particulars | None = departure.oscillator
+    if departure.plant_type is None:
+        flown = departure.change(helicopter_of("h1", conditions, seed))
+    return fly_member(
+        CASCADE, true, seed, programme, progress, flown, departure.plant_type, departure.options
+    )
 
 
 def run(options: Options, tell: Tell) -> Result:

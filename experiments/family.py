@@ -21,8 +21,9 @@ from rcopterx.experiments.rig import SAME_FRAME, Progress, Rig, RigOptions
 from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.laboratory import Particulars
 from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
 
@@ -158,7 +159,8 @@ def fly_member(
     seed: int,
     programme: Programme,
     progress: Progress | None = None,
-    helicopter: HelicopterParameters | None = None,
+    particulars: Particulars | None = None,
+    plant_type: Model | None = None,
     options: RigOptions = SAME_FRAME,
 ) -> Flown:
     """Fly one vehicle through the whole programme.
@@ -173,8 +175,8 @@ def fly_member(
         How long everything takes.
     progress
         Told the fraction flown.
-    helicopter
-        True parameters, in place of those that the conditions give the vehicle.
+    particulars, plant_type
+        What truly flies, in place of what the conditions give (`RigVehicle`).
     options
         How the loop is closed.
 
@@ -190,7 +192,8 @@ def fly_member(
         GoTo(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
     ]
     events.append(Fly(starts[-1], "h1", path))
-    vehicle = replace(scheme.vehicle("h1", Pose(HOME_M), conditions, seed), helicopter=helicopter)
+    told = scheme.vehicle("h1", Pose(HOME_M), conditions, seed)
+    vehicle = replace(told, particulars=particulars, plant_type=plant_type or told.plant_type)
     rig = Rig([vehicle], conditions, seed, options)
     record = rig.fly(starts[-1] + path.duration_s, events, progress)["h1"]
     eight = record.time_s >= starts[-1]

@@ -31,8 +31,7 @@ from rcopterx.bus.session import BusAddress
 from rcopterx.experiments.events import Event, Scene
 from rcopterx.experiments.record import FlightRecord, Recorder
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.laboratory import Laboratory, Particulars
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
@@ -52,7 +51,7 @@ class RigVehicle:
     """One vehicle: what its agent would be told at start, and where it hovers at time 0.
 
     `plant_type` is the type that truly flies, and with it the true transport delay; None for `model`.
-    `helicopter` are the true parameters of a helicopter; None for those that the conditions give it.
+    `particulars` are the true parameters of a helicopter, or another tilt; None for what the conditions give.
     """
 
     name: str
@@ -66,7 +65,7 @@ class RigVehicle:
     period_s: float = 0.02
     following: tuple[LeaderLink, ...] = ()
     plant_type: Model | None = None
-    helicopter: HelicopterParameters | None = None
+    particulars: Particulars | None = None
 
 
 @dataclass(frozen=True)
@@ -137,9 +136,9 @@ class Rig:
             conditions,
             seed,
             {
-                name: vehicle.helicopter
+                name: vehicle.particulars
                 for name, vehicle in self._vehicles.items()
-                if vehicle.helicopter is not None
+                if vehicle.particulars is not None
             },
         )
         self._frame = 0

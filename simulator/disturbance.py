@@ -8,6 +8,7 @@ import numpy as np
 PARAMETERS: Final = 0
 TURBULENCE: Final = 1
 NOISE: Final = 2
+OUTLIERS: Final = 3
 _BLOCK: Final = 256
 
 
@@ -24,7 +25,7 @@ def random_stream(seed: int, vehicle: str, purpose: int) -> np.random.Generator:
     vehicle
         Name of the vehicle.
     purpose
-        `PARAMETERS`, `TURBULENCE` or `NOISE`.
+        `PARAMETERS`, `TURBULENCE`, `NOISE` or `OUTLIERS`.
 
     Returns
     -------

@@ -10,6 +10,7 @@ To fly one by itself, without weather and delay::
 """
 
 import math
+from dataclasses import replace
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
@@ -117,12 +118,18 @@ class Helicopter(Plant):
         """Pose of the markers, which do not sit straight on the body, yaw unwrapped."""
         w, x, y, z = self.state[6:10]
         i, j, k, s = self._markers
-        return self._pose_with(
+        turned = self._pose_with(
             w * s - x * i - y * j - z * k,
             w * i + x * s + y * k - z * j,
             w * j + y * s + z * i - x * k,
             w * k + z * s + x * j - y * i,
         )
+        up_m = self.parameters.marker_height_m
+        if up_m == 0.0:
+            return turned
+        axis = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
+        x_m, y_m, z_m = (centre + up_m * part for centre, part in zip(turned.position_m, axis, strict=True))
+        return replace(turned, position_m=(x_m, y_m, z_m))
 
     def _pose_with(self, w: float, x: float, y: float, z: float) -> Pose:
         yaw = math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))

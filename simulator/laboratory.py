@@ -7,16 +7,23 @@ import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+import numpy as np
+
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.disturbance import NOISE, NormalSource, random_stream
+from rcopterx.simulator.disturbance import NOISE, OUTLIERS, NormalSource, random_stream
 from rcopterx.simulator.downwash import set_downwash
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.oscillating_tilt_plant import OscillatingTiltPlant, TiltOscillator
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 from rcopterx.vehicles.types import COAXIAL
+
+Particulars = HelicopterParameters | TiltOscillator
+"""What distinguishes a vehicle from those that the conditions would give it."""
 
 
 def plant_of(
@@ -25,16 +32,18 @@ def plant_of(
     conditions: Conditions,
     seed: int,
     start: Pose,
-    parameters: HelicopterParameters | None = None,
+    particulars: Particulars | None = None,
 ) -> Plant:
     """Plant of a vehicle: a helicopter if it is coaxial and the conditions say so, else equation (1).
+
+    With a `TiltOscillator` it is neither but an `OscillatingTiltPlant`.
 
     Parameters
     ----------
     name, model, conditions, seed, start
         See `Plant`.
-    parameters
-        Of the helicopter, in place of those that the conditions give it.
+    particulars
+        Parameters of the helicopter in place of those that the conditions give it, or the tilt.
 
     Returns
     -------
@@ -46,8 +55,10 @@ def plant_of(
     ValueError
         If the start pose is not finite or below the floor.
     """
+    if isinstance(particulars, TiltOscillator):
+        return OscillatingTiltPlant(name, model, conditions, seed, start, particulars)
     if model.kind == COAXIAL.kind and conditions.coaxial_plant != "first_order":
-        flown = parameters or helicopter_of(name, conditions, seed)
+        flown = particulars or helicopter_of(name, conditions, seed)
         return Helicopter(name, model, conditions, seed, start, flown)
     return FirstOrderPlant(name, model, conditions, seed, start)
 
@@ -65,8 +76,8 @@ class Laboratory:
         How real the laboratory is.
     seed
         Seed of all randomness, not negative.
-    helicopters
-        Parameters of vehicles by name, in place of those that the conditions give them.
+    particulars
+        What distinguishes vehicles, by name, from those that the conditions give.
 
     Raises
     ------
@@ -80,7 +91,7 @@ class Laboratory:
         start: Mapping[str, Pose],
         conditions: Conditions,
         seed: int = 0,
-        helicopters: Mapping[str, HelicopterParameters] = MappingProxyType({}),
+        particulars: Mapping[str, Particulars] = MappingProxyType({}),
     ) -> None:
         if seed < 0:
             raise ValueError(f"laboratory: seed {seed} is negative")
@@ -91,18 +102,19 @@ class Laboratory:
         self._start = dict(start)
         self._conditions = conditions
         self._seed = seed
-        self._helicopters = dict(helicopters)
+        self._particulars = dict(particulars)
         self.reset()
 
     def reset(self) -> None:
         """Begin anew at time 0: the same inputs then lead to exactly the same flight."""
         self._plants = {
             name: plant_of(
-                name, model, self._conditions, self._seed, self._start[name], self._helicopters.get(name)
+                name, model, self._conditions, self._seed, self._start[name], self._particulars.get(name)
             )
             for name, model in self._models.items()
         }
         self._noise = {name: NormalSource(random_stream(self._seed, name, NOISE)) for name in self._models}
+        self._outliers = {name: random_stream(self._seed, name, OUTLIERS) for name in self._models}
         self._time_s = 0.0
 
     @property
@@ -154,9 +166,23 @@ class Laboratory:
         noise = self._noise[name]
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
         x, y, z = pose.position_m
+        away_x, away_y, away_z = self._outlier(name)
         return Pose(
-            (x + position_m * noise(), y + position_m * noise(), z + position_m * noise()),
+            (
+                x + position_m * noise() + away_x,
+                y + position_m * noise() + away_y,
+                z + position_m * noise() + away_z,
+            ),
             math.remainder(pose.yaw_rad + angle_rad * noise(), math.tau),
             pose.pitch_rad + angle_rad * noise(),
             pose.roll_rad + angle_rad * noise(),
         )
+
+    def _outlier(self, name: str) -> Three:
+        """How far the next pose of a vehicle is off, besides noise."""
+        generator, fraction = self._outliers[name], self._conditions.outlier_fraction
+        if fraction == 0.0 or generator.random() >= fraction:
+            return 0.0, 0.0, 0.0
+        direction = generator.standard_normal(3)
+        x, y, z = (self._conditions.outlier_m * direction / np.linalg.norm(direction)).tolist()
+        return x, y, z
