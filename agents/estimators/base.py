@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.estimators.gate import InnovationGate
+from rcopterx.agents.estimators.gate import InnovationGate, Sudden
 from rcopterx.agents.estimators.settings import EstimatorSettings
 from rcopterx.agents.interfaces import Estimate, Measurement
 from rcopterx.agents.references.turns import nearest_heading
@@ -85,12 +85,10 @@ class PoseEstimator(ABC):
             Motion and actuators of the present moment.
         """
         motion = estimate.motion
-        c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
-        rates = np.array([c * motion[4] - s * motion[5], s * motion[4] + c * motion[5], *motion[6:8]])
         self._yaw_known = self._actuators_known = True
         self._settle(estimate.actuator)
         self._gate.open()
-        self._start(motion[:INPUT_SIZE].copy(), rates)
+        self._start(motion[:INPUT_SIZE].copy(), _inertial_rates(motion))
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Move the estimate on by one period.
@@ -136,10 +134,15 @@ class PoseEstimator(ABC):
             return True
         pose = np.array([*measurement.position_m, self._unwrapped(measurement.yaw_rad)])
         innovation = pose - self.estimate.motion[:INPUT_SIZE]
-        if self._gate.passes(innovation, self._deviation()):
+        deviation = self._deviation()
+        if self._gate.passes(innovation, deviation):
             self._gate.open()
-            self._take_in(innovation)
-            return True
+            sudden = self._gate.sudden(innovation, deviation)
+            if sudden is Sudden.SHIFT:
+                self._start(pose, _inertial_rates(self.estimate.motion))
+            elif sudden is Sudden.NOT:
+                self._take_in(innovation)
+            return sudden is not Sudden.ALONE
         restart = self._gate.refuse(pose)
         if restart is None:
             return False
@@ -188,6 +191,12 @@ def body_motion(pose: Array, rates: Array) -> Array:
     yaw, vx, vy = float(pose[YAW]), float(rates[0]), float(rates[1])
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([*pose, c * vx + s * vy, c * vy - s * vx, *rates[2:]])
+
+
+def _inertial_rates(motion: Array) -> Array:
+    """Inertial velocity and yaw rate of a motion state, shape (4,)."""
+    c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
+    return np.array([c * motion[4] - s * motion[5], s * motion[4] + c * motion[5], *motion[6:8]])
 
 
 def _readable(measurement: Measurement) -> bool:

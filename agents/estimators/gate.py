@@ -2,18 +2,34 @@
 
 import math
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import Final
 
 import numpy as np
 
 from rcopterx.agents.estimators.settings import EstimatorSettings
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import YAW, Array
 
 _DEVIATIONS: Final = 5.0
+_SUDDEN_M: Final = 0.02
+"""A pose further than this from the predicted one, besides noise, waits for another one to agree."""
+_MOST_LEFT_OUT: Final = 4
+"""So many sudden poses that do not agree are left out in a row."""
 _SPEED_FACTOR: Final = 2.0
 _FEWEST_POSES: Final = 3
 _TIME_TOLERANCE_S: Final = 1e-9
+
+
+class Sudden(Enum):
+    """What a pose that can have been flown to is taken for."""
+
+    NOT = auto()
+    """To be taken in."""
+    ALONE = auto()
+    """Further off than any before it: to be left out."""
+    SHIFT = auto()
+    """As far off as the last one that was left out: the vehicle is measured elsewhere from now on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +63,10 @@ class InnovationGate:
     `gate_limit_s` and each could have been flown to from the one before, it is the estimate that is wrong
     (a collision, a vehicle carried by hand, poses missing for long) and the estimator has to restart there.
 
+    A single pose off by some centimetres, of one marker taken for another, is near enough to have been flown
+    to, and would kick the sticks. So sudden ones are left out until two in a row agree that the measured
+    body has shifted.
+
     Parameters
     ----------
     model
@@ -69,6 +89,9 @@ class InnovationGate:
         self._fastest = np.array([speed_m_s] * 3 + [_SPEED_FACTOR * model.state_max[6]])
         self._limit_s = settings.gate_limit_s
         self._run: _Run | None = None
+        self._last_sudden: Array | None = None
+        self._left_out = 0
+        """Innovation of the last pose that was left out as a sudden one, and how many were in a row."""
         self.rejected = 0
         self.restarts = 0
 
@@ -93,6 +116,28 @@ class InnovationGate:
             True if the vehicle can be there.
         """
         return bool((np.abs(innovation) <= self._margin + _DEVIATIONS * deviation).all())
+
+    def sudden(self, innovation: Array, deviation: Array) -> Sudden:
+        """What a pose that passes is taken for.
+
+        Parameters
+        ----------
+        innovation, deviation
+            See `passes`.
+        """
+        near = _SUDDEN_M + _DEVIATIONS * deviation[:YAW]
+        away = innovation[:YAW].copy()
+        before, left_out = self._last_sudden, self._left_out
+        self._last_sudden, self._left_out = None, 0
+        if (np.abs(away) <= near).all():
+            return Sudden.NOT
+        if before is not None and (np.abs(away - before) <= near).all():
+            return Sudden.SHIFT
+        if left_out == _MOST_LEFT_OUT:
+            return Sudden.NOT
+        self._last_sudden, self._left_out = away, left_out + 1
+        self.rejected += 1
+        return Sudden.ALONE
 
     def open(self) -> None:
         """Forget refused poses, as a good one has arrived."""
