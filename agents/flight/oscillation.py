@@ -31,6 +31,13 @@ HALF_WAVES: Final = 6
 """So many in a row are an oscillation of a vehicle that is near its reference."""
 HALF_WAVES_AWAY: Final = 16
 """The same anywhere."""
+FAINT_THRESHOLD: Final = 0.2
+"""Threshold while the reference rests, where nothing but an oscillation goes to and fro for long."""
+FAINT_HALF_WAVES: Final = 14
+"""So many in a row past it are one."""
+HALF_WAVES_AGAIN: Final = 4
+FAINT_HALF_WAVES_AGAIN: Final = 8
+"""So many more are needed after the loop has been changed: what is left of an oscillation fades first."""
 NEAR_M: Final = 0.4
 NEAR_RAD: Final = 0.8
 """Distance from the reference that is near."""
@@ -67,16 +74,34 @@ class OscillationDetector:
     def __init__(self, model: Model) -> None:
         reach = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
         tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / model.gravity_m_s2
-        rest = [*model.hover_input.tolist(), 0.0, 0.0]
-        threshold = [THRESHOLD * largest for largest in (*reach.tolist(), tilt, tilt)]
-        self._channels = [_Channel(*pair) for pair in zip(rest, threshold, strict=True)]
+        rests = [*model.hover_input.tolist(), 0.0, 0.0]
+        ranges = [*reach.tolist(), tilt, tilt]
+        self._channels, self._faint = (
+            [
+                _Channel(rest, threshold * largest, needed, again)
+                for rest, largest in zip(rests, ranges, strict=True)
+            ]
+            for threshold, needed, again in (
+                (THRESHOLD, (HALF_WAVES, HALF_WAVES_AWAY), HALF_WAVES_AGAIN),
+                (FAINT_THRESHOLD, (FAINT_HALF_WAVES, FAINT_HALF_WAVES), FAINT_HALF_WAVES_AGAIN),
+            )
+        )
 
     def forget(self) -> None:
         """Begin anew."""
-        for channel in self._channels:
+        for channel in (*self._channels, *self._faint):
             channel.forget()
 
-    def observe(self, stick: Array, tilt: Array | None, error: Array, period_s: float) -> frozenset[Loop]:
+    def changed(self, loops: frozenset[Loop]) -> None:
+        """Loops are others now; an oscillation has to show that it goes on with them."""
+        for loop, *both in zip(_LOOPS, self._channels, self._faint, strict=True):
+            if loop in loops:
+                for channel in both:
+                    channel.doubt()
+
+    def observe(
+        self, stick: Array, tilt: Array | None, error: Array, period_s: float, resting: bool = False
+    ) -> frozenset[Loop]:
         """Take in a control period.
 
         Parameters
@@ -89,6 +114,8 @@ class OscillationDetector:
             Deviation from the reference: x, y, z [m], yaw [rad], shape (4,).
         period_s
             Time since the last one.
+        resting
+            Whether the reference rests, so that smaller oscillations count.
 
         Returns
         -------
@@ -98,19 +125,27 @@ class OscillationDetector:
         axis = (0.0, 0.0) if tilt is None else tilt.tolist()
         x, y, z, yaw_rad = error.tolist()
         near = math.hypot(x, y, z) < NEAR_M and abs(yaw_rad) < NEAR_RAD
+        values = (*stick.tolist(), *axis)
+        if not resting:
+            for channel in self._faint:
+                channel.forget()
         # All of them, also after one that oscillates.
         found = [
             channel.observe(value, near, period_s)
-            for channel, value in zip(self._channels, (*stick.tolist(), *axis), strict=True)
+            for channel, value in zip(self._channels, values, strict=True)
         ]
+        if resting:
+            for index, (channel, value) in enumerate(zip(self._faint, values, strict=True)):
+                found[index] |= channel.observe(value, near, period_s)
         return frozenset(loop for loop, swings in zip(_LOOPS, found, strict=True) if swings)
 
 
 class _Channel:
     """Half-waves of one signal, in plain floats because arrays of six take longer than the arithmetic."""
 
-    def __init__(self, rest: float, threshold: float) -> None:
-        self._rest, self._threshold = rest, threshold
+    def __init__(self, rest: float, threshold: float, needed: tuple[int, int], again: int) -> None:
+        self._rest, self._threshold, self._again = rest, threshold, again
+        self._needed_near, self._needed = needed
         self.forget()
 
     def forget(self) -> None:
@@ -120,6 +155,11 @@ class _Channel:
         self._older: tuple[float, float] | None = None
         self._last: tuple[float, float] | None = None
         """How long the last two half-waves were, and how large; None for none."""
+
+    def doubt(self) -> None:
+        """Take some of the half-waves back."""
+        self._count_near = min(self._count_near, self._needed_near - self._again)
+        self._count = min(self._count, self._needed - self._again)
 
     def observe(self, value: float, near: bool, period_s: float) -> bool:
         """Take in a control period; True if an oscillation begins another half-wave."""
@@ -135,7 +175,7 @@ class _Channel:
             self._count = self._count_near = 0
         if not near:
             self._count_near = 0
-        return begins and (self._count_near >= HALF_WAVES or self._count >= HALF_WAVES_AWAY)
+        return begins and (self._count_near >= self._needed_near or self._count >= self._needed)
 
     def _begin(self, side: int) -> None:
         """Count a half-wave that begins, and thereby the one before it that ends."""

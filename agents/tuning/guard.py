@@ -10,11 +10,14 @@ from collections import Counter
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from rcopterx.agents.controllers.registry import CONTROLLERS
 from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.vehicles.state import YAW, Array
 
 EFFORT_FACTORS: Final = "effort_factors"
 """Setting of a controller that lowers its bandwidth: one number for each `Loop`."""
@@ -22,6 +25,8 @@ STEP: Final = 3.0
 LARGEST: Final = STEP**4
 SHORTEST_STEP_S: Final = 0.25
 """Between two steps."""
+RESTING_M_S: Final = 0.05
+"""A reference slower than this rests."""
 
 OSCILLATION: Final = "oscillation"
 """Counted for every half-wave of an oscillation."""
@@ -60,6 +65,7 @@ class OscillationGuard:
         self._since_step_s = SHORTEST_STEP_S
         self._swinging: frozenset[Loop] = frozenset()
         """Loops that have been seen to oscillate since the last step."""
+        self._reference: Array | None = None
         self.events: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
 
@@ -78,18 +84,24 @@ class OscillationGuard:
             # Sines that an identification adds are no oscillation; should they bring one about, the vehicle
             # leaves its box, which ends them.
             self._detector.forget()
+            self._reference = None
             return
         period_s, estimate = pilot.controller.period_s, pilot.estimate
         self._since_step_s += period_s
         tilt = None if estimate.tilt is None else estimate.tilt.core[:2]
         error = estimate.motion[: len(output.reference)] - output.reference
-        swinging = self._detector.observe(output.input, tilt, error, period_s)
+        resting = self._rests(output.reference[:YAW], period_s)
+        swinging = self._detector.observe(output.input, tilt, error, period_s, resting)
         if not swinging:
             return
         self.events[OSCILLATION] += 1
         self._swinging |= swinging
         if flown_by_own and not self._tuning.busy and self._since_step_s >= SHORTEST_STEP_S:
             self._lower()
+
+    def _rests(self, place_m: Array, period_s: float) -> bool:
+        before, self._reference = self._reference, place_m.copy()
+        return before is not None and bool(np.abs(place_m - before).max() < RESTING_M_S * period_s)
 
     def _lower(self) -> None:
         present = self._tuning.configuration
@@ -103,5 +115,6 @@ class OscillationGuard:
         if lowest or EFFORT_FACTORS not in settings.__struct_fields__:
             return
         self._since_step_s = 0.0
+        self._detector.changed(swinging)
         self.events[BANDWIDTH_LOWERED] += 1
         self._tuning.begin(present.changed(None, {EFFORT_FACTORS: factors}, None, {}))

@@ -9,7 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rcopterx.agents.flight.oscillation import (
+    FAINT_HALF_WAVES,
+    FAINT_THRESHOLD,
     HALF_WAVES,
+    HALF_WAVES_AGAIN,
     HALF_WAVES_AWAY,
     THRESHOLD,
     Loop,
@@ -25,10 +28,14 @@ PITCH, ROLL, THRUST, YAW = range(4)
 
 
 def first_s(
-    signal: Callable[[float], float], channel: int = PITCH, seconds: float = 6.0, error: Array = AT_REFERENCE
+    signal: Callable[[float], float],
+    channel: int = PITCH,
+    seconds: float = 6.0,
+    error: Array = AT_REFERENCE,
+    resting: bool = False,
 ) -> float | None:
     """When an oscillation of a stick is first seen; None for never."""
-    return next((time_s for time_s, _ in seen(signal, channel, seconds, error)), None)
+    return next((time_s for time_s, _ in seen(signal, channel, seconds, error, resting)), None)
 
 
 def told(signal: Callable[[float], float], channel: int, seconds: float, error: Array) -> set[Loop]:
@@ -37,13 +44,13 @@ def told(signal: Callable[[float], float], channel: int, seconds: float, error: 
 
 
 def seen(
-    signal: Callable[[float], float], channel: int, seconds: float, error: Array
+    signal: Callable[[float], float], channel: int, seconds: float, error: Array, resting: bool = False
 ) -> Iterator[tuple[float, frozenset[Loop]]]:
     detector = OscillationDetector(COAXIAL)
     for k in range(round(seconds / PERIOD_S)):
         stick = COAXIAL.hover_input.copy()
         stick[channel] += signal(k * PERIOD_S)
-        loops = detector.observe(stick, None, error, PERIOD_S)
+        loops = detector.observe(stick, None, error, PERIOD_S, resting)
         if loops:
             yield k * PERIOD_S, loops
 
@@ -131,3 +138,39 @@ def test_the_tilt_counts_as_the_sticks_do() -> None:
         for k in range(150)
     ]
     assert any(seen)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.8, 4.0), st.floats(0.27, 0.44))
+def test_a_small_oscillation_is_seen_where_the_reference_rests(frequency_hz: float, amplitude: float) -> None:
+    signal, seconds = wave(frequency_hz, amplitude), 10.0
+    seen_s = first_s(signal, seconds=seconds, resting=True)
+    assert seen_s == pytest.approx(
+        0.5 * (FAINT_HALF_WAVES - 1) / frequency_hz, abs=0.3 / frequency_hz + PERIOD_S
+    )
+    assert first_s(signal, seconds=seconds) is None
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.1, 10.0), st.floats(0.0, FAINT_THRESHOLD))
+def test_what_is_smaller_is_no_oscillation(frequency_hz: float, amplitude: float) -> None:
+    assert first_s(wave(frequency_hz, amplitude), seconds=20.0, resting=True) is None
+
+
+def test_gusts_at_rest_are_no_oscillation() -> None:
+    generator, stick = np.random.default_rng(4), 0.0
+    gusts = [stick := 0.96 * stick + 0.06 * float(generator.standard_normal()) for _ in range(60_000)]
+    assert np.std(gusts) > 0.2
+    assert first_s(lambda time_s: gusts[round(time_s / PERIOD_S)], seconds=1200.0, resting=True) is None
+
+
+def test_after_a_change_it_has_to_go_on() -> None:
+    detector, found_s = OscillationDetector(COAXIAL), []
+    for k in range(300):
+        stick = COAXIAL.hover_input.copy()
+        stick[PITCH] += wave(2.0, 1.0)(k * PERIOD_S)
+        loops = detector.observe(stick, None, AT_REFERENCE, PERIOD_S)
+        if loops:
+            found_s.append(k * PERIOD_S)
+            detector.changed(loops)
+    assert np.diff(found_s) == pytest.approx(0.25 * HALF_WAVES_AGAIN, abs=0.03)

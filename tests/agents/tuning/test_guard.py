@@ -135,3 +135,9 @@ def test_sines_of_an_identification_are_no_oscillation() -> None:
     exciter.end("over")
     watched.swing(3.0)
     assert watched.factor > 1.0
+
+
+def test_a_small_oscillation_counts_while_the_reference_rests() -> None:
+    watched = Watched()
+    watched.swing(5.0, amplitude=0.35)
+    assert watched.factor > 1.0
