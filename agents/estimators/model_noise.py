@@ -42,7 +42,7 @@ def model_noise(model: Model) -> ModelNoise:
             (0.01, 0.01, 0.01, 0.05), (0.02, 0.02, 0.01, 0.01), (2.0, 2.0, 2.5, 15.0), graded(2.1, 4.9)
         )
     return ModelNoise(
-        velocity=(0.01, 0.01, graded(0.01, 0.06), graded(0.05, 1.5)),
+        velocity=(graded(0.01, 0.05), graded(0.01, 0.05), graded(0.01, 0.06), graded(0.05, 1.5)),
         actuator=(0.02, 0.02, graded(0.01, 0.06), graded(0.01, 0.2)),
         disturbance_limit=(2.0, 2.0, graded(2.5, 5.0), 15.0),
         tilt=graded(2.1, 4.9),
