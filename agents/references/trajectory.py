@@ -76,8 +76,9 @@ class Trajectory:
         """Read the trajectory at other instants.
 
         Between stages values are interpolated linearly (exact on the stages themselves). Before the first
-        stage the first one is held at rest; beyond the last one the vehicle is taken to go on with the last
-        velocity, unaccelerated.
+        stage the vehicle is taken to have come with the first velocity, and beyond the last one to go on with
+        the last; unaccelerated, except within a period of the first stage: a follower whose delay is a little
+        shorter than its leader's begins there.
 
         Parameters
         ----------
@@ -110,7 +111,10 @@ class Trajectory:
         if beyond_s[-1] > 0:
             samples[:, :4] += beyond_s[:, None] * self.samples[-1, 4:8]
             samples[beyond_s > 0, 8:] = 0.0
-        samples[at < 0, 4:] = 0.0
+        before_s = np.minimum(at, 0.0) * self.period_s
+        if before_s[0] < 0:
+            samples[:, :4] += before_s[:, None] * self.samples[0, 4:8]
+            samples[at <= -1, 8:] = 0.0
         return Trajectory(samples, period_s)
 
     def _from_stage(self, first: int, stages: int) -> Array:
