@@ -35,8 +35,8 @@ FAINT_THRESHOLD: Final = 0.2
 """Threshold while the reference rests, where nothing but an oscillation goes to and fro for long."""
 FAINT_HALF_WAVES: Final = 14
 """So many in a row past it are one."""
-HALF_WAVES_AGAIN: Final = 4
-FAINT_HALF_WAVES_AGAIN: Final = 8
+HALF_WAVES_AGAIN: Final = 2
+FAINT_HALF_WAVES_AGAIN: Final = 6
 """So many more are needed after the loop has been changed: what is left of an oscillation fades first."""
 NEAR_M: Final = 0.4
 NEAR_RAD: Final = 0.8
