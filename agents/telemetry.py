@@ -205,12 +205,22 @@ class DiagnosticsCollector:
             rejected=_summed(source.rejected for source in self._sources),
             avoiding_ticks=pilot.avoidance.ticks,
             closest_plan_m=pilot.avoidance.closest_m,
+            wind_m_s2=_wind(pilot),
             realtime=self._realtime,
             process=os.getpid(),
             host=self._host,
             remarks=(*pilot.remarks, *filter(None, (self._tuning.remark, self._relief.remark))),
             processor_share=self._relief.processor_share(),
         )
+
+
+def _wind(pilot: Pilot) -> tuple[float, float] | None:
+    """What the estimator takes for wind [m/s^2]; None on the floor, where it estimates none."""
+    if not pilot.guidance.rotor_on:
+        return None
+    estimate = pilot.estimate
+    x, y = estimate.disturbance[:2] if estimate.tilt is None else estimate.tilt.wind_m_s2
+    return float(x), float(y)
 
 
 def in_message(settings: Mapping[str, object]) -> dict[str, Setting]:

@@ -264,6 +264,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Control periods in which the plan was held off that of another vehicle."""
     closest_plan_m: Annotated[float, Meta(ge=0)] | None = None
     """Smallest distance predicted to a vehicle whose plan was heard."""
+    wind_m_s2: tuple[float, float] | None = None
+    """Horizontal acceleration by wind and all else that is not in the model, inertial frame; in flight."""
     realtime: bool = False
     """The process runs in a real-time scheduling class."""
     process: Count = 0

@@ -73,6 +73,15 @@ def on_level(
     return x, y, height_m
 
 
+def arrow(start_m: Sequence[float], vector_m: Sequence[float]) -> Array:
+    """A horizontal arrow, shape (3, 2, 3) [m]: shaft and barbs of a quarter of its length."""
+    shaft = np.array([*vector_m, 0.0])
+    start = np.array(start_m)
+    end = start + shaft
+    barbs = [end - _turned(0.25 * shaft, side * math.pi / 7) for side in (1, -1)]
+    return np.array([(start, end), *((end, barb) for barb in barbs)])
+
+
 def _turned(vector: Sequence[float] | Array, yaw_rad: float) -> Array:
     x, y, z = (float(value) for value in vector)
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)

@@ -10,6 +10,7 @@ from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.geometry import (
     NOWHERE,
     Array,
+    arrow,
     box_edges,
     heading_quaternion,
     link_to,
@@ -33,6 +34,8 @@ TAIL_M: Final = (0.14, 0.012, 0.012)
 ROTOR_M: Final = 0.11
 HANDLE_M: Final = 0.25
 TRAIL_S: Final = 5.0
+WIND_M: Final = 1.0
+"""Length of an arrow for 1 m/s^2."""
 
 Point = tuple[float, float, float]
 
@@ -65,6 +68,9 @@ class FleetScene:
         middle = (low + high) / 2
         server.initial_camera.look_at = tuple(middle)
         server.initial_camera.position = tuple(middle + width * np.array([-0.85, -0.6, 0.4]))
+        self.wind = server.gui.add_checkbox(
+            "wind arrows", False, hint="what the estimators take for wind: 1 m long for 1 m/s²"
+        )
         self.links = server.scene.add_line_segments("/links", NOWHERE, GREY, thickness=0.006)
         self._vehicles = {
             vehicle.name: VehicleShape(server, vehicle.name, colour_of(index), steering)
@@ -79,6 +85,7 @@ class FleetScene:
         with self._server.atomic():
             for name, state in states.items():
                 self._vehicles[name].show(state, states, histories[name])
+                self._vehicles[name].show_wind(state, self.wind.value)
             self.links.points = _links(states).astype(np.float32)
 
 
@@ -99,6 +106,9 @@ class VehicleShape:
         self.body = server.scene.add_frame(f"/{name}", show_axes=False, visible=False)
         _add_helicopter(server, name, colour)
         self.label = server.scene.add_label(f"/{name}/name", name, position=(0.0, 0.0, 0.16))
+        self.wind = server.scene.add_line_segments(
+            f"/wind_{name}", NOWHERE, DARK, thickness=0.01, visible=False
+        )
         self.trail = server.scene.add_line_segments(f"/trail_{name}", NOWHERE, GREY, thickness=0.005)
         self.plan = server.scene.add_line_segments(f"/plan_{name}", NOWHERE, colour, thickness=0.014)
         self.plan_end = server.scene.add_icosphere(f"/plan_end_{name}", 0.03, colour, visible=False)
@@ -134,6 +144,14 @@ class VehicleShape:
         self.handle.visible = self._steering is not None and wanted is not None
         if wanted is not None and not self._dragged:
             self.handle.position = wanted
+
+    def show_wind(self, state: VehicleState, wanted: bool) -> None:
+        """Show what blows at the vehicle, if that is wanted and known."""
+        wind = None if state.agent is None else state.agent.diagnostics.wind_m_s2
+        place = state.position_m
+        self.wind.visible = wanted and wind is not None and place is not None
+        if wanted and wind is not None and place is not None:
+            self.wind.points = arrow(place, [WIND_M * value for value in wind]).astype(np.float32)
 
     def _wanted(self) -> Point | None:
         """Where the handle belongs; None while there is nothing to drag."""

@@ -85,6 +85,8 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     yield "position", _metres(agent.position_m), False
     yield "heading", "-" if agent.yaw_rad is None else f"{math.degrees(agent.yaw_rad):.0f}°", False
     yield "error", "-" if state.error_m is None else f"{1000 * state.error_m:.0f} mm", False
+    if values.wind_m_s2 is not None:
+        yield "wind", f"{math.hypot(*values.wind_m_s2):.2f} m/s²", False
     yield "horizon", f"{values.horizon} stages", False
     yield "solver p50 / p99", f"{values.solve_ms_p50:.2f} / {values.solve_ms_p99:.2f} ms", False
     yield "missed periods", f"{values.missed_ticks} of {values.ticks}", False

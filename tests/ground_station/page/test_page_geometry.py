@@ -10,6 +10,7 @@ from support.plans import plan_of
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.ground_station.page.geometry import (
+    arrow,
     box_edges,
     heading_quaternion,
     link_to,
@@ -79,3 +80,13 @@ def test_a_click_meets_the_level_in_front_of_the_camera_or_not_at_all(
 
 def test_a_level_ray_meets_no_level() -> None:
     assert on_level((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 1.0) is None
+
+
+def test_an_arrow_points_along_its_vector_with_barbs_on_both_sides() -> None:
+    shaft, *barbs = arrow((1.0, 2.0, 0.5), (0.4, 0.0))
+    assert shaft.tolist() == [[1.0, 2.0, 0.5], [1.4, 2.0, 0.5]]
+    for barb in barbs:
+        assert barb[0].tolist() == shaft[1].tolist()
+        assert np.linalg.norm(barb[1] - barb[0]) == pytest.approx(0.1)
+        assert 1.25 < barb[1][0] < 1.4
+    assert barbs[0][1][1] == pytest.approx(4.0 - barbs[1][1][1])

@@ -249,3 +249,19 @@ def test_a_formation_is_saved_and_flown_again_leaders_first(
     assert notices[-1] == ("formation 1 needs h1 in flight as well", True)
     page.saved.forget()
     assert page.saved.choice.options == ("(none yet)",)
+
+
+def test_arrows_of_the_wind_are_there_if_they_are_wanted_and_known(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    fly(vehicles)
+    vehicles["h1"].diagnostics["wind_m_s2"] = (0.3, 0.0)
+    wait_for(lambda: (agent := fleet["h1"].state.agent) and agent.diagnostics.wind_m_s2, "no wind")
+    shown(page, fleet, "flying")
+    assert not page.scene["h1"].wind.visible
+    page.scene.wind.value = True
+    page.update(time.monotonic())
+    assert page.scene["h1"].wind.visible
+    assert not page.scene["h2"].wind.visible
+    start, end = page.scene["h1"].wind.points[0]
+    assert end - start == pytest.approx([0.3, 0.0, 0.0], abs=1e-6)
