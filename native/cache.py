@@ -20,7 +20,7 @@ from typing import Final
 
 COMPLETE: Final = "complete"
 """File in the directory of the kernels from when on all of them are there."""
-MODULES: Final = ("bounds", "chain", "kalman", "lateral", "motion")
+MODULES: Final = ("bounds", "cascade", "chain", "kalman", "lateral", "motion", "noise")
 """Modules of kernels."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
 """Environment variable with the directory to keep kernels in, instead of the user's cache."""
@@ -59,9 +59,13 @@ def _digest() -> str:
     """Of all that the compiled code depends on: numba itself looks at the file of a kernel only, and not at
     the functions that it calls."""
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    # numba tells checkouts apart by their place.
+    place = Path(__file__).parent
+    for source in sorted(place.glob("*.py")):
         digest.update(source.read_bytes())
-    digest.update(f"{version('numba')} {version('numpy')} {sys.version} {platform.machine()}".encode())
+    digest.update(
+        f"{place} {version('numba')} {version('numpy')} {sys.version} {platform.machine()}".encode()
+    )
     try:
         processor = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0]
     except OSError:

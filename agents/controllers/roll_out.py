@@ -7,10 +7,10 @@ flies the trajectory through this same model reproduces it exactly.
 """
 
 import numpy as np
-from scipy.linalg import blas
 
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.native.cascade import first_order
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     U_PITCH,
@@ -30,15 +30,6 @@ def lag_poles(model: Model, period_s: float) -> Array:
     """Discrete poles of the actuators, shape (4,); zero for an actuator without lag."""
     lag_s = np.array(model.lag_s)
     return np.where(lag_s > 0, np.exp(-period_s / np.where(lag_s > 0, lag_s, 1.0)), 0.0)
-
-
-def first_order(pole: float, start: float, driven: Array) -> Array:
-    """Solve s[i+1] = pole s[i] + driven[i] from s[0] = start; returns len(driven) + 1 values."""
-    # A bidiagonal system; `scipy.signal.lfilter` is no quicker and a quarter of a second slower to import.
-    bands = np.ones((2, len(driven) + 1), order="F")
-    bands[1] = -pole
-    response: Array = blas.dtbsv(1, bands, np.concatenate(([start], driven)), lower=1, diag=1)
-    return response
 
 
 def one_stage_on(inputs: Array) -> Array:

@@ -24,6 +24,7 @@ FIRST_CALLS: Final = 10
 FIRST_CALLS_FACTOR: Final = 8.0
 """The first calls load code and fill caches; they may take so many times as long."""
 
+_FLOAT64: Final = np.dtype(np.float64)
 T = TypeVar("T")
 
 
@@ -141,6 +142,14 @@ def _problem(told: tuple[T, Estimate]) -> str | None:
     """What makes an estimate unusable; None if it can be used."""
     estimate = told[1]
     shapes = estimate.motion.shape, estimate.actuator.shape, estimate.disturbance.shape
-    if shapes == ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) and estimate.is_finite:
-        return None
-    return "the estimate is not finite or has another shape than a vehicle's"
+    if shapes != ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) or not _is_of_floats(estimate):
+        return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"
+    return None if estimate.is_finite else "the estimate is not finite"
+
+
+def _is_of_floats(estimate: Estimate) -> bool:
+    """Whether all numbers are of the type that everything else computes with."""
+    parts = [estimate.motion, estimate.actuator, estimate.disturbance]
+    if estimate.tilt is not None:
+        parts += [estimate.tilt.core, estimate.tilt.servo, estimate.tilt.wind_m_s2, estimate.tilt.trim]
+    return all(part.dtype == _FLOAT64 for part in parts)

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.native.noise import noise_mean
 from rcopterx.vehicles.state import Array
 
 WINDOW_S: Final = 2.0
@@ -61,9 +62,8 @@ class NoiseMeter:
         self._last.append(values)
         if len(self._last) < len(_DIFFERENCE) or not period_s > 0.0:
             return
-        size = np.abs(_DIFFERENCE @ np.stack(self._last))
         self._seen += 1
-        if self._seen > SMALLEST_WINDOW:
-            size = np.minimum(size, OUTLIER * self._mean)
         share = max(1.0 / self._seen, min(period_s / WINDOW_S, 1.0))
-        self._mean = self._mean + share * (size - self._mean)
+        outlier = OUTLIER if self._seen > SMALLEST_WINDOW else math.inf
+        first, second, third, fourth = self._last
+        self._mean = noise_mean(first, second, third, fourth, self._mean, outlier, share)

@@ -30,10 +30,11 @@ from rcopterx.agents.controllers.cascade.weights import default_input_weights, d
 from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget
 from rcopterx.agents.controllers.chains.chain import ChainParameters
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
-from rcopterx.agents.controllers.roll_out import first_order, lag_poles
+from rcopterx.agents.controllers.roll_out import lag_poles
 from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
-from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
+from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.native.cascade import first_order, plan_samples
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, Array
 
@@ -307,12 +308,4 @@ class CascadeController(BaseController):
 
     def _plan(self, flat: Array) -> Trajectory:
         """Trajectory whose velocities and accelerations are the differences of its positions."""
-        stages, period = self._horizon, self._period_s
-        samples = np.empty((stages, COLUMNS))
-        velocity = (flat[1:] - flat[:-1]) / period
-        acceleration = (velocity[1:] - velocity[:-1]) / period
-        samples[:, :4] = flat[:stages]
-        samples[:, 4:8] = velocity[:stages]
-        samples[: len(acceleration), 8:] = acceleration[:stages]
-        samples[len(acceleration) :, 8:] = acceleration[-1]
-        return Trajectory(samples, period)
+        return Trajectory(plan_samples(flat, self._horizon, self._period_s), self._period_s)

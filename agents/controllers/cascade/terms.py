@@ -17,6 +17,7 @@ from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarge
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.native.cascade import chain_rows, cut_to_bounds
 from rcopterx.vehicles.state import Array, heading_matrix
 
 Bounds = tuple[Array, Array]
@@ -130,19 +131,8 @@ def target_within(rows: Array, terminal: Array, bounds: Bounds, balance: Array, 
     balance
         Commands beyond the sticks, which balance disturbance or trim, shape (2,).
     """
-    lower, upper = bounds[0].copy(), bounds[1].copy()
-    lower[4:], upper[4:] = _within_share(lower[4:] + balance, upper[4:] + balance, share)
-    commands = rows[:, 4:]
-    np.maximum(commands, lower[4:], out=commands)
-    np.minimum(commands, upper[4:], out=commands)
+    lower, upper = cut_to_bounds(rows, *bounds, balance, *share, _NARROWEST)
     return ChainTarget(rows, terminal, lower, upper)
-
-
-def _within_share(least: Array, most: Array, share: Bounds) -> Bounds:
-    """Bounds of the commands by the share; where the disturbance leaves none of it, the whole range."""
-    lower, upper = np.maximum(least, share[0]), np.minimum(most, share[1])
-    fits = upper - lower > _NARROWEST
-    return np.where(fits, lower, least), np.where(fits, upper, most)
 
 
 def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0) -> Array:
@@ -241,16 +231,12 @@ def chain_reference(
         Rows (position, velocity, input), shape (N, 3 m), and (position, velocity[, actuator]) of stage N,
         shape (levels m,).
     """
-    m = parameters.axes
-    actuator = (next_velocity - carried) / (parameters.period_s * parameters.gain)
-    rows = np.zeros((len(position), 3 * m))
-    rows[:, :m], rows[:, m : 2 * m] = position, velocity
-    if parameters.pole is None:
-        rows[:-1, 2 * m :] = actuator[:-1]
-        return rows, np.concatenate((position[-1], velocity[-1]))
-    rows[:-1, 2 * m :] = (actuator[1:] - parameters.pole * actuator[:-1]) / (1 - parameters.pole)
-    rows[:-1, 2 * m :] += parameters.rate_feedback * velocity[:-1]
-    return rows, np.concatenate((position[-1], velocity[-1], actuator[-1]))
+    lagged = parameters.pole is not None
+    pole = parameters.gain if parameters.pole is None else parameters.pole
+    push = parameters.period_s * parameters.gain
+    return chain_rows(
+        position, velocity, next_velocity, carried, push, pole, parameters.rate_feedback, lagged
+    )
 
 
 def to_body(cosine: Array, sine: Array, inertial: Array) -> Array:

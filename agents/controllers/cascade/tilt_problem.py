@@ -11,11 +11,10 @@ from rcopterx.agents.controllers.cascade.clearance import SLOTS
 from rcopterx.agents.controllers.cascade.terms import Bounds, HorizontalTask, target_within
 from rcopterx.agents.controllers.chains.active_set import ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters
-from rcopterx.agents.controllers.chains.lateral_chain import turned_back
 from rcopterx.agents.controllers.chains.lateral_qp import LateralQP
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
 from rcopterx.agents.interfaces import Estimate, TiltEstimate
-from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.native.cascade import lateral_reference
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     GRAVITY_M_S2,
@@ -23,7 +22,6 @@ from rcopterx.vehicles.state import (
     YAW,
     ZD_BODY,
     Array,
-    heading_matrices,
     heading_matrix,
 )
 
@@ -65,10 +63,8 @@ class TiltProblem:
         crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
         self._crowded = LateralQP(crowded, self._system, max_iterations)
         self._drag = 0.5 * float(model.k[:2].sum())
-        lead = self._mean_delay_s() / parameters.period_s
-        at = np.minimum(np.arange(parameters.stages - 1) + lead, parameters.stages - 1.0)
-        before = np.minimum(at.astype(int), parameters.stages - 2)
-        self._ahead = before, (at - before)[:, None]
+        self._lead = self._mean_delay_s() / parameters.period_s
+        self._gain: Array = model.b[:2].copy()
 
     def forget(self) -> None:
         """Start the next solve from nothing."""
@@ -81,11 +77,11 @@ class TiltProblem:
         The push of the task counts only where the estimator does not tell the wind.
         """
         tilt = self._tilt(task)
-        stages = self._parameters.stages
-        heading = task.heading
-        turn = heading_matrices(heading[:stages])
-        demand_turn = heading_matrices(0.5 * (heading[: stages - 1] + heading[1:stages]))
-        rows, terminal = self._reference(task.reference, turn, demand_turn)
+        turn, demand_turn, rows = lateral_reference(
+            task.reference.samples, task.heading, self._gain, self._drag, self._lead, self._feed_forward
+        )
+        terminal = np.zeros(self._system.size)
+        terminal[POSITION], terminal[VELOCITY] = rows[-1, :2], task.reference.samples[-1, 4:6]
         target = target_within(rows, terminal, bounds, tilt.trim, share)
         if task.clear is None:
             self._crowded.forget()
@@ -122,22 +118,6 @@ class TiltProblem:
                 tilt.wind_m_s2,
             )
         )
-
-    def _reference(self, reference: Trajectory, turn: Array, demand_turn: Array) -> tuple[Array, Array]:
-        """Rows of position, velocity and stick, shape (N, 6), and the last state."""
-        samples, system = reference.samples, self._system
-        stages = self._parameters.stages
-        rows = np.zeros((stages, 6))
-        rows[:, :2] = samples[:, :2]
-        rows[:, 2:4] = turned_back(turn, samples[:, 4:6])
-        if self._feed_forward:
-            needed = samples[:, 8:10] - self._drag * samples[:, 4:6]
-            before, share = self._ahead
-            ahead = needed[before] * (1.0 - share) + needed[before + 1] * share
-            rows[:-1, 4:] = turned_back(demand_turn, ahead) / self._model.b[:2]
-        terminal = np.zeros(system.size)
-        terminal[POSITION], terminal[VELOCITY] = samples[-1, :2], samples[-1, 4:6]
-        return rows, terminal
 
     def _mean_delay_s(self) -> float:
         """Mean delay from demand to acceleration before the bar follows."""

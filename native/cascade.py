@@ -1,0 +1,200 @@
+"""Kernels that put the cascade's problems together (`rcopterx.agents.controllers.cascade`)."""
+
+import math
+
+import numpy as np
+
+from rcopterx.native.compiled import (
+    ANY_MATRIX,
+    ANY_VECTOR,
+    COUNT,
+    FLAG,
+    MATRIX,
+    NUMBER,
+    VECTOR,
+    Array,
+    compiled,
+    part,
+)
+
+
+@part
+def heading_blocks(cosine: Array, sine: Array) -> Array:
+    """R(psi) of several headings, shape (s, 2, 2)."""
+    turn = np.empty((len(cosine), 2, 2))
+    for stage in range(len(cosine)):
+        turn[stage, 0, 0] = turn[stage, 1, 1] = cosine[stage]
+        turn[stage, 1, 0] = sine[stage]
+        turn[stage, 0, 1] = -sine[stage]
+    return turn
+
+
+@compiled(ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, NUMBER, FLAG)
+def lateral_reference(
+    samples: Array, heading: Array, gain: Array, drag: float, lead: float, feed_forward: bool
+) -> tuple[Array, Array, Array]:
+    """Reference of the horizontal problem of a vehicle with a tilt model, along a planned heading.
+
+    Parameters
+    ----------
+    samples
+        Reference: columns 0 to 1 position, 4 to 5 velocity, 8 to 9 acceleration (inertial), shape (N, 12).
+    heading
+        Planned, at least N.
+    gain
+        Demand per stick, shape (2,).
+    drag
+        Acceleration per velocity.
+    lead
+        Stages by which demands are ahead of the accelerations that they make.
+    feed_forward
+        Whether sticks are those that fly the reference, or none.
+
+    Returns
+    -------
+    tuple
+        R(psi) of the stages and in the middle of the periods, shapes (N, 2, 2) and (N - 1, 2, 2), and rows of
+        position (inertial), velocity (body) and stick, shape (N, 6).
+    """
+    stages = len(samples)
+    rows = np.zeros((stages, 6))
+    cosine, sine = np.empty(stages), np.empty(stages)
+    middle_cosine, middle_sine = np.empty(stages - 1), np.empty(stages - 1)
+    for stage in range(stages):
+        c, s = math.cos(heading[stage]), math.sin(heading[stage])
+        cosine[stage], sine[stage] = c, s
+        rows[stage, 0], rows[stage, 1] = samples[stage, 0], samples[stage, 1]
+        v_x, v_y = samples[stage, 4], samples[stage, 5]
+        rows[stage, 2], rows[stage, 3] = c * v_x + s * v_y, c * v_y - s * v_x
+    for stage in range(stages - 1):
+        middle = 0.5 * (heading[stage] + heading[stage + 1])
+        c, s = math.cos(middle), math.sin(middle)
+        middle_cosine[stage], middle_sine[stage] = c, s
+        if feed_forward:
+            at = min(stage + lead, stages - 1.0)
+            before = min(int(at), stages - 2)
+            share = at - before
+            needed = np.empty(2)
+            for axis in range(2):
+                earlier = samples[before, 8 + axis] - drag * samples[before, 4 + axis]
+                later = samples[before + 1, 8 + axis] - drag * samples[before + 1, 4 + axis]
+                needed[axis] = earlier * (1.0 - share) + later * share
+            rows[stage, 4] = (c * needed[0] + s * needed[1]) / gain[0]
+            rows[stage, 5] = (c * needed[1] - s * needed[0]) / gain[1]
+    return heading_blocks(cosine, sine), heading_blocks(middle_cosine, middle_sine), rows
+
+
+@compiled(*4 * [ANY_MATRIX], VECTOR, VECTOR, VECTOR, FLAG)
+def chain_rows(
+    position: Array,
+    velocity: Array,
+    after: Array,
+    carried: Array,
+    push: Array,
+    pole: Array,
+    feedback: Array,
+    lagged: bool,
+) -> tuple[Array, Array]:
+    """Reference of a chain with the inputs that fly it.
+
+    The actuator makes the velocity `after` a stage of the `carried` one, and the input makes the next
+    actuator of the present one.
+
+    Parameters
+    ----------
+    position, velocity, after, carried
+        Shape (N, m).
+    push, pole, feedback
+        Velocity per actuator and stage, pole of the lag, and stick per velocity, shape (m,).
+    lagged
+        Whether there is a lag.
+
+    Returns
+    -------
+    tuple
+        Rows (position, velocity, input), shape (N, 3 m), and (position, velocity[, actuator]) at the end.
+    """
+    stages, axes = position.shape
+    rows = np.zeros((stages, 3 * axes))
+    terminal = np.empty((3 if lagged else 2) * axes)
+    for axis in range(axes):
+        actuator = 0.0
+        for stage in range(stages):
+            rows[stage, axis], rows[stage, axes + axis] = position[stage, axis], velocity[stage, axis]
+            before = actuator
+            actuator = (after[stage, axis] - carried[stage, axis]) / push[axis]
+            if lagged and stage > 0:
+                stick = (actuator - pole[axis] * before) / (1.0 - pole[axis])
+                rows[stage - 1, 2 * axes + axis] = stick + feedback[axis] * velocity[stage - 1, axis]
+            elif not lagged and stage < stages - 1:
+                rows[stage, 2 * axes + axis] = actuator
+        terminal[axis], terminal[axes + axis] = position[stages - 1, axis], velocity[stages - 1, axis]
+        if lagged:
+            terminal[2 * axes + axis] = actuator
+    return rows, terminal
+
+
+@compiled(MATRIX, *5 * [ANY_VECTOR], NUMBER)
+def cut_to_bounds(
+    rows: Array,
+    lower: Array,
+    upper: Array,
+    balance: Array,
+    least: Array,
+    most: Array,
+    narrowest: float,
+) -> tuple[Array, Array]:
+    """Bounds of two axes' rows whose inputs balance what pushes; inputs among the rows are cut to them.
+
+    Parameters
+    ----------
+    rows
+        Position, velocity, input, shape (N, 6), changed in place.
+    lower, upper
+        Shape (6,), of the inputs without balance.
+    balance
+        Shape (2,).
+    least, most
+        Share of the range to plan with, shape (2,); where the balance leaves no more than `narrowest` of it,
+        the whole range counts.
+    """
+    low, high = lower.copy(), upper.copy()
+    for axis in range(2):
+        at = 4 + axis
+        low[at] += balance[axis]
+        high[at] += balance[axis]
+        if min(high[at], most[axis]) - max(low[at], least[axis]) > narrowest:
+            low[at], high[at] = max(low[at], least[axis]), min(high[at], most[axis])
+        for stage in range(len(rows)):
+            rows[stage, at] = min(max(rows[stage, at], low[at]), high[at])
+    return low, high
+
+
+@compiled(ANY_MATRIX, COUNT, NUMBER)
+def plan_samples(flat: Array, stages: int, period_s: float) -> Array:
+    """Trajectory whose velocities and accelerations are the differences of positions, shape (N, 12).
+
+    Stages whose acceleration would need positions beyond the given ones, shape (at least N + 1, 4),
+    accelerate like the last one that needs none.
+    """
+    samples = np.empty((stages, 12))
+    last = len(flat) - 3
+    for stage in range(stages):
+        for axis in range(4):
+            samples[stage, axis] = flat[stage, axis]
+            samples[stage, 4 + axis] = (flat[stage + 1, axis] - flat[stage, axis]) / period_s
+            at = min(stage, last)
+            ahead = (flat[at + 2, axis] - flat[at + 1, axis]) / period_s
+            here = (flat[at + 1, axis] - flat[at, axis]) / period_s
+            samples[stage, 8 + axis] = (ahead - here) / period_s
+    return samples
+
+
+@compiled(NUMBER, NUMBER, ANY_VECTOR)
+def first_order(pole: float, start: float, driven: Array) -> Array:
+    """Solve s[i + 1] = pole s[i] + driven[i] from s[0] = start; one value more than `driven` has."""
+    response = np.empty(len(driven) + 1)
+    response[0] = start
+    for stage in range(len(driven)):
+        response[stage + 1] = pole * response[stage] + driven[stage]
+    return response
