@@ -1,8 +1,10 @@
 """Leaders plan within what their followers can do (control.md section 6), whoever these are at the moment.
 
 A leader that flies at its own limits cannot be followed by an equal vehicle in a gust, and not at all by one
-that accelerates less. So a leader plans with four fifths of what the weakest of its followers may plan with,
-and no faster than the slowest of them.
+that accelerates less. And what its pitch and roll do together, a follower with another heading may need of
+one stick alone: sticks are limited one by one, so that 0.65 of both are 0.92 of one. So a leader plans with
+0.65 of what the weakest of its followers can do, with four fifths of what that one may plan with if others
+follow it, and no faster than the slowest of them.
 """
 
 from collections.abc import Mapping
@@ -15,8 +17,10 @@ from rcopterx.agents.references.set_points import TurnLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
-LEADER_LIMIT_SCALE = 0.8
+LEADER_LIMIT_SCALE = 0.65
 """Share of its followers' accelerations a leader plans with."""
+NEXT_LIMIT_SCALE = 0.8
+"""Share of what a follower plans with, as it leads others itself, that its own leader plans with."""
 ARM_SPEED_SHARE = 0.8
 ARM_ACCELERATION_SHARE = 0.5
 """Shares of what a follower can do that a turn of its leader may ask of it; the rest is for all else."""
@@ -45,7 +49,8 @@ def _scale(links: FormationGraph, models: Mapping[str, Model], name: str, levels
     for other in followers:
         below = _scale(links, models, other, levels - 1)
         weaker, slower = _compared(models.get(other), models.get(name))
-        inputs = np.minimum(inputs, LEADER_LIMIT_SCALE * weaker * below.inputs)
+        planned = np.minimum(LEADER_LIMIT_SCALE, NEXT_LIMIT_SCALE * np.array(below.inputs))
+        inputs = np.minimum(inputs, weaker * planned)
         rates = np.minimum(rates, slower * below.rates)
     return LimitScale(tuple(inputs.tolist()), tuple(rates.tolist()))
 

@@ -107,8 +107,8 @@ def test_leader_leaves_its_follower_authority() -> None:
     lowest = hover + LEADER_LIMIT_SCALE * (COAXIAL_LAG.u_min - hover)
     highest = hover + LEADER_LIMIT_SCALE * (COAXIAL_LAG.u_max - hover)
     inputs = record["h1"].inputs
-    assert (inputs >= lowest - 1e-4).all()
-    assert (inputs <= highest + 1e-4).all()
+    assert (inputs >= lowest - 5e-4).all()
+    assert (inputs <= highest + 5e-4).all()
     assert inputs[:, 0].max() > highest[0] - 0.01
 
 

@@ -8,6 +8,7 @@ from rcopterx.agents.formation.limit_scaling import (
     ARM_ACCELERATION_SHARE,
     ARM_SPEED_SHARE,
     LEADER_LIMIT_SCALE,
+    NEXT_LIMIT_SCALE,
     LimitScaling,
     arms_of,
     limit_scale_of,
@@ -42,7 +43,7 @@ def test_every_level_of_followers_below_takes_a_share() -> None:
         shares = {name: limit_scale_of(TREE, models, name) for name in TREE}
         assert {name: share.rates for name, share in shares.items()} == dict.fromkeys(TREE, 4 * (1.0,))
         inputs = {name: share.inputs for name, share in shares.items()}
-        steps = {"h1": LEADER_LIMIT_SCALE**2, "h2": LEADER_LIMIT_SCALE, "h3": 1.0, "h4": 1.0}
+        steps = {"h1": NEXT_LIMIT_SCALE * LEADER_LIMIT_SCALE, "h2": LEADER_LIMIT_SCALE, "h3": 1.0, "h4": 1.0}
         assert inputs == {name: pytest.approx(4 * (share,)) for name, share in steps.items()}
 
 
@@ -61,13 +62,15 @@ def test_a_leader_does_no_more_than_its_weakest_follower_can() -> None:
         speeds = np.array(share.rates) * leader.state_max[3:]
         assert (speeds <= np.maximum(follower.state_max[3:], 1e-9) + 1e-9).all()
     assert limit_scale_of(TREE, {"h1": QUADROTOR, "h2": COAXIAL_LAG}, "h1").inputs[0] == pytest.approx(
-        LEADER_LIMIT_SCALE**2 * 2.0 / QUADROTOR.b[0]
+        NEXT_LIMIT_SCALE * LEADER_LIMIT_SCALE * 2.0 / QUADROTOR.b[0]
     )
 
 
 def test_a_cycle_is_survived() -> None:
     circle = {"h1": (LeaderLink(leader="h2"),), "h2": (LeaderLink(leader="h1"),)}
-    assert limit_scale_of(circle, {}, "h1").inputs == pytest.approx(4 * (LEADER_LIMIT_SCALE**2,))
+    assert limit_scale_of(circle, {}, "h1").inputs == pytest.approx(
+        4 * (NEXT_LIMIT_SCALE * LEADER_LIMIT_SCALE,)
+    )
 
 
 def test_the_share_changes_with_the_leader_and_is_told_once() -> None:
@@ -76,7 +79,7 @@ def test_the_share_changes_with_the_leader_and_is_told_once() -> None:
     authority.tend(controller, {}, TREE)
     promoted = TREE | exchanged(TREE, places(TREE, {"h1": np.zeros(4)}), "h1", "h4")
     authority.tend(controller, {}, promoted)
-    assert controller.shares == pytest.approx([1.0, LEADER_LIMIT_SCALE**2])
+    assert controller.shares == pytest.approx([1.0, NEXT_LIMIT_SCALE * LEADER_LIMIT_SCALE])
 
 
 def test_another_controller_is_told_too() -> None:
