@@ -3,12 +3,14 @@
 import os
 import signal
 import subprocess
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import pytest
 from integration_support import Flying, fleet_text
@@ -21,36 +23,53 @@ from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.ground_station.fleet import Fleet
 
-HOSTS = ("main", "second")
-"""The simulated laboratory and its gateways; the agents."""
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010
 STOP_S = 30.0
+STEADY_S = 3.0
+LONGEST_POSE_GAP_S = 0.1
+NEAR_S = 0.1
+"""Before and after a change of the agent."""
 
 
 @contextmanager
 def fleet_on_hosts(
-    directory: Path, names: Sequence[str], *, spares: tuple[str, ...] = (), certificates: bool = False
+    directory: Path,
+    names: Sequence[str],
+    *,
+    spares: tuple[str, ...] = (),
+    certificates: bool = False,
+    simulator: str = "",
 ) -> Iterator[tuple[Network, Flying]]:
     """Start a trio over hosts, the first one with its gateways, the second one with its agents.
 
-    `RCOPTERX_RUN` has to be set. With certificates, they are made first, and everything between the hosts is
-    encrypted. The test itself is on no host: it uses the Unix socket of the router of the first one.
+    `RCOPTERX_RUN` has to be that of the first host; the others have theirs beside it. With certificates,
+    they are made first, and everything between the hosts is encrypted. The test itself is on no host: it uses
+    the Unix socket of the router of the first one. The processes of all hosts start on the same few cores;
+    what a host has to itself is waited for.
     """
     with ExitStack() as stack:
         net = stack.enter_context(network(names))
         path = directory / "lab.toml"
         hosts = {host: (net.addresses[host], ROUTER_PORT) for host in names}
         security = f'certificates = "{directory / "certificates"}"' if certificates else "insecure = true"
-        text = fleet_text(TRACKER_PORT, hosts, agent_host=names[1], spares=spares, security=security)
+        text = fleet_text(
+            TRACKER_PORT, hosts, agent_host=names[1], spares=spares, security=security, simulator=simulator
+        )
         path.write_text(text)
         if certificates:
-            make_certificates(load_fleet(path), datetime.now(UTC), days=1)
+            make_certificates(load_fleet(path), datetime.now(UTC), days=100)
         for host in names:
             command = net.python(host, "-m", "rcopterx", "up", str(path), "--host", host)
-            stack.enter_context(_started(command, directory / f"up-{host}.log"))
+            run_directory_of(host).mkdir(mode=0o700)
+            stack.enter_context(_started(command, directory / f"up-{host}.log", host))
         fleet = Fleet(load_fleet(path), host=names[0], timeout_s=30)
         stack.callback(fleet.close)
+        fleet.wait_ready(timeout_s=40)
+        fleet.wait_until(
+            lambda: all(status.spare_ready for status in fleet.launchers().values()), 60, "no spare processes"
+        )
+        fleet.wait_until(Steady(fleet), 60, "poses do not come regularly")
         fleet.wait_ready(timeout_s=40)
         yield net, Flying(path, fleet, {})
 
@@ -63,6 +82,7 @@ def trio_in_flight(
     *,
     spares: tuple[str, ...] = (),
     certificates: bool = False,
+    simulator: str = "",
 ) -> Iterator[tuple[Network, Flying]]:
     """`fleet_on_hosts` in formation; the test is skipped where there are no network namespaces."""
     try:
@@ -73,12 +93,24 @@ def trio_in_flight(
     with ExitStack() as stack:
         # A short path, because the routers' sockets live in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
-        monkeypatch.setenv("RCOPTERX_RUN", run)
-        hosts = fleet_on_hosts(directory, names, spares=spares, certificates=certificates)
+        monkeypatch.setenv("RCOPTERX_RUN", str(Path(run) / names[0]))
+        hosts = fleet_on_hosts(
+            directory, names, spares=spares, certificates=certificates, simulator=simulator
+        )
         net, flying = stack.enter_context(hosts)
         flying.fleet.take_off()
         flying.fleet.wait_for_formation()
         yield net, flying
+
+
+def run_directory_of(host: str) -> Path:
+    """Where the run directories of a host are, while `RCOPTERX_RUN` is that of another one."""
+    return Path(os.environ["RCOPTERX_RUN"]).with_name(host)
+
+
+def environment_of(host: str) -> dict[str, str]:
+    """Environment of programs on a host."""
+    return os.environ | {"RCOPTERX_RUN": str(run_directory_of(host))}
 
 
 def kill_host(net: Network, host: str) -> None:
@@ -93,9 +125,9 @@ def kill_host(net: Network, host: str) -> None:
 
 
 @contextmanager
-def _started(command: list[str], log: Path) -> Iterator[None]:
+def _started(command: list[str], log: Path, host: str) -> Iterator[None]:
     with log.open("wb") as output:
-        process = subprocess.Popen(command, stdout=output, stderr=output, env=os.environ)
+        process = subprocess.Popen(command, stdout=output, stderr=output, env=environment_of(host))
     try:
         yield
     finally:
@@ -105,6 +137,36 @@ def _started(command: list[str], log: Path) -> Iterator[None]:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+class Steady:
+    """Whether poses have come without a gap for a while."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._inbox = fleet.session.subscribe(channels.POSE, "h1", depth=256)
+        self._last_s = self._since_s = time.monotonic()
+
+    def __call__(self) -> bool:
+        for received in self._inbox.drain():
+            if received.arrived_s - self._last_s > LONGEST_POSE_GAP_S:
+                self._since_s = received.arrived_s
+            self._last_s = received.arrived_s
+        return self._last_s - self._since_s > STEADY_S
+
+
+class Change(NamedTuple):
+    """From the last command of one agent to the first one of its successor, both obeyed.
+
+    Attributes
+    ----------
+    gap_s
+        Between the serial frames of the two.
+    missed
+        Frames of the motion capture, from a while before to a while after, that no command belongs to.
+    """
+
+    gap_s: float
+    missed: int
 
 
 class Obeyed:
@@ -132,14 +194,31 @@ class Obeyed:
             None,
         )
 
-    def longest_gap_s(self, name: str, from_s: float) -> float:
-        """Longest time between two commands that flew the vehicle, since a moment [monotonic s]."""
-        flown = [
-            frame.arrived_s
+    def changes(self, name: str, from_s: float) -> list[Change]:
+        """Every time that another agent took over since a moment [monotonic s]."""
+        flown = self._flown(name, from_s)
+        found = []
+        for before, after in pairwise(flown):
+            if before.lease != after.lease:
+                near = [m for m in flown if abs(m.written_s - after.written_s) < NEAR_S]
+                found.append(Change(after.written_s - before.written_s, _missed(near)))
+        return found
+
+    def longest_silence_s(self, name: str, from_s: float) -> float:
+        """Longest time between two commands that flew a vehicle, the second after a moment [monotonic s]."""
+        times = [command.written_s for command in self._flown(name, from_s - NEAR_S)]
+        return max(after - before for before, after in pairwise(times))
+
+    def missed(self, name: str, from_s: float) -> int:
+        """Frames of the motion capture since a moment [monotonic s] that no obeyed command belongs to."""
+        return _missed(self._flown(name, from_s - NEAR_S))
+
+    def _flown(self, name: str, from_s: float) -> list[Applied]:
+        return [
+            frame.message
             for frame in self.frames(name)
             if frame.arrived_s > from_s and frame.message.fresh and frame.message.state == "armed"
         ]
-        return max(after - before for before, after in pairwise(flown))
 
     def leases(self, name: str) -> list[int]:
         """Leases that flew a vehicle, in order."""
@@ -156,3 +235,8 @@ class Obeyed:
             if frame.arrived_s > from_s and (not told or told[-1] != frame.message.state):
                 told.append(frame.message.state)
         return told
+
+
+def _missed(commands: Sequence[Applied]) -> int:
+    frames = {command.frame for command in commands}
+    return max(frames) - min(frames) + 1 - len(frames)
