@@ -78,6 +78,46 @@ class Network:
         """Join a host with the others again."""
         self._set_link(host, "up")
 
+    @contextmanager
+    def slow(self, host: str, delay_s: float, jitter_s: float) -> Iterator["subprocess.Popen[str]"]:
+        """Let what goes to and from a host take its time; gives the process that carries it.
+
+        Parameters
+        ----------
+        host
+            Name of the host.
+        delay_s, jitter_s
+            Each frame takes so long one way, more or less by up to the jitter [s].
+        """
+        number = list(self.addresses).index(host)
+        left, right, bridge, far = (f"{name}{number}" for name in ("left", "right", "slow", "far"))
+        words = ["-m", "rcopterx.benchmarks.cable", left, right, str(delay_s), str(jitter_s)]
+        cable = subprocess.Popen(
+            ["ip", "netns", "exec", self._switch, sys.executable, *words], stdout=subprocess.PIPE, text=True
+        )
+        try:
+            assert cable.stdout is not None
+            cable.stdout.readline()
+            self._in_switch("link", "add", bridge, "type", "bridge")
+            for device, master in ((left, bridge), (far, bridge), (right, "hub")):
+                self._in_switch("link", "set", device, "master", master)
+            for device in (left, right, bridge):
+                self._in_switch("link", "set", device, "up")
+            yield cable
+        finally:
+            self._in_switch("link", "set", far, "master", "hub")
+            self._in_switch("link", "del", bridge)
+            cable.terminate()
+            cable.wait()
+
+    def reset(self, host: str) -> None:
+        """Reset all connections of a host to others, as a firewall that was restarted does."""
+        subprocess.run(
+            ["ip", "netns", "exec", self.namespace(host), "ss", "-K", "-t", "dst", f"{NETWORK}.0/24"],
+            check=True,
+            capture_output=True,
+        )
+
     def _set_link(self, host: str, state: str) -> None:
         self._in_switch("link", "set", f"far{list(self.addresses).index(host)}", state)
 
