@@ -1,0 +1,51 @@
+"""A program that says on the bus what it is given, from a computer of its own: `python rogue.py JSON`.
+
+It knows Zenoh and no rules of the project. It prints `refused` where the router does not let it in, else how
+many requests it was asked.
+"""
+
+import json
+import sys
+import time
+
+import zenoh
+
+from rcopterx.bus.endpoints import TLS, Credentials, client_config
+
+
+def main() -> None:
+    """Connect, publish and serve."""
+    order = json.loads(sys.argv[1])
+    shown = Credentials(*order["shown"]) if order["shown"] else None
+    config = client_config([order["endpoint"]], order["namespace"], 1.0, shown)
+    if order["endpoint"].startswith(TLS) and shown is None:
+        # It encrypts, knows whom it wants to talk to, and shows nothing.
+        config.insert_json5("transport/link/protocols", json.dumps(["tls"]))
+        config.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(order["authority"]))
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError:
+        print("refused")
+        return
+    asked: list[str] = []
+
+    def take(query: zenoh.Query) -> None:
+        asked.append(str(query.key_expr))
+        with query:
+            query.reply(query.key_expr, b"")
+
+    served = [session.declare_queryable(key, take) for key in order["serve"]]
+    publishers = [(session.declare_publisher(key), bytes.fromhex(text)) for key, text in order["say"]]
+    until_s, said = time.monotonic() + order["for_s"], 0
+    while time.monotonic() < until_s:
+        for publisher, payload in publishers:
+            publisher.put(payload)
+            said += 1
+        if not order["flood"]:
+            time.sleep(0.02)
+    print(json.dumps({"asked": len(asked), "said_hz": said / order["for_s"], "served": len(served)}))
+    session.close()
+
+
+if __name__ == "__main__":
+    main()
