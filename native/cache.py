@@ -76,9 +76,9 @@ def _digest() -> str:
 
 
 @contextmanager
-def only_one(path: Path) -> Iterator[None]:
-    """One process at a time: who comes later finds what the first one has compiled."""
-    with (path / "lock").open("ab") as lock:
+def only_one(path: Path, module: str) -> Iterator[None]:
+    """One process at a time per module of kernels: who comes later finds what the first one has compiled."""
+    with (path / f"{module}.lock").open("ab") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 

@@ -73,7 +73,7 @@ def compiled(*arguments: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         path = directory()
         with ExitStack() as stack:
             if path is not None:
-                stack.enter_context(only_one(path))
+                stack.enter_context(only_one(path, function.__module__))
                 # For kernels only: what users of numba compile themselves is kept where they want it.
                 stack.callback(setattr, _config, "CACHE_DIR", _config.CACHE_DIR)
                 _config.CACHE_DIR = str(path)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from rcopterx.native import __main__ as compiling
 from rcopterx.native import cache
 
 KERNEL = """
@@ -112,3 +113,17 @@ def test_everything_is_compiled_in_a_process_of_its_own_unless_it_is_there(
     (path / cache.COMPLETE).touch()
     cache.compile_all()
     assert len(commands) == 1
+
+
+def test_modules_that_cannot_be_compiled_are_named_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setattr(compiling, "MODULES", ("cache", "nowhere"))
+    assert compiling.main() == 1
+    assert "nowhere: " in capsys.readouterr().err
+    monkeypatch.setattr(compiling, "MODULES", ("cache",))
+    assert compiling.main() == 0
+    assert "... compiled in" in capsys.readouterr().err
+    assert compiling.main() == 0
+    assert capsys.readouterr().err == ""
