@@ -32,7 +32,8 @@ LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1
 LEG_S: Final = 4.0
 ROUTER_PORT: Final = 7447
 TRACKER_PORT: Final = 8010
-FIRST_ROUTER_S: Final = 30.0
+FIRST_ROUTER_S: Final = 180.0
+"""Kernels may have to be compiled first."""
 READY_S: Final = 60.0
 SETTLE_S: Final = 5.0
 STOP_S: Final = 30.0

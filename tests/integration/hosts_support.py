@@ -26,6 +26,8 @@ from rcopterx.ground_station.fleet import Fleet
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010
 STOP_S = 30.0
+FIRST_ROUTER_S = 180.0
+"""Kernels may have to be compiled first."""
 STEADY_S = 3.0
 LONGEST_POSE_GAP_S = 0.1
 NEAR_S = 0.1
@@ -63,7 +65,7 @@ def fleet_on_hosts(
             command = net.python(host, "-m", "rcopterx", "up", str(path), "--host", host)
             run_directory_of(host).mkdir(mode=0o700)
             stack.enter_context(_started(command, directory / f"up-{host}.log", host))
-        fleet = Fleet(load_fleet(path), host=names[0], timeout_s=30)
+        fleet = Fleet(load_fleet(path), host=names[0], timeout_s=FIRST_ROUTER_S)
         stack.callback(fleet.close)
         fleet.wait_ready(timeout_s=40)
         fleet.wait_until(
