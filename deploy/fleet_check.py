@@ -1,8 +1,15 @@
-"""Makes sure that every process of a fleet can be set up before any of them is started."""
+"""Makes sure that every process of a fleet can be set up before any of them is started.
 
+`python -m rcopterx.deploy.fleet_check DIRECTORY` reads the snapshot of a fleet from its standard input; see
+`checking`.
+"""
+
+import sys
 from pathlib import Path
 
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.checking import EXIT_WRONG
+from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.snapshot import snapshot_of
 from rcopterx.deploy.formation_check import check_formation
 from rcopterx.deploy.roles.agent import check_period, pilot_of
 from rcopterx.deploy.roles.arbiter_limits import limits_of
@@ -29,3 +36,17 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
     tracker_settings(fleet)
     if fleet.simulator is not None:
         simulator_settings(fleet, directory)
+
+
+def main() -> int:
+    """Check what the standard input holds; what is wrong goes to the standard error."""
+    try:
+        check_fleet(snapshot_of(sys.stdin.buffer.read()), Path(sys.argv[1]))
+    except FleetError as error:
+        print(error, file=sys.stderr)
+        return EXIT_WRONG
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

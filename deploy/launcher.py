@@ -17,12 +17,13 @@ from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.certificates.files import directory_of
 from rcopterx.deploy.certificates.names import host_name
-from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy.checking import check_apart
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
 from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.guarding import FloorGuard, Guard
 from rcopterx.deploy.membership import MembershipService
+from rcopterx.deploy.preloading import modules_of
 from rcopterx.deploy.process_log import append
 from rcopterx.deploy.processes import RECORDER, ROUTER, agent_process, processes_of
 from rcopterx.deploy.recall import RecallService
@@ -205,7 +206,9 @@ class Launcher(AbstractContextManager["Launcher"]):
         directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
         _check_absent(fleet, without)
-        check_fleet(fleet, directory)
+        # Where processes would wait for it, watchdogs would take it for a failure.
+        compile_all()
+        check_apart(fleet, directory)
         check_certificate(fleet, host)
         missing = check_resources(fleet, host, directory, without)
         self.directory = directory
@@ -217,10 +220,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._idle = idle
         self._snapshot = snapshot_path(host, directory)
         limits = watchdog_limits(fleet) if watchdog else None
-        # Where processes would wait for it, watchdogs would take it for a failure.
-        compile_all()
-        roles = sorted({spec.role for spec in specs})
-        forks = ForkServer([f"rcopterx.deploy.roles.{role}" for role in roles], Priority.SUPERVISOR.of(fleet))
+        forks = ForkServer(modules_of(fleet, specs), Priority.SUPERVISOR.of(fleet))
         self.supervisor = Supervisor(
             specs,
             self._snapshot,

@@ -49,6 +49,11 @@ class Registry(Generic[Part]):
         """Names that `load` and `build` accept, sorted; nothing is imported for it."""
         return sorted({*self.built_in, *(point.name for point in self._installed())})
 
+    def built_in_module(self, name: str) -> str | None:
+        """Module that `load` imports for a built-in name, None for any other name."""
+        path = self.built_in.get(name)
+        return None if path is None else path.partition(":")[0]
+
     def load(self, name: str) -> PartClass[Part]:
         """Import the class of a name.
 

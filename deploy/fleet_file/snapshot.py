@@ -13,8 +13,13 @@ SUFFIX = ".json"
 def write_snapshot(fleet: FleetFile, path: Path) -> None:
     """Write everything the file said, defaults included, so that later changes of the file change nothing."""
     temporary = path.with_suffix(".new")
-    temporary.write_bytes(msgspec.json.encode(fleet))
+    temporary.write_bytes(encoded(fleet))
     temporary.replace(path)
+
+
+def encoded(fleet: FleetFile) -> bytes:
+    """What a snapshot holds."""
+    return msgspec.json.encode(fleet)
 
 
 def read_snapshot(path: Path) -> FleetFile:
@@ -26,11 +31,25 @@ def read_snapshot(path: Path) -> FleetFile:
         The file cannot be read or is no snapshot.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=FleetFile)
+        return snapshot_of(path.read_bytes())
     except OSError as error:
         raise FleetError(f"{path}: cannot be read: {error.strerror}") from None
+    except FleetError as error:
+        raise FleetError(f"{path}: {error}") from None
+
+
+def snapshot_of(content: bytes) -> FleetFile:
+    """Fleet that was `encoded`.
+
+    Raises
+    ------
+    FleetError
+        It was not.
+    """
+    try:
+        return msgspec.json.decode(content, type=FleetFile)
     except msgspec.DecodeError as error:
-        raise FleetError(f"{path}: not a snapshot of a fleet file: {error}") from None
+        raise FleetError(f"not a snapshot of a fleet file: {error}") from None
 
 
 def digest_of(fleet: FleetFile) -> str:
