@@ -1,10 +1,11 @@
 """Run everything that must pass: fleets of real processes, and the unit tests beside them.
 
 Fleets fly in real time and leave much of two cores unused. The unit tests run in what they leave, at the
-lowest priority, so that they delay no fleet. Lines of both are printed as they come; the exit code is 1 if
-either fails.
+lowest priority, so that they delay no fleet. Lines of both are printed as they come, the tests that failed
+once more at the end; the exit code is 1 if either fails.
 """
 
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from pathlib import Path
 from threading import Thread
 
 TESTS = Path(__file__).parent
+# pytest cuts the reason of a failure off at the width of the terminal.
+SUMMARY_COLUMNS = "200"
 PYTEST = (sys.executable, "-u", "-m", "pytest", "--durations=10", "--color=no")
 # Importing all the others would take ten seconds, in which no fleet flies.
 FILES_WITH_FLEETS = sorted(
@@ -33,9 +36,15 @@ class Run:
     def __init__(self, name: str, command: tuple[str, ...]) -> None:
         self.name = name
         self.seconds = 0.0
+        self.broken: list[str] = []
         self._begun_s = time.monotonic()
         self._process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=os.environ | {"COLUMNS": SUMMARY_COLUMNS},
         )
         self._thread = Thread(target=self._print)
         self._thread.start()
@@ -44,6 +53,8 @@ class Run:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             print(f"{self.name:6} | {line}", end="", flush=True)
+            if line.startswith(("FAILED ", "ERROR ")):
+                self.broken.append(line.rstrip())
         self._process.wait()
         self.seconds = time.monotonic() - self._begun_s
 
@@ -63,6 +74,7 @@ def main() -> int:
     passed = {run.name: run.wait() for run in runs}
     for run in runs:
         verdict = "passed" if passed[run.name] else "FAILED"
+        print("".join(f"{line}\n" for line in run.broken), end="")
         print(f"{run.name}: {verdict}, {run.seconds / 60:.1f} min")
     return 0 if all(passed.values()) else 1
 

@@ -6,7 +6,7 @@ import pytest
 import run_all
 
 PASSES = (sys.executable, "-c", "print('one'); print('two')")
-FAILS = (sys.executable, "-c", "import sys; print('three'); sys.exit(3)")
+FAILS = (sys.executable, "-c", "import sys; print('three'); print('FAILED a'); sys.exit(3)")
 
 
 @pytest.mark.parametrize(
@@ -25,8 +25,8 @@ def test_every_line_has_its_name_and_the_end_tells_what_failed(
     monkeypatch.setattr(run_all, "RUNS", {"fleets": PASSES, "units": FAILS})
     run_all.main()
     lines = capsys.readouterr().out.splitlines()
-    assert sorted(lines[:3]) == ["fleets | one", "fleets | two", "units  | three"]
-    assert lines[3:] == ["fleets: passed, 0.0 min", "units: FAILED, 0.0 min"]
+    assert sorted(lines[:4]) == ["fleets | one", "fleets | two", "units  | FAILED a", "units  | three"]
+    assert lines[4:] == ["fleets: passed, 0.0 min", "FAILED a", "units: FAILED, 0.0 min"]
 
 
 def test_every_test_but_campaigns_is_run_once() -> None:
