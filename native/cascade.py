@@ -19,14 +19,11 @@ from rcopterx.native.compiled import (
 
 
 @part
-def heading_blocks(cosine: Array, sine: Array) -> Array:
-    """R(psi) of several headings, shape (s, 2, 2)."""
-    turn = np.empty((len(cosine), 2, 2))
-    for stage in range(len(cosine)):
-        turn[stage, 0, 0] = turn[stage, 1, 1] = cosine[stage]
-        turn[stage, 1, 0] = sine[stage]
-        turn[stage, 0, 1] = -sine[stage]
-    return turn
+def write_turn(turn: Array, stage: int, cosine: float, sine: float) -> None:
+    """Write R(psi) of a heading into its stage, of shape (s, 2, 2)."""
+    turn[stage, 0, 0] = turn[stage, 1, 1] = cosine
+    turn[stage, 1, 0] = sine
+    turn[stage, 0, 1] = -sine
 
 
 @compiled(ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, NUMBER, FLAG)
@@ -58,18 +55,17 @@ def lateral_reference(
     """
     stages = len(samples)
     rows = np.zeros((stages, 6))
-    cosine, sine = np.empty(stages), np.empty(stages)
-    middle_cosine, middle_sine = np.empty(stages - 1), np.empty(stages - 1)
+    turn, middle_turn = np.empty((stages, 2, 2)), np.empty((stages - 1, 2, 2))
     for stage in range(stages):
         c, s = math.cos(heading[stage]), math.sin(heading[stage])
-        cosine[stage], sine[stage] = c, s
+        write_turn(turn, stage, c, s)
         rows[stage, 0], rows[stage, 1] = samples[stage, 0], samples[stage, 1]
         v_x, v_y = samples[stage, 4], samples[stage, 5]
         rows[stage, 2], rows[stage, 3] = c * v_x + s * v_y, c * v_y - s * v_x
     for stage in range(stages - 1):
         middle = 0.5 * (heading[stage] + heading[stage + 1])
         c, s = math.cos(middle), math.sin(middle)
-        middle_cosine[stage], middle_sine[stage] = c, s
+        write_turn(middle_turn, stage, c, s)
         if feed_forward:
             at = min(stage + lead, stages - 1.0)
             before = min(int(at), stages - 2)
@@ -81,7 +77,7 @@ def lateral_reference(
                 needed[axis] = earlier * (1.0 - share) + later * share
             rows[stage, 4] = (c * needed[0] + s * needed[1]) / gain[0]
             rows[stage, 5] = (c * needed[1] - s * needed[0]) / gain[1]
-    return heading_blocks(cosine, sine), heading_blocks(middle_cosine, middle_sine), rows
+    return turn, middle_turn, rows
 
 
 @compiled(*4 * [ANY_MATRIX], VECTOR, VECTOR, VECTOR, FLAG)

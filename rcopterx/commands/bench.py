@@ -2,6 +2,8 @@
 
 import json
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -204,14 +206,10 @@ def links(
 ) -> None:
     """Two hosts whose link is cut: how long until both directions carry data again? Needs root."""
     from rcopterx.benchmarks.links import run
-    from rcopterx.benchmarks.namespaces import NetworkUnavailableError
 
     cuts_s = [cut_ms / 1e3 for cut_ms in different_numbers(cuts, "--cuts-ms", lowest=1, highest=60_000)]
-    try:
+    with _network_errors():
         document = run(cuts_s, rounds, lambda text: typer.echo(f"bench links: {text}", err=True))
-    except NetworkUnavailableError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
     if as_json:
         typer.echo(json.dumps(document, indent=2))
         return
@@ -236,14 +234,9 @@ def hosts(
 ) -> None:
     """From pose to command over four hosts with mutual TLS, against one host without. Needs root."""
     from rcopterx.benchmarks.hosts import run
-    from rcopterx.benchmarks.namespaces import NetworkUnavailableError
 
-    try:
-        with user_errors():
-            document = run(rounds, seconds, lambda text: typer.echo(f"bench hosts: {text}", err=True))
-    except NetworkUnavailableError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+    with user_errors(), _network_errors():
+        document = run(rounds, seconds, lambda text: typer.echo(f"bench hosts: {text}", err=True))
     if as_json:
         typer.echo(json.dumps(document, indent=2))
         return
@@ -299,6 +292,18 @@ def alarms(
             typer.echo(f"{name:18} {figure}")
     if document["hung"] or document["spares_hung"]:
         raise typer.Exit(EXIT_FAILED)
+
+
+@contextmanager
+def _network_errors() -> Iterator[None]:
+    """End with the reason where no network namespaces can be made."""
+    from rcopterx.benchmarks.namespaces import NetworkUnavailableError
+
+    try:
+        yield
+    except NetworkUnavailableError as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(EXIT_FAILED) from None
 
 
 def _readable(document: dict[str, Any]) -> str:

@@ -259,8 +259,3 @@ def _cholesky(hessian: Array) -> Array | None:
     # Transposed it is the same matrix, and LAPACK need not copy it.
     factor, info = lapack.dpotrf(hessian.T, lower=1, overwrite_a=1)
     return None if info else factor
-
-
-def turned_back(turn: Array, vectors: Array) -> Array:
-    """R' v of every stage, shapes (s, 2, 2) and (s, 2)."""
-    return np.asarray(np.einsum("sba,sb->sa", turn, vectors))
