@@ -19,7 +19,8 @@ from rcopterx.vicon_gateway.client import ClientLimits
 from rcopterx.vicon_gateway.frame import CapturedFrame
 
 MOCK = {"rigid_bodies": "h1(1,-2,0.5,0.5,0.5,0.5,-0.5);h2(0,0,1,1,0,0,0)", "frequency": "200"}
-LIMITS = ClientLimits(connect_s=20.0, silence_min_s=0.5, retry_min_s=0.01, retry_max_s=0.05)
+# No load alone keeps a child silent for so long.
+LIMITS = ClientLimits(connect_s=20.0, silence_min_s=1.0, retry_min_s=0.01, retry_max_s=0.05)
 DEADLINE_S = 40.0
 
 pytestmark = pytest.mark.integration
@@ -67,13 +68,14 @@ def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
 
 def test_killed_child_is_replaced_and_its_frames_counted_from_zero() -> None:
     with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
-        run_until(client, lambda: client.state.frames >= 5)
+        before = run_until(client, lambda: client.state.frames >= 100)[-1]
         assert client.child_pid is not None
         os.kill(client.child_pid, signal.SIGKILL)
-        frames = run_until(client, lambda: client.state.connects == 2 and client.state.name == "up")
+        run_until(client, lambda: client.state.last_error is not None)
         assert client.state.last_error == "mock: its process ended with code -9"
-        assert (frames[-1].connection, frames[-1].frame) <= (2, 10)
-        assert frames[-1].connection == 2
+        first = run_until(client, lambda: client.state.name == "up")[0]
+        assert first.connection > before.connection
+        assert first.frame < before.frame
 
 
 def test_frozen_child_is_killed_and_replaced() -> None:
@@ -81,9 +83,10 @@ def test_frozen_child_is_killed_and_replaced() -> None:
         run_until(client, lambda: client.state.name == "up")
         frozen = client.child_pid
         assert frozen is not None
+        before = client.state.connects
         os.kill(frozen, signal.SIGSTOP)
-        run_until(client, lambda: client.state.connects == 2 and client.state.name == "up")
-        assert client.state.last_error == "mock: no frame for 0.5 s"
+        run_until(client, lambda: client.state.connects > before and client.state.name == "up")
+        assert client.state.last_error == "mock: no frame for 1 s"
         assert not is_running(frozen)
 
 
@@ -113,15 +116,15 @@ def test_vicon_back_end_sees_what_the_tracker_captures_and_survives_its_faults()
                 assert subject.name == body.name
                 assert subject.position_m == tuple(map(float32, body.position_m))
                 assert subject.quaternion_xyzw == pytest.approx(body.quaternion_xyzw, abs=1e-6)
-            server.apply(Occlude("h1", duration_s=0.5))
+            server.apply(Occlude("h1", duration_s=1.0))
             hidden = wait_for(lambda frame: any(subject.occluded for subject in frame.subjects))
             assert [subject.name for subject in hidden.subjects if subject.occluded] == ["h1"]
             wait_for(lambda frame: not any(subject.occluded for subject in frame.subjects))
-            server.apply(Close())
-            wait_for(lambda frame: frame.connection == 2 and len(frame.subjects) == 2)
-            assert client.state.last_error == "vicon: no frame for 0.5 s"
-            server.apply(Silence(duration_s=1.0))
-            wait_for(lambda frame: frame.connection == 3 and len(frame.subjects) == 2)
+            for fault in (Close(), Silence(duration_s=2.0)):
+                last = client.state.connects
+                server.apply(fault)
+                wait_for(lambda frame, last=last: frame.connection > last and len(frame.subjects) == 2)
+                assert client.state.last_error == "vicon: no frame for 1 s"
 
 
 def test_library_that_hangs_in_connect_holds_up_nobody() -> None:
