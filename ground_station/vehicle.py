@@ -87,7 +87,11 @@ class Vehicle:
         self._ask(Land())
 
     def go_to(self, position_m: Sequence[float], yaw_rad: float = 0.0) -> None:
-        """Set point in the inertial frame [m, rad]."""
+        """Set point in the inertial frame [m, rad].
+
+        The heading counts whole turns, beginning within half a turn of 0: a vehicle that looks back before it
+        takes off may be at -pi, from where pi is a whole turn away.
+        """
         x, y, z = position_m
         self._ask(GoTo(set_point=SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))))
 

@@ -15,6 +15,7 @@ from rcopterx.agents.interfaces import Measurement
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import StampedMeasurement
 from rcopterx.agents.references.trajectory import hold
+from rcopterx.vehicles.state import YAW
 
 PAIRS = [
     *((controller, "extended_kalman") for controller in CONTROLLERS.available()),
@@ -40,6 +41,23 @@ def test_every_controller_and_estimator_takes_off_flies_and_lands(controller: st
     assert pilot.guidance.phase is Phase.ARMED
     assert plant.on_floor
     assert not lab.flights[-1].input.any()
+
+
+@pytest.mark.parametrize("yaw_rad", [np.pi, -np.pi, 3.1])
+def test_a_vehicle_that_looks_back_flies_without_a_whole_turn(yaw_rad: float) -> None:
+    pilot, plant = real("cascade", "extended_kalman"), Plant(start=still((0.0, 0.0, 0.0), yaw_rad))
+    lab = Lab(pilot, plant)
+    pilot.observe(StampedMeasurement(1, -1, 0.02, measured(plant.state)))
+    pilot.note_applied("armed", 0, np.zeros(4))
+    assert pilot.take_off(0.8) is None
+    lab.run(4.0)
+    assert plant.state.motion[:4] == pytest.approx([0.0, 0.0, 0.8, yaw_rad], abs=0.1)
+    for turn_rad in (0.1, -0.1):
+        goal_rad = plant.state.motion[YAW] + turn_rad
+        to_rad = pilot.estimate.motion[YAW] + turn_rad
+        assert pilot.guidance.go_to(np.array([0.0, 0.0, 0.8]), to_rad) is None
+        lab.run(2.0)
+        assert plant.state.motion[YAW] == pytest.approx(goal_rad, abs=0.05)
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS.available())
