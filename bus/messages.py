@@ -429,6 +429,8 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     """Longest time without progress of each process that runs."""
     forgiven: dict[Text, Count] = field(default_factory=dict)
     """How often a process was silent for longer than its limit and did not hang, by reason."""
+    flies: Count | None = None
+    """About how many vehicles like its own this computer flies without missed control periods."""
 
 
 class Kill(Message, frozen=True, kw_only=True):

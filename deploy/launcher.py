@@ -15,6 +15,7 @@ from typing import TypeVar
 
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusUnreachableError
+from rcopterx.deploy.capacity import CapacityMeasurement
 from rcopterx.deploy.certificates.files import directory_of
 from rcopterx.deploy.certificates.names import host_name
 from rcopterx.deploy.checking import check_apart
@@ -247,6 +248,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._floor_due_s = 0.0
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
+        self._capacity: CapacityMeasurement | None = None
 
     def __enter__(self) -> "Launcher":
         write_snapshot(self._fleet, self._snapshot)
@@ -277,6 +279,10 @@ class Launcher(AbstractContextManager["Launcher"]):
         except BusUnreachableError:
             self.stop()
             raise
+        if home:
+            self._capacity = CapacityMeasurement(
+                self._fleet, home[0], lambda: self.supervisor.spare_ready, self._tell_capacity
+            )
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -315,6 +321,13 @@ class Launcher(AbstractContextManager["Launcher"]):
                 lines.append(f"{vehicle}: {reason}; its agent runs here now")
         return lines
 
+    def _tell_capacity(self, flies: int | str) -> None:
+        membership = self._membership
+        if isinstance(flies, str):
+            self._tell([flies])
+        elif membership is not None:
+            membership.flies = flies
+
     def _tell(self, lines: list[str]) -> None:
         """For whoever started the fleet, and for everybody on the bus."""
         append(self.directory / "log" / "launcher.log", lines)
@@ -323,6 +336,9 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def stop(self) -> None:
         """Stop every process; gateways bring down what still flies."""
+        if self._capacity is not None:
+            self._capacity.stop()
+            self._capacity = None
         if self._membership is not None:
             self._membership.close()
             self._membership = None

@@ -53,6 +53,8 @@ class MembershipService:
     ----------
     started
         Whether the processes of the host run, and not only its daemon.
+    flies
+        About how many vehicles the host flies; None if that is not known.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class MembershipService:
         self._logs = logs
         self._home = frozenset(home)
         self.started = begin is None
+        self.flies: int | None = None
         self._begin = begin
         self._supervisor = supervisor
         self._agents: Mapping[str, Child] = {
@@ -184,6 +187,7 @@ class MembershipService:
             | ({"spare": supervisor.spares_hung} if supervisor.spares_hung else {}),
             longest_silence_s={name: supervisor.longest_silence_s(name) for name in supervisor.running()},
             forgiven=supervisor.forgiven,
+            flies=self.flies,
         )
 
     def close(self) -> None:

@@ -19,7 +19,13 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.ground_station.hosts import clock_differences, host_notes
 from rcopterx.ground_station.joining import WrongFleetError, check_identity
 from rcopterx.ground_station.latency import LatencyWatch, clock_offset
-from rcopterx.ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.state import (
+    VehicleState,
+    crowded,
+    launcher_notes,
+    tracker_notes,
+    tracker_problems,
+)
 from rcopterx.ground_station.waiting import Notifier, NotReachedError
 
 M = TypeVar("M", bound=Message)
@@ -158,6 +164,10 @@ class Observer:
         ]
         tracker = _newest(self.tracker, self.session.clock())[0]
         return tracker_notes(tracker) + self._host_notes() + self._log_notes() + launchers + lowered + told
+
+    def crowded_hosts(self) -> list[str]:
+        """A line for every host on which more agents run than it serves without missed control periods."""
+        return [line for host, status in self.launchers().items() for line in crowded(host, status)]
 
     def clock_differences(self, limit_s: float) -> list[str]:
         """A line for every host whose clock differs from that of the host used here by more than a limit."""

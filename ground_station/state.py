@@ -215,7 +215,7 @@ def tracker_notes(status: TrackerStatus | None) -> list[str]:
 
 
 def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
-    """Remarks on the processes of a host: what was started again, what hung, and a watchdog that is off.
+    """Remarks on the processes of a host: what died, what hung, a watchdog that is off, too many vehicles.
 
     Parameters
     ----------
@@ -230,7 +230,18 @@ def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
     notes = [f"host {host}: started again: {', '.join(deaths)}"] if deaths else []
     if not status.watchdog:
         notes.append(f"host {host}: the watchdog is off, processes that hang are not replaced")
-    return notes
+    return notes + crowded(host, status)
+
+
+def crowded(host: str, status: LauncherStatus) -> list[str]:
+    """A line if more agents run on a host than it serves without missed control periods."""
+    agents, flies = len(status.running), status.flies
+    if flies is None or agents <= flies:
+        return []
+    return [
+        f"host {host}: flies about {flies} such vehicles, and the agents of {agents} run on it; "
+        "let some run on other hosts, or shorten their horizons"
+    ]
 
 
 def _since(age_s: float | None) -> str:

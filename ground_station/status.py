@@ -40,6 +40,11 @@ def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
     from rcopterx.ground_station.margins import flying_warnings
 
     problems, notes = fleet.problems(names), [*fleet.notes(), *flying_warnings(fleet)]
+    notes += [
+        f"host {host}: flies about {status.flies} such vehicles"
+        for host, status in fleet.launchers().items()
+        if status.flies is not None and len(status.running) <= status.flies
+    ]
     return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": notes}
 
 
@@ -81,6 +86,7 @@ def _processes(status: LauncherStatus) -> dict[str, Any]:
             name: _rounded(silence_s) for name, silence_s in status.longest_silence_s.items()
         },
         "forgiven": dict(status.forgiven),
+        "flies": status.flies,
     }
 
 

@@ -61,6 +61,8 @@ def takeoff(
     """Arm and take off, and wait until the vehicles fly."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
+        for line in running.crowded_hosts():
+            typer.echo(line, err=True)
         for line in running.take_off(vehicles or None, height):
             typer.echo(f"stays on the floor: {line}", err=True)
         typer.echo("flying")

@@ -181,3 +181,11 @@ def test_restarts_hangs_and_a_watchdog_that_is_off_are_remarks() -> None:
         "host main: started again: agent-h1 3 (2 hung), tracker 1",
         "host main: the watchdog is off, processes that hang are not replaced",
     ]
+
+
+def test_a_host_with_more_agents_than_it_serves_is_told() -> None:
+    status = LauncherStatus(running=("h1", "h2"), absent=(), watchdog=True)
+    for flies in (None, 2, 7):
+        assert launcher_notes("main", msgspec.structs.replace(status, flies=flies)) == []
+    (line,) = launcher_notes("main", msgspec.structs.replace(status, flies=1))
+    assert line.startswith("host main: flies about 1 such vehicles, and the agents of 2 run on it")

@@ -1,0 +1,69 @@
+"""Processor time of an agent's control period on this computer.
+
+`python -m rcopterx.deploy.control_time VEHICLE` reads the snapshot of a fleet from its standard input and
+prints it in seconds; see `capacity`.
+"""
+
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from rcopterx.agents.interfaces import Measurement
+from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.deploy.fleet_file.snapshot import snapshot_of
+from rcopterx.deploy.roles.agent import pilot_of
+
+PERIODS: Final = 60
+SKIPPED: Final = 20
+"""Periods in the beginning, in which what is kept for later ones is computed."""
+LOWEST_PRIORITY: Final = 19
+PLACE_M: Final = (0.0, 0.0, 1.0)
+
+
+def control_time_s(
+    pilot: Pilot, period_s: float, wait: Callable[[float], None], processor_clock: Callable[[], float]
+) -> float:
+    """Median of the processor time of a control period of a vehicle that is held where it should be.
+
+    Parameters
+    ----------
+    pilot
+        New; it sees the vehicle in the air.
+    period_s
+        Control period.
+    wait
+        Called before each period with how long to wait: in flight others use the processor in between, and
+        their memory is in its caches then.
+    processor_clock
+        Processor time [s].
+    """
+    times_s = []
+    for frame in range(PERIODS):
+        wait(period_s)
+        begun_s = processor_clock()
+        pilot.observe(StampedMeasurement(1, frame, period_s, Measurement(np.array(PLACE_M), 0.0)))
+        if frame == 0:
+            pilot.note_applied("armed", -1, pilot.model.hover_input)
+        told = pilot.control({})
+        pilot.note_applied("armed", pilot.sequence, told.input)
+        times_s.append(processor_clock() - begun_s)
+    return statistics.median(times_s[SKIPPED:])
+
+
+def main() -> int:
+    """Print the processor time of a control period [s] of a vehicle of the fleet on the standard input."""
+    os.nice(LOWEST_PRIORITY)
+    fleet, vehicle = snapshot_of(sys.stdin.buffer.read()), sys.argv[1]
+    _, pilot = pilot_of(fleet, vehicle)
+    period_s = fleet.vehicles[vehicle].control.period_s
+    print(control_time_s(pilot, period_s, time.sleep, time.thread_time))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
