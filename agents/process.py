@@ -18,6 +18,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import LeaseBid
 from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.receiving import Wake
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
@@ -252,7 +253,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     BusUnreachableError
         No router answers.
     """
-    stop, wake = threading.Event(), threading.Event()
+    stop, wake = threading.Event(), Wake()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     realtime = request_realtime(settings.realtime_priority)
@@ -263,7 +264,6 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         while not stop.is_set() and not agent.lost:
             heartbeat.beat(agent.flying)
             wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
-            wake.clear()
             agent.step()
         heartbeat.ending()
         return agent.lost

@@ -4,11 +4,11 @@ import select
 from typing import Final
 
 import zenoh
-from zenoh.handlers import Callback
 
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.keys import probe_key
+from rcopterx.bus.receiving import direct
 
 CONTENT: Final = b"probe"
 """Messages without content are those of `rcopterx doctor`."""
@@ -34,7 +34,7 @@ class Probe:
         self._publisher = sender.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
         )
-        self._subscriber = receiver.declare_subscriber(key, Callback(self._on_message, indirect=False))
+        self._subscriber = receiver.declare_subscriber(key, direct(self._on_message))
 
     def _on_message(self, _: zenoh.Sample) -> None:
         self._received += 1

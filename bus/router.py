@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from typing import Final
 
 import zenoh
-from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
@@ -15,6 +14,7 @@ from rcopterx.bus.endpoints import Protection, open_session, reason_of, router_c
 from rcopterx.bus.links import LinkService
 from rcopterx.bus.probe import probe_until
 from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.receiving import direct
 from rcopterx.bus.requests import IdentifyReply
 
 REFUSALS: Final = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=info"
@@ -87,4 +87,4 @@ def _identify(session: zenoh.Session, identity: IdentifyReply) -> None:
             query.reply(key, payload)
 
     key = channels.request_key(identity.fleet, identity.host, "identify")
-    session.declare_queryable(key, Callback(answer, indirect=False), complete=True)
+    session.declare_queryable(key, direct(answer), complete=True)

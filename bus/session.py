@@ -11,7 +11,6 @@ from struct import Struct
 from typing import Final, NamedTuple, TypeVar
 
 import zenoh
-from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
@@ -19,6 +18,7 @@ from rcopterx.bus.codec import RejectedError, decode, encode
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
+from rcopterx.bus.receiving import direct
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
@@ -276,7 +276,7 @@ class Session:
                 store(Heard(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
 
         pattern = channels.key(fleet or self.address.fleet, "*", topic)
-        self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
+        self._taps.append(self._zenoh.declare_subscriber(pattern, direct(on_sample)))
 
     def announce(self, unit: str, role: str) -> None:
         """Hold a liveliness token for as long as the session lives."""
@@ -303,9 +303,7 @@ class Session:
                 self._on_query(unit, verb, query)
 
             key = channels.request_key(self.address.fleet, unit, verb)
-            self._queryables.append(
-                self._zenoh.declare_queryable(key, Callback(on_query, indirect=False), complete=True)
-            )
+            self._queryables.append(self._zenoh.declare_queryable(key, direct(on_query), complete=True))
 
     def _on_query(self, unit: str, verb: str, query: zenoh.Query) -> None:
         payload = query.payload.to_bytes() if query.payload is not None else b""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import zenoh
-from zenoh.handlers import Callback
 
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
+from rcopterx.bus.receiving import direct
 
 M = TypeVar("M", bound=Message)
 
@@ -185,7 +185,7 @@ class Subscription(Inbox[M]):
         self._key = full_key
         self._clock = clock
         self._wake = wake
-        self._subscriber = session.declare_subscriber(full_key, Callback(self._on_sample, indirect=False))
+        self._subscriber = session.declare_subscriber(full_key, direct(self._on_sample))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         # A put on a wildcard key reaches everyone; only messages for exactly this key count.
@@ -221,7 +221,7 @@ class UnitSubscriptions(Generic[M]):
         self._clock = clock
         self._wake = wake
         self._unit_at = pattern.split("/").index("*")
-        self._subscriber = session.declare_subscriber(pattern, Callback(self._on_sample, indirect=False))
+        self._subscriber = session.declare_subscriber(pattern, direct(self._on_sample))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         full_key = str(sample.key_expr)
