@@ -4,13 +4,10 @@ What counts is the time that the processor worked on it, so that a busy machine 
 makes nobody late; a step that only waits is interrupted as well, by the wall clock.
 """
 
+import math
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Final
-
-import numpy as np
+from typing import Final, Self
 
 from rcopterx.agents.flight.time_limit import OutOfTimeError, TimeLimit
 
@@ -26,26 +23,30 @@ class AlarmTimeLimit(TimeLimit):
     """
 
     def __init__(self) -> None:
-        self._limit_s = np.inf
+        self._limit_s = math.inf
         self._active = self._rang = False
         self._begun_s = self._began_at_s = self._used_s = 0.0
         signal.signal(signal.SIGALRM, self._ring)
 
-    @contextmanager
-    def within(self, limit_s: float) -> Iterator[None]:
+    def within(self, limit_s: float) -> Self:
         """See `TimeLimit.within`."""
         self._limit_s = limit_s
+        return self
+
+    def __enter__(self) -> None:
+        """Begin to count."""
         self._begun_s, self._began_at_s = time.thread_time(), time.monotonic()
         self._active, self._rang = True, False
-        if limit_s < np.inf:
-            signal.setitimer(signal.ITIMER_REAL, limit_s)
-        try:
-            yield
-        finally:
-            self._active = False
-            self._used_s = np.inf if self._rang else time.thread_time() - self._begun_s
-            if limit_s < np.inf:
-                signal.setitimer(signal.ITIMER_REAL, 0.0)
+        if self._limit_s < math.inf:
+            signal.setitimer(signal.ITIMER_REAL, self._limit_s)
+
+    def __exit__(self, *_: object) -> None:
+        """End to count."""
+        self._active = False
+        if not self._rang:
+            self._used_s = time.thread_time() - self._begun_s
+        if self._limit_s < math.inf:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def over(self, limit_s: float) -> bool:
         """See `TimeLimit.over`; what was interrupted is over every limit."""
@@ -57,6 +58,6 @@ class AlarmTimeLimit(TimeLimit):
         left_s = self._limit_s - (time.thread_time() - self._begun_s)
         waited_s = time.monotonic() - self._began_at_s
         if left_s <= 0.0 or waited_s >= LONGEST_WAIT_S:
-            self._active, self._rang = False, True
+            self._active, self._rang, self._used_s = False, True, math.inf
             raise OutOfTimeError
         signal.setitimer(signal.ITIMER_REAL, max(min(left_s, LONGEST_WAIT_S - waited_s), SHORTEST_ALARM_S))

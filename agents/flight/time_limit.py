@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Final
+from typing import Any, Final, Self
 
 SOLVER_SHARE: Final = 0.4
 """Share of the control period after which a solver that can stop early does so."""
@@ -66,22 +66,31 @@ class NotedTimeLimit(TimeLimit):
         self._limit = limit
         self._calls = self._questions = 0
         self._inside = self._was_over = False
+        # Class-based: this is entered several times per control period, and generators take much longer.
+        self._entered: AbstractContextManager[None] = nullcontext()
 
     def begin_step(self) -> None:
         """Count calls anew."""
         self.overtime.clear()
         self._calls = 0
 
-    @contextmanager
-    def within(self, limit_s: float) -> Iterator[None]:
+    def within(self, limit_s: float) -> Self:
         """See `TimeLimit.within`."""
+        self._entered = self._limit.within(limit_s)
+        return self
+
+    def __enter__(self) -> None:
+        """Count the call."""
         self._calls += 1
         self._questions = 0
         self._was_over = False
+        self._entered.__enter__()
         self._inside = True
+
+    def __exit__(self, *raised: Any) -> None:
+        """The call is over, whether it came in time or not."""
         try:
-            with self._limit.within(limit_s):
-                yield
+            self._entered.__exit__(*raised)
         finally:
             self._inside = False
 
