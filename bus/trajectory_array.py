@@ -66,7 +66,7 @@ class TrajectoryArray(Struct, frozen=True):
         stages = len(values)
         within = np.minimum(np.maximum(values, -cls.LARGEST), cls.LARGEST).reshape(stages, 3, 4)
         # Whole numbers, but floats: exact up to 2^53.
-        position, rate, acceleration = np.rint((within / cls._units(period_s)).transpose(1, 0, 2))
+        position, rate, acceleration = np.rint((within / cls.units(period_s)).transpose(1, 0, 2))
         whole = np.empty((3, stages, 4))
         whole[0] = rate
         whole[0, 1:] -= rate[:-1]
@@ -100,21 +100,22 @@ class TrajectoryArray(Struct, frozen=True):
         self._follow(rate, period_s, follow)
         follow += whole[1:]
         samples[0, 1:] += whole[1, 0]
-        values = (samples.transpose(1, 0, 2) * self._units(period_s)).reshape(stages, self.COLUMNS)
+        values = (samples.transpose(1, 0, 2) * self.units(period_s)).reshape(stages, self.COLUMNS)
         return np.minimum(np.maximum(values, -self.LARGEST), self.LARGEST)
 
     @classmethod
     @lru_cache(maxsize=64)
-    def _units(cls, period_s: float) -> "NDArray[np.float64]":
+    def units(cls, period_s: float) -> "NDArray[np.float64]":
+        """Units of positions, velocities and accelerations, shape (3, 4)."""
         import numpy as np
 
         return np.array((4 * (cls.POSITION_UNIT,), cls.rate_units(period_s), cls.ACCELERATION_UNITS))
 
     @classmethod
     @lru_cache(maxsize=64)
-    def _scales(cls, period_s: float) -> "NDArray[np.float64]":
-        """How far a velocity moves in a period, and its acceleration by a difference, in units."""
-        units = cls._units(period_s)
+    def scales(cls, period_s: float) -> "NDArray[np.float64]":
+        """How far a velocity moves in a period, and its acceleration by a difference, in units: (2, 4)."""
+        units = cls.units(period_s)
         _, rate, acceleration = units
         scales = units[:2].copy()
         scales[0] = rate * period_s / cls.POSITION_UNIT
@@ -131,7 +132,7 @@ class TrajectoryArray(Struct, frozen=True):
         """
         import numpy as np
 
-        moves, accelerates = cls._scales(period_s)
+        moves, accelerates = cls.scales(period_s)
         out[0, 0] = 0.0
         np.multiply(rate[:-1].cumsum(axis=0), moves, out=out[0, 1:])
         np.multiply(rate[1:] - rate[:-1], accelerates, out=out[1, :-1])

@@ -8,6 +8,7 @@ import numpy as np
 
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.interfaces import Obstacle
+from rcopterx.native.plans import smallest_gaps
 from rcopterx.vehicles.state import Array
 
 NEAR: Final = 1.3
@@ -99,10 +100,9 @@ def near(
         if scale <= 0.0:
             continue
         other_m = plan.trajectory.positions_from(plan.ahead_s + delay_s, period_s, len(own_m))
-        squares = (own_m - other_m) ** 2
-        distance = float(np.sqrt((squares @ ellipsoid.stiffness).min())) / scale
-        closest = min(closest, distance)
-        closest_m = min(closest_m, float(np.sqrt(squares.sum(axis=1).min())))
+        in_ellipsoids, gap_m = smallest_gaps(own_m, other_m, ellipsoid.stiffness)
+        distance = in_ellipsoids / scale
+        closest, closest_m = min(closest, distance), min(closest_m, gap_m)
         if distance < NEAR:
             obstacles.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
     return Near(tuple(obstacles), closest < TOUCHING, closest_m)
