@@ -16,6 +16,7 @@ from rcopterx.native.compiled import (
     compiled,
     part,
 )
+from rcopterx.native.motion import predict_motion
 
 
 @part
@@ -282,10 +283,37 @@ def lag_jacobian(constant: Array, start: Array, end: Array) -> Array:
     return jacobian
 
 
-@compiled(MATRIX, MATRIX, MATRIX)
-def predict_covariance(transition: Array, covariance: Array, process: Array) -> Array:
-    """F P F' + Q, shapes (n, n)."""
-    return propagated(transition, covariance, process)
+@compiled(VECTOR, *4 * [ANY_VECTOR], NUMBER, COUNT, *3 * [MATRIX])
+def predict_lags(
+    vehicle: Array,
+    motion: Array,
+    actuator: Array,
+    sticks: Array,
+    disturbance: Array,
+    step_s: float,
+    steps: int,
+    constant: Array,
+    covariance: Array,
+    process: Array,
+) -> tuple[Array, Array, Array]:
+    """Move the filter on first-order lags on by a period.
+
+    Parameters
+    ----------
+    vehicle, motion, actuator, sticks, disturbance, step_s, steps
+        See `rcopterx.native.motion.predict_motion`.
+    constant
+        See `lag_jacobian`.
+    covariance, process
+        P and Q, shapes (n, n).
+
+    Returns
+    -------
+    tuple
+        Motion, actuators and covariance after the period.
+    """
+    moved, held = predict_motion(vehicle, motion, actuator, sticks, disturbance, step_s, steps)
+    return moved, held, propagated(lag_jacobian(constant, motion, moved), covariance, process)
 
 
 @compiled(MATRIX, ANY_VECTOR, VECTOR)

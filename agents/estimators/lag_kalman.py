@@ -14,9 +14,9 @@ from rcopterx.agents.estimators.model_noise import model_noise
 from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
 from rcopterx.agents.flight.linear import prepared_period
-from rcopterx.agents.flight.prediction import actuator_response, predict
+from rcopterx.agents.flight.prediction import actuator_response, parameters, split
 from rcopterx.agents.interfaces import Estimate
-from rcopterx.native.kalman import correct_first, predict_covariance
+from rcopterx.native.kalman import correct_first, predict_lags
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
 
@@ -84,11 +84,10 @@ class LagKalmanEstimator(PoseEstimator):
 
     def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
         super().__init__(model, settings)
-        noise_m, noise_rad = settings.position_noise_m, settings.yaw_noise_rad
-        self._least_noise: Array = np.array([noise_m, noise_m, noise_m, noise_rad])
+        self._least_noise = settings.position_noise_m, settings.yaw_noise_rad
         self._noise = NoiseMeter(INPUT_SIZE)
         self._since_pose_s = 0.0
-        self._expect_noise(self._least_noise)
+        self._expect_noise(*self._least_noise)
         noise = model_noise(model)
         densities = (
             [0.0] * 4,
@@ -153,9 +152,10 @@ class LagKalmanEstimator(PoseEstimator):
         thrust = self._model.input_gain[U_THRUST] * float(self._actuator[U_THRUST])
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
 
-    def _expect_noise(self, deviation: Array) -> None:
-        """Take measurements to have a standard deviation, shape (4,)."""
-        self._measurement_variance = np.square(deviation)
+    def _expect_noise(self, noise_m: float, noise_rad: float) -> None:
+        """Take positions and headings to have a standard deviation."""
+        variance_m2 = noise_m * noise_m
+        self._measurement_variance = np.array([variance_m2, variance_m2, variance_m2, noise_rad * noise_rad])
 
     def _measure_noise(self, pose: Array) -> None:
         """Expect the noise that a Tracker has, but no less than the settings say."""
@@ -163,8 +163,11 @@ class LagKalmanEstimator(PoseEstimator):
         self._since_pose_s = 0.0
         measured = self._noise.deviation
         if measured is not None:
-            measured = np.append(np.full(YAW, measured[:YAW].max()), measured[YAW])
-            self._expect_noise(np.maximum(measured, self._least_noise))
+            # Plain floats: arrays of four take longer than the arithmetic on them.
+            *noise_m, noise_rad = measured.tolist()
+            least_m, least_rad = self._least_noise
+            expected_m = max(*noise_m, least_m)
+            self._expect_noise(expected_m, max(noise_rad, least_rad))
 
     def _move(self, applied_input: Array, period_s: float) -> None:
         self._since_pose_s += period_s
@@ -172,12 +175,18 @@ class LagKalmanEstimator(PoseEstimator):
             self._actuator = actuator_response(self._model, self._actuator, applied_input, 0.0, period_s)
             self._standing = not self._thrust_carries()
             return
-        start = self._motion
-        predicted = predict(self._model, self._lagged, applied_input, period_s)
-        self._motion, self._actuator = predicted.motion, predicted.actuator
         linearization, process = self._prepared(period_s)
-        jacobian = linearization.jacobian(start, self._motion)
-        self._covariance = predict_covariance(jacobian, self._covariance, process)
+        self._motion, self._actuator, self._covariance = predict_lags(
+            parameters(self._model),
+            self._motion,
+            self._actuator,
+            applied_input,
+            self._disturbance,
+            *split(period_s),
+            linearization.constant,
+            self._covariance,
+            process,
+        )
 
     def _deviation(self) -> Array:
         variance = self._covariance.diagonal()[:INPUT_SIZE] + self._measurement_variance

@@ -48,6 +48,11 @@ class Linearization:
         The vehicle.
     period_s
         Length of the period.
+
+    Attributes
+    ----------
+    constant
+        Jacobian of a vehicle at rest that heads along x, shape (16, 16).
     """
 
     def __init__(self, model: Model, period_s: float) -> None:
@@ -56,7 +61,7 @@ class Linearization:
         for axes in together:
             states = _states(axes)
             constant[np.ix_(states, states)] = _transition(model, axes, period_s)
-        self._constant = constant
+        self.constant: Array = constant
 
     def jacobian(self, start: Array, end: Array) -> Array:
         """Derivative of the state after the period by the state before it.
@@ -71,7 +76,7 @@ class Linearization:
         Array
             Shape (16, 16), order: motion, actuators, disturbances.
         """
-        return lag_jacobian(self._constant, start, end)
+        return lag_jacobian(self.constant, start, end)
 
 
 def _states(axes: Sequence[int]) -> list[int]:

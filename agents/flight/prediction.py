@@ -43,16 +43,13 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     Estimate
         At the end of the period; the disturbance is the given one.
     """
-    steps = max(1, math.ceil(period_s / _LONGEST_STEP_S))
-    step_s = period_s / steps
     motion, actuator = predict_motion(
-        _parameters(model),
+        parameters(model),
         estimate.motion,
         estimate.actuator,
         applied_input,
         estimate.disturbance,
-        step_s,
-        steps,
+        *split(period_s),
     )
     predicted = Estimate(motion, actuator, estimate.disturbance)
     if estimate.tilt is None or model.tilt is None:
@@ -73,7 +70,7 @@ def _with_tilt(
         tilt.wind_m_s2,
         tilt.trim,
         applied_input,
-        _parameters(model)[:2],
+        parameters(model)[:2],
         system.transition,
         system.demand,
         system.servo_pole,
@@ -104,11 +101,17 @@ def actuator_response(
     Array
         Actuator states at its end, shape (4,).
     """
-    return follow_lags(_parameters(model), actuator, applied_input, yaw_rate_rad_s, period_s)
+    return follow_lags(parameters(model), actuator, applied_input, yaw_rate_rad_s, period_s)
+
+
+def split(period_s: float) -> tuple[float, int]:
+    """Steps of the integration of a period: how long, and how many."""
+    steps = max(1, math.ceil(period_s / _LONGEST_STEP_S))
+    return period_s / steps, steps
 
 
 @lru_cache(maxsize=64)
-def _parameters(model: Model) -> Array:
+def parameters(model: Model) -> Array:
     """What the kernels need to know of a vehicle, shape (`PARAMETERS`,)."""
     rest = model.gravity_m_s2, model.thrust_coupling, model.rate_feedback[U_YAW]
     return np.array((*model.input_gain, *model.direct_damping, *model.lag_s, *rest))

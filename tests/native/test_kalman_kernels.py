@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.native.kalman import correct_tilt, predict_tilt
+from rcopterx.native.kalman import correct_tilt, lag_jacobian, predict_lags, predict_tilt
+from rcopterx.native.motion import PARAMETERS, predict_motion
 from rcopterx.vehicles.state import heading_matrix
 
 SIZE = 12
@@ -76,3 +77,18 @@ def test_a_covariance_that_is_none_is_told_and_changes_nothing() -> None:
     assert not definite
     assert found is not None
     assert (left == covariance).all()
+
+
+@given(st.integers(0, 10_000))
+def test_a_period_of_the_filter_on_lags_is_a_prediction_and_its_linearization(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    vehicle, motion = rng.uniform(0.1, 1.0, size=PARAMETERS), rng.normal(size=8)
+    actuator, sticks, disturbance = rng.normal(size=(3, 4))
+    constant, covariance, process = rng.normal(size=(16, 16)), positive(rng, 16), positive(rng, 16)
+    given_ = vehicle, motion, actuator, sticks, disturbance, 0.01, 2
+    moved, held, spread = predict_lags(*given_, constant, covariance, process)
+    expected = predict_motion(*given_)
+    jacobian = lag_jacobian(constant, motion, moved)
+    assert np.array_equal(moved, expected[0])
+    assert np.array_equal(held, expected[1])
+    assert spread == pytest.approx(jacobian @ covariance @ jacobian.T + process)
