@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from struct import Struct
 from typing import Final, NamedTuple, TypeVar
 
@@ -334,11 +334,9 @@ class Session:
     def pending(self) -> list[Incoming]:
         """Requests that arrived since the last call; each must be answered."""
         incoming = []
-        while True:
-            try:
-                incoming.append(self._incoming.get_nowait())
-            except Empty:
-                return incoming
+        while not self._incoming.empty():
+            incoming.append(self._incoming.get_nowait())
+        return incoming
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Ask a unit and wait for the typed answer.

@@ -128,7 +128,7 @@ class SteppedSession:
         self._session = session
         self._now_s = self._began_s = session.clock()
         self._waiting: deque[_Input] = deque(maxlen=MOST_WAITING)
-        self._taken: list[_Input] = []
+        self._words: list[str] = []
         self._requests: list[Incoming] = []
         self._subscriptions = 0
         self._told = 0
@@ -157,7 +157,7 @@ class SteppedSession:
                 item.inbox.store(item.payload, item.arrived_s)
             elif item.incoming is not None:
                 self._requests.append(item.incoming)
-        self._taken = taken
+        self._words = [item.key for item in taken if item.inbox is None and item.incoming is None]
         self._times_s.append(self._now_s)
         self._counts.append(len(taken))
         self._inputs += taken
@@ -206,7 +206,7 @@ class SteppedSession:
 
     def noted(self, word: str) -> bool:
         """See `StepBus.noted`."""
-        return any(item.key == word for item in self._taken)
+        return word in self._words
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""

@@ -105,7 +105,7 @@ class PoseEstimator(ABC):
         ValueError
             If the input is not finite.
         """
-        if not np.isfinite(applied_input).all():
+        if not all(map(math.isfinite, applied_input.tolist())):
             raise ValueError(f"applied input {applied_input} is not finite")
         if not self._actuators_known:
             self._actuators_known = True
@@ -200,6 +200,6 @@ def _inertial_rates(motion: Array) -> Array:
 
 
 def _readable(measurement: Measurement) -> bool:
-    position_m, yaw_rad = measurement.position_m, measurement.yaw_rad
     # Written so that a comparison with nan refuses.
-    return bool((np.abs(position_m) <= _FARTHEST_M).all()) and abs(yaw_rad) <= _MOST_TURNED_RAD
+    inside = all(abs(place_m) <= _FARTHEST_M for place_m in measurement.position_m.tolist())
+    return inside and abs(measurement.yaw_rad) <= _MOST_TURNED_RAD

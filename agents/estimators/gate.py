@@ -89,7 +89,7 @@ class InnovationGate:
         self._fastest = np.array([speed_m_s] * 3 + [_SPEED_FACTOR * model.state_max[6]])
         self._limit_s = settings.gate_limit_s
         self._run: _Run | None = None
-        self._last_sudden: Array | None = None
+        self._last_sudden: list[float] | None = None
         self._left_out = 0
         """Innovation of the last pose that was left out as a sudden one, and how many were in a row."""
         self.rejected = 0
@@ -115,7 +115,13 @@ class InnovationGate:
         bool
             True if the vehicle can be there.
         """
-        return bool((np.abs(innovation) <= self._margin + _DEVIATIONS * deviation).all())
+        # Plain floats: arrays of four take longer than the arithmetic on them.
+        return all(
+            abs(error) <= margin + _DEVIATIONS * spread
+            for error, margin, spread in zip(
+                innovation.tolist(), self._margin.tolist(), deviation.tolist(), strict=True
+            )
+        )
 
     def sudden(self, innovation: Array, deviation: Array) -> Sudden:
         """What a pose that passes is taken for.
@@ -125,13 +131,15 @@ class InnovationGate:
         innovation, deviation
             See `passes`.
         """
-        near = _SUDDEN_M + _DEVIATIONS * deviation[:YAW]
-        away = innovation[:YAW].copy()
+        near = [_SUDDEN_M + _DEVIATIONS * spread for spread in deviation[:YAW].tolist()]
+        away: list[float] = innovation[:YAW].tolist()
         before, left_out = self._last_sudden, self._left_out
         self._last_sudden, self._left_out = None, 0
-        if (np.abs(away) <= near).all():
+        if all(abs(gap) <= limit for gap, limit in zip(away, near, strict=True)):
             return Sudden.NOT
-        if before is not None and (np.abs(away - before) <= near).all():
+        if before is not None and all(
+            abs(gap - last) <= limit for gap, last, limit in zip(away, before, near, strict=True)
+        ):
             return Sudden.SHIFT
         if left_out == _MOST_LEFT_OUT:
             return Sudden.NOT

@@ -133,9 +133,8 @@ class TiltFilter:
     def expect_noise(self, position_noise_m: float, tilt_noise: float) -> None:
         """Take measurements to have these standard deviations, but no smaller ones than at first."""
         least_m, least = self._least_noise
-        self._variances: Array = np.square(
-            [max(position_noise_m, least_m)] * 2 + [max(tilt_noise, least)] * 2
-        )
+        noise_m, noise = max(position_noise_m, least_m), max(tilt_noise, least)
+        self._variances: Array = np.array((noise_m**2, noise_m**2, noise**2, noise**2))
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Begin anew in the air; what is known of trim and body frame is kept.

@@ -6,6 +6,7 @@ positions only. The second one is believed where no tilt is measured, or one tha
 to explain the flight (for controllers that know nothing else), by the filter for vehicles with lags.
 """
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from typing import Final
@@ -19,7 +20,7 @@ from rcopterx.agents.estimators.tilt_filter import TiltFilter
 from rcopterx.agents.estimators.tilt_trust import TiltTrust
 from rcopterx.agents.interfaces import Estimate, Measurement
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, ZD_BODY, Array, heading_matrix
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, YAW_RATE, Array
 
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
@@ -65,9 +66,12 @@ class TiltKalmanEstimator(LagKalmanEstimator):
     def estimate(self) -> Estimate:
         """The current estimate; put together once after each change, because a control period asks often."""
         if self._present is None:
-            found, motion = self.tilt_filter, self._motion.copy()
-            motion[:2] = found.position_m
-            motion[XD_BODY:ZD_BODY] = heading_matrix(float(motion[YAW])).T @ found.velocity_m_s
+            # Plain floats: arrays of two take longer than the arithmetic on them.
+            found = self.tilt_filter
+            (x, y), (vx, vy) = found.position_m.tolist(), found.velocity_m_s.tolist()
+            _, _, z, yaw, _, _, zd, yaw_rate = self._motion.tolist()
+            c, s = math.cos(yaw), math.sin(yaw)
+            motion = np.array((x, y, z, yaw, c * vx + s * vy, c * vy - s * vx, zd, yaw_rate))
             self._present = Estimate(motion, self._actuator, self._disturbance, found.estimate)
         return self._present
 
@@ -167,18 +171,16 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         measured = self._tilt_meter.deviation
         tilt_noise = 0.0 if measured is None else float(measured.max())
         for tilt_filter, _ in self._filters():
-            tilt_filter.expect_noise(float(np.sqrt(self._measurement_variance[0])), tilt_noise)
+            tilt_filter.expect_noise(math.sqrt(self._measurement_variance[0]), tilt_noise)
 
     def _judge(self, yaw_rad: float, since_pose_s: float) -> None:
         """Compare the measured tilt with the one that positions let expect."""
         if self._measured_tilt is None:
             return
-        to_heading = heading_matrix(yaw_rad).T
-        expected = self._positions_only.tilt
         noise = self._tilt_meter.deviation
         if not self._trust.observe(
-            to_heading @ self._measured_tilt,
-            to_heading @ expected,
+            _in_heading(self._measured_tilt, yaw_rad),
+            _in_heading(self._positions_only.tilt, yaw_rad),
             since_pose_s,
             0.0 if noise is None else float(noise @ noise),
         ):
@@ -188,3 +190,10 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         else:
             self._counted[DISTRUSTED] += 1
             self._with_tilt.forget_offset()
+
+
+def _in_heading(tilt: Array, yaw_rad: float) -> tuple[float, float]:
+    """Tilt in the heading frame."""
+    x, y = tilt.tolist()
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return c * x + s * y, c * y - s * x

@@ -8,10 +8,6 @@ shifts the measured one, which says nothing.
 
 from typing import Final
 
-import numpy as np
-
-from rcopterx.vehicles.state import Array
-
 WINDOW_S: Final = 2.0
 """Time constant of the means."""
 LEAST_TILT: Final = 0.008
@@ -39,7 +35,7 @@ class TiltTrust:
 
     def forget(self) -> None:
         """Begin the means anew, as after a start; what was found stays."""
-        self._mean: Array | None = None
+        self._mean: tuple[float, float, float, float] | None = None
         self._energy = self._expected_energy = self._common = self._noise_energy = 0.0
         self._beyond_s = self._seen_s = 0.0
 
@@ -55,13 +51,19 @@ class TiltTrust:
         # All that is measured is expected, too; what is expected besides are errors of the expectation.
         return max(concordance, min(common / measured, measured / common))
 
-    def observe(self, measured: Array, expected: Array, period_s: float, noise_energy: float = 0.0) -> bool:
+    def observe(
+        self,
+        measured: tuple[float, float],
+        expected: tuple[float, float],
+        period_s: float,
+        noise_energy: float = 0.0,
+    ) -> bool:
         """Take in a pose.
 
         Parameters
         ----------
         measured, expected
-            Tilt in the heading frame, shape (2,).
+            Tilt in the heading frame.
         period_s
             Time since the last one.
         noise_energy
@@ -72,18 +74,22 @@ class TiltTrust:
         bool
             True if `trusted` has changed.
         """
-        both = np.stack((measured, expected))
-        if self._mean is None:
-            self._mean = both
+        # Plain floats: arrays of two take longer than the arithmetic on them.
+        now = *measured, *expected
+        before = now if self._mean is None else self._mean
         share = min(period_s / WINDOW_S, 1.0)
-        self._mean = self._mean + share * (both - self._mean)
-        swing_measured, swing_expected = both - self._mean
-        expected_energy = float(swing_expected @ swing_expected)
-        energy = float(swing_measured @ swing_measured)
-        self._expected_energy += share * (expected_energy - self._expected_energy)
-        self._energy += share * (energy - self._energy)
+        mean_x, mean_y, mean_expected_x, mean_expected_y = self._mean = (
+            before[0] + share * (now[0] - before[0]),
+            before[1] + share * (now[1] - before[1]),
+            before[2] + share * (now[2] - before[2]),
+            before[3] + share * (now[3] - before[3]),
+        )
+        x, y = now[0] - mean_x, now[1] - mean_y
+        expected_x, expected_y = now[2] - mean_expected_x, now[3] - mean_expected_y
+        self._expected_energy += share * (expected_x**2 + expected_y**2 - self._expected_energy)
+        self._energy += share * (x**2 + y**2 - self._energy)
         self._noise_energy += share * (noise_energy - self._noise_energy)
-        self._common += share * (float(swing_measured @ swing_expected) - self._common)
+        self._common += share * (x * expected_x + y * expected_y - self._common)
         self._seen_s += period_s
         return self._judge(period_s)
 

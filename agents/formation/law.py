@@ -101,6 +101,10 @@ def follower_reference(
     """
     reference = plan.resampled(start_s, period_s, stages)
     samples = reference.samples.copy()
+    if isinstance(offset, FormationOffset) and offset.frame == "inertial":
+        samples[:, POSITION] += offset.position_m
+        samples[:, YAW] += offset.yaw_rad
+        return Trajectory(samples, period_s)
     if isinstance(offset, OffsetTransition):
         frame = offset.target.frame
         value, rate, acceleration = offset.sampled(period_s, stages)
