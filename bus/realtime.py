@@ -45,6 +45,12 @@ def request_realtime(priority: int, *, children: bool = True) -> bool:
     return True
 
 
+def leave_realtime() -> None:
+    """Move this thread, and the ones it starts from now on, back among other programs."""
+    if hasattr(os, "sched_setscheduler"):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def _limit_spinning() -> None:
     """Have the kernel end this process, and the ones it starts, if one of their real-time threads spins."""
     limit_us = round(1e6 * SPIN_LIMIT_S)

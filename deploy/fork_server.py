@@ -22,7 +22,7 @@ from collections.abc import Callable, Sequence
 from typing import Final, TypedDict
 
 from rcopterx.bus.heartbeat import VARIABLE
-from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.realtime import leave_realtime, request_realtime
 from rcopterx.deploy.roles.run import name_process
 
 LARGEST_BYTES: Final = 1 << 20
@@ -58,7 +58,7 @@ def main() -> None:
     # What is forked neither collects nor moves what is there now, so that its pages stay shared.
     gc.collect()
     gc.freeze()
-    request_realtime(int(priority), children=False)
+    request_realtime(int(priority))
     connection = socket.socket(fileno=int(descriptor))
     connection.send(_told({"pid": os.getpid()}))
     run = serve(connection)
@@ -123,7 +123,11 @@ def _forked() -> int | None:
 
 
 def _fork_and_end(writing: int) -> None:
-    """Of the intermediate process: returns only in its child."""
+    """Of the intermediate process: returns only in its child.
+
+    The server waits for the intermediate process, which therefore is in its real-time class: where other
+    programs want the processor all the time, it would otherwise answer too late. Its child is ordinary.
+    """
     try:
         child = os.fork()
     except OSError:
@@ -131,6 +135,7 @@ def _fork_and_end(writing: int) -> None:
     if child != 0:
         os.write(writing, child.to_bytes(PID_BYTES, "little"))
         os._exit(0)
+    leave_realtime()
 
 
 def _begin(order: Order, descriptors: Sequence[int]) -> Callable[[], None]:

@@ -28,6 +28,12 @@ sys.exit(7)
 MODULE = "rcopterx_forked_module"
 
 
+def request_realtime_in_child() -> bool:
+    """Whether processes of this user may have a real-time priority."""
+    program = "from rcopterx.bus.realtime import request_realtime; exit(not request_realtime(1))"
+    return subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
 @pytest.fixture
 def forks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ForkServer]:
     (tmp_path / f"{MODULE}.py").write_text(REPORT)
@@ -89,6 +95,20 @@ def test_other_programs_are_executed_and_inherit_the_heartbeat_page(
         wait_for(lambda: started.page.beats == 1, "the page is not the supervisor's")
     finally:
         assert end(started) == -signal.SIGKILL
+
+
+@pytest.mark.skipif(not request_realtime_in_child(), reason="no permission for a real-time priority")
+def test_what_a_fork_server_at_a_real_time_priority_starts_is_an_ordinary_process(
+    tmp_path: Path,
+) -> None:
+    forks, log = ForkServer(priority=1), tmp_path / "log"
+    program = "import os; print(os.sched_getscheduler(0) == os.SCHED_OTHER)"
+    started = forks.start([sys.executable, "-c", program], log)
+    assert forks.pid is not None
+    assert os.sched_getscheduler(forks.pid) == os.SCHED_FIFO
+    assert started.process.wait(30) == 0
+    forks.close()
+    assert log.read_text() == "True\n"
 
 
 def test_a_program_that_does_not_exist_ends_with_an_error_in_the_log(
