@@ -268,7 +268,11 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._recall = made_in_realtime(
                 Priority.GATEWAY.of(self._fleet),
                 lambda: RecallService(
-                    address, agents, transmitters, lambda vehicle: deaths(agent_process(vehicle))
+                    address,
+                    agents,
+                    transmitters,
+                    lambda vehicle: deaths(agent_process(vehicle)),
+                    self._guard.vehicles,
                 ),
             )
             begin = self._begin_flight if self._idle else None

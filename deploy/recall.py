@@ -1,11 +1,13 @@
 """Keeps what agents last reported and gateways last wrote, for the processes that replace them."""
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TypeVar
 
 from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
 from rcopterx.bus.message import Message
+from rcopterx.bus.messages import LauncherStatus
 from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import Inbox, Received
@@ -31,6 +33,10 @@ class RecallService:
         Vehicles whose transmitter gateways run on this host.
     quick_deaths
         How often in a row the agent of a vehicle has died shortly after its start.
+    guarded
+        Vehicles that this host watches, because their agents may have to be started here. Of others that
+        have their transmitters elsewhere nothing is heard: frames of a whole fleet cost every host more than
+        an agent.
     """
 
     def __init__(
@@ -39,6 +45,7 @@ class RecallService:
         agents: list[str],
         transmitters: list[str],
         quick_deaths: Callable[[str], int] = lambda _: 0,
+        guarded: Collection[str] = (),
     ) -> None:
         self._quick_deaths = quick_deaths
         self._wake = threading.Event()
@@ -46,16 +53,21 @@ class RecallService:
         self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
         self._intents = {vehicle: self._session.subscribe(channels.INTENT, vehicle) for vehicle in agents}
         # Fifty messages a second and vehicle: they wake nobody and are read only when somebody asks.
-        self._applied = self._session.subscribe_all(channels.APPLIED, waking=False)
-        self._leases = self._session.subscribe_all(channels.LEASE, waking=False)
-        self._transmitters = self._session.subscribe_all(channels.TRANSMITTER_STATUS, waking=False)
+        self._applied = self._of_each(channels.APPLIED, {*transmitters, *guarded})
+        self._transmitters = self._of_each(channels.TRANSMITTER_STATUS, {*transmitters, *guarded})
+        self._leases = self._of_each(channels.LEASE, transmitters)
         self._runners = Runners()
-        self._launchers = self._session.subscribe_all(channels.LAUNCHER, waking=False)
+        self._launchers: Mapping[str, Inbox[LauncherStatus]] = {}
+        if guarded:
+            self._launchers = self._session.subscribe_all(channels.LAUNCHER, waking=False).inboxes
         self._session.serve(address.host, ["recall"])
         for vehicle in transmitters:
             self._session.serve(vehicle, ["recall_transmitter"])
         self._thread = threading.Thread(target=self._run, name="recall", daemon=True)
         self._thread.start()
+
+    def _of_each(self, channel: Channel[M], vehicles: Iterable[str]) -> Mapping[str, Inbox[M]]:
+        return {name: self._session.subscribe(channel, name, waking=False) for name in vehicles}
 
     def _run(self) -> None:
         while not self._stopping:
@@ -78,9 +90,9 @@ class RecallService:
         return RecallReply(accepted=True, intent=received.message, age_s=age_s, quick_deaths=deaths)
 
     def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
-        applied = _newest(self._applied.inboxes.get(vehicle))
-        status = _newest(self._transmitters.inboxes.get(vehicle))
-        lease = _newest(self._leases.inboxes.get(vehicle))
+        applied = _newest(self._applied.get(vehicle))
+        status = _newest(self._transmitters.get(vehicle))
+        lease = _newest(self._leases.get(vehicle))
         known = [(told.arrived_s, told.message.state) for told in (applied, status) if told is not None]
         if not known:
             return RecallTransmitterReply(accepted=False, reason=f"nothing is known of {vehicle} yet")
@@ -99,7 +111,7 @@ class RecallService:
 
     def frames(self, vehicles: Iterable[str]) -> dict[str, LastFrame]:
         """Newest serial frame of those of the vehicles that were heard of."""
-        newest = {vehicle: _newest(self._applied.inboxes.get(vehicle)) for vehicle in vehicles}
+        newest = {vehicle: _newest(self._applied.get(vehicle)) for vehicle in vehicles}
         return {
             vehicle: LastFrame(
                 told.message.state, (told.message.lease, told.message.sequence), told.arrived_s
@@ -110,13 +122,13 @@ class RecallService:
 
     def on_floor(self, vehicles: Iterable[str]) -> dict[str, OnFloor]:
         """Those of the vehicles that stand on the floor, as a gateway that is there says."""
-        for host, launcher in tuple(self._launchers.inboxes.items()):
+        for host, launcher in tuple(self._launchers.items()):
             said = launcher.latest()
             if said is not None:
                 self._runners.hear(host, said.message.running, said.arrived_s)
         now_s, known = self._session.clock(), {}
         for vehicle in vehicles:
-            inbox = self._transmitters.inboxes.get(vehicle)
+            inbox = self._transmitters.get(vehicle)
             status = None if inbox is None or not inbox.alive(now_s) else inbox.latest()
             runner = self._runners.of(vehicle)
             if status is None or runner is None or status.message.state in FLYING:

@@ -111,7 +111,7 @@ def test_kill_is_recalled_although_it_could_not_be_written_and_a_reset_ends_it(
 def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(replace(bus_address, host="spare"), ["h1"], [])
+    service = RecallService(replace(bus_address, host="spare"), ["h1"], [], guarded=["h1"])
     other = join()
     launcher = LauncherStatus(running=("h1",), absent=())
 
@@ -127,5 +127,23 @@ def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
     try:
         wait_for(lambda: known("disarmed"), "the vehicle on the floor is not known")
         wait_for(lambda: not known("armed"), "a vehicle in flight is taken for one on the floor")
+    finally:
+        service.close()
+
+
+def test_frames_of_guarded_vehicles_are_heard_and_of_others_not(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    service = RecallService(replace(bus_address, host="spare"), ["h1", "h2"], [], guarded=["h1"])
+    gateway = join()
+
+    def heard() -> bool:
+        gateway.publish(channels.APPLIED, "h2", APPLIED)
+        gateway.publish(channels.APPLIED, "h1", APPLIED)
+        return bool(service.frames(["h1", "h2"]))
+
+    try:
+        wait_for(heard, "no frame is heard")
+        assert service.frames(["h1", "h2"]).keys() == {"h1"}
     finally:
         service.close()
