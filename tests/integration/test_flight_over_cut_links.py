@@ -65,6 +65,7 @@ def test_links_are_cut_and_everybody_flies_again_when_they_are_back(
         missed = max(obeyed.missed(name, began_s) for name in NAMES)
         short.append((missed, [obeyed.states(name, began_s) for name in NAMES]))
         print(f"{CROSSED[number % 2]} cut off for {SHORT_S} s: {missed} periods missed, {short[-1][1]}")
+    assert obeyed.lost() == 0, "the test was too slow to hear everything"
     for host in CROSSED:
         began_s, restored_s = cut_for(net, host, 1.0)
         again_s = flown_again_s(flying, obeyed, restored_s)
