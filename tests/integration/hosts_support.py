@@ -77,6 +77,7 @@ def fleet_on_hosts(
             stack.enter_context(_started(command, directory / f"host-{host}.log", host))
         fleet = Fleet(load_fleet(path), host=names[0], timeout_s=FIRST_ROUTER_S)
         stack.callback(fleet.close)
+        stack.callback(hear_like_other_programs)
         hear_before_other_programs()
         fleet.wait_until(lambda: fleet.launchers().keys() == set(names), FIRST_ROUTER_S, "no daemons")
         daemons = Daemons(fleet)
@@ -128,13 +129,18 @@ def hear_before_other_programs() -> None:
     A router drops what a client is too slow to take. On a busy computer a test without this misses up to
     seconds of what happens, and takes it for silence of the fleet.
     """
+    _schedule_threads(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, HEARING_PRIORITY)
+
+
+def hear_like_other_programs() -> None:
+    """Undo `hear_before_other_programs`."""
+    _schedule_threads(os.SCHED_OTHER, 0)
+
+
+def _schedule_threads(policy: int, priority: int) -> None:
     for thread in os.listdir("/proc/self/task"):
         with suppress(ProcessLookupError):
-            os.sched_setscheduler(
-                int(thread),
-                os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
-                os.sched_param(HEARING_PRIORITY),
-            )
+            os.sched_setscheduler(int(thread), policy, os.sched_param(priority))
 
 
 def run_directory_of(host: str) -> Path:
