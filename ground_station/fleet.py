@@ -1,5 +1,6 @@
 """The scripting interface of a fleet: every call is a request on the bus."""
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -20,7 +21,7 @@ from rcopterx.deploy.fleet_file.shipped import fleet_path
 from rcopterx.deploy.formation_check import links_of
 from rcopterx.deploy.roles.arbiter_limits import limits_of
 from rcopterx.ground_station.joining import fleet_that_is_up
-from rcopterx.ground_station.observer import Observer
+from rcopterx.ground_station.observer import UNDER_WAY_S, Observer
 from rcopterx.ground_station.regroup import (
     RegroupError,
     change_lines,
@@ -366,18 +367,26 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """
         message = Kill(source=SOURCE, reason=reason, vehicles=tuple(names))
         wanted = message.vehicles or tuple(self.file.vehicles)
-        deadline_s = time.monotonic() + timeout_s
+        from_s = self.session.clock()
+        deadline_s = from_s + timeout_s
 
         def missing() -> list[str]:
-            return [name for name in wanted if self.state_of(name).transmitter_state != "killed"]
+            return [name for name in wanted if not self._killed_since(name, from_s)]
 
         while True:
             self.session.publish(channels.KILL, channels.FLEET_UNIT, message)
             if self._notifier.wait_until(lambda: not missing(), KILL_REPEAT_S):
                 return
-            if time.monotonic() >= deadline_s:
+            if self.session.clock() >= deadline_s:
                 states = "; ".join(self.state_of(name).summary() for name in missing())
                 raise NotReachedError(f"after {timeout_s:g} s: not killed: {states}")
+
+    def _killed_since(self, name: str, from_s: float) -> bool:
+        """Whether an arbiter has said after a time that it is killed; before it may have been reset."""
+        state = self.state_of(name)
+        age_s = state.transmitter_age_s
+        heard_s = -math.inf if age_s is None else self.session.clock() - age_s
+        return state.transmitter_state == "killed" and heard_s > from_s + UNDER_WAY_S
 
 
 @contextmanager

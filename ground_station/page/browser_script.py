@@ -1,4 +1,4 @@
-"""What runs in the browser beside viser, so that KILL is heard however slowly the browser draws."""
+"""How browsers draw: seldom enough to hear KILL in between, however slowly they do."""
 
 from typing import Final
 
@@ -55,17 +55,6 @@ if (!window.rcopterx) {
     return number;
   };
   window.cancelAnimationFrame = (id) => { if (!waiting.delete(id)) cancel(id); };
-
-  // The space bar: viser does not take it from sliders, lists and buttons, which would do something else.
-  window.addEventListener('keydown', (event) => {
-    const at = event.target;
-    if (event.code !== 'Space' || !event.isTrusted || at === document.body || !at.closest) return;
-    if (at.closest('[class*="Spotlight"]')) return;
-    event.preventDefault();
-    event.stopImmediatePropagation();
-    at.blur?.();
-    document.body.dispatchEvent(new KeyboardEvent('keydown', { key: ' ', code: 'Space', bubbles: true }));
-  }, true);
 }
 """
 """Runs once in every browser."""

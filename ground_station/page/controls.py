@@ -12,6 +12,7 @@ from rcopterx.agents.references.path_shapes import through
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.geometry import on_level
+from rcopterx.ground_station.page.kill_button import add_kill_button
 from rcopterx.ground_station.page.saved_formations import SavedFormations, SavedFormationsError, in_words
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.weights import GROUPS, weights_of
@@ -20,12 +21,6 @@ from rcopterx.ground_station.state import VehicleState
 
 NOBODY: Final = "(nobody)"
 NONE_SAVED: Final = "(none yet)"
-KILL_STYLE: Final = """<style>button:has(.icon-tabler-hand-stop) {
-  position: fixed !important; top: 12px; left: 50%; transform: translateX(-50%); z-index: 10000;
-  width: min(24em, 90vw) !important; height: 3.4em !important; font-weight: 700; font-size: 1.05em;
-}
-.mantine-Notifications-root[data-position^="top"] { top: calc(3.4em + 32px) !important; }</style>"""
-"""Keeps the button at the top of the window, whatever is scrolled or opened, and notices below it."""
 SPEED_M_S: Final = 0.4
 """Along drawn waypoints."""
 PACE_S: Final = 1.0
@@ -33,13 +28,8 @@ PACE_S: Final = 1.0
 
 
 def add_fleet_controls(server: viser.ViserServer, steering: Steering) -> None:
-    """Big red button with its key, and what all vehicles do together."""
-    server.gui.add_html(KILL_STYLE)
-    kill = server.gui.add_button("KILL: cut all motors (space bar)", color="red", icon=viser.Icon.HAND_STOP)
-    kill.on_click(lambda _: steering.kill())
-    server.gui.add_command(
-        "KILL: cut all motors", description="Latching; reset to fly again.", hotkey="space"
-    ).on_trigger(lambda _: steering.kill())
+    """KILL, and what all vehicles do together."""
+    add_kill_button(server, steering)
     buttons = (
         (server.gui.add_button("Take off", icon=viser.Icon.PLANE_DEPARTURE), steering.take_off),
         (server.gui.add_button("Land", icon=viser.Icon.PLANE_ARRIVAL), steering.land),

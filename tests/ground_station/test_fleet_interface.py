@@ -300,6 +300,19 @@ def test_a_kill_is_repeated_until_the_arbiters_confirm_it(fleet: Fleet, vehicles
     assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "killed"]
 
 
+def test_a_kill_is_not_taken_for_confirmed_by_what_was_said_before_it(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    fleet.kill(timeout_s=10.0)
+    vehicles["h1"].speaks = False
+    vehicles["h1"].stuck.add("kill")
+    vehicles["h1"].state = "armed"
+    before = len(vehicles["h1"].kills)
+    with pytest.raises(NotReachedError, match="not killed: h1"):
+        fleet.kill(timeout_s=0.3)
+    assert len(vehicles["h1"].kills) >= before + 2
+
+
 def rendered(fleet: Fleet) -> str:
     console = Console(width=350, record=True, file=io.StringIO())
     console.print(fleet_table(fleet, console.width))

@@ -52,16 +52,23 @@ def kept_up_to_date(page: FleetPage) -> Iterator[None]:
         loop.join()
 
 
-@pytest.fixture
-def browse(fleet: Fleet) -> Iterator[Browse]:
-    """Open the page in a window of a size."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason=NEEDED)
-    port = free_port()
+@contextmanager
+def served(fleet: Fleet, port: int) -> Iterator[None]:
+    """The page, kept up to date."""
     server = viser.ViserServer("127.0.0.1", port, verbose=False)
-    with kept_up_to_date(FleetPage(fleet, server)), sync_api.sync_playwright() as playwright:
+    with kept_up_to_date(FleetPage(fleet, server)):
+        yield
+    server.stop()
+
+
+@pytest.fixture
+def open_window() -> Iterator[Callable[[int, tuple[int, int]], Any]]:
+    """Open the page of a port in a window of a size."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason=NEEDED)
+    with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_RENDERING)
 
-        def opened(size: tuple[int, int]) -> Any:
+        def opened(port: int, size: tuple[int, int]) -> Any:
             window = browser.new_page(viewport={"width": size[0], "height": size[1]})
             window.goto(f"http://127.0.0.1:{port}")
             window.get_by_role("button", name="KILL: cut").wait_for(state="visible", timeout=60_000)
@@ -69,7 +76,14 @@ def browse(fleet: Fleet) -> Iterator[Browse]:
 
         yield opened
         browser.close()
-    server.stop()
+
+
+@pytest.fixture
+def browse(fleet: Fleet, open_window: Callable[[int, tuple[int, int]], Any]) -> Iterator[Browse]:
+    """Open the page in a window of a size."""
+    port = free_port()
+    with served(fleet, port):
+        yield lambda size: open_window(port, size)
 
 
 def all_killed(vehicles: Vehicles) -> bool:
@@ -105,6 +119,53 @@ def test_the_space_bar_cuts_everybody_every_time(browse: Browse, vehicles: Vehic
         wait_for(lambda: all_killed(vehicles), "not killed", 30.0)
         pressed_ms.append(1000.0 * (time.monotonic() - from_s))
     print(f"space bar to killed: median {np.median(pressed_ms):.0f} ms, largest {max(pressed_ms):.0f} ms")
+
+
+def test_kill_is_obeyed_while_the_panel_is_folded_up(browse: Browse, vehicles: Vehicles) -> None:
+    window = browse(TELEPHONE)
+    window.get_by_text("rcopterx", exact=False).first.click()
+    window.get_by_role("button", name="Take off").wait_for(state="hidden", timeout=30_000)
+    window.get_by_role("button", name="KILL: cut").click()
+    wait_for(lambda: all_killed(vehicles), "not killed", 30.0)
+
+
+def test_kill_is_obeyed_in_the_same_moment_as_other_buttons(browse: Browse, vehicles: Vehicles) -> None:
+    window = browse(DESKTOP)
+    window.get_by_role("button", name="Land", exact=True).wait_for(timeout=30_000)
+    window.evaluate(
+        """() => {
+          const named = (text) => [...document.querySelectorAll('button')].find(
+            (button) => button.textContent.trim().startsWith(text));
+          for (const text of ['Land', 'KILL', 'Land']) named(text).click();
+        }"""
+    )
+    wait_for(lambda: all_killed(vehicles), "not killed", 30.0)
+
+
+def test_the_space_bar_is_kill_wherever_the_focus_is(browse: Browse, vehicles: Vehicles) -> None:
+    window = browse(DESKTOP)
+    for name in ("Take off", "Land"):
+        for vehicle in vehicles.values():
+            vehicle.state = "armed"
+        window.get_by_role("button", name=name, exact=True).focus()
+        window.keyboard.press("Space")
+        wait_for(lambda: all_killed(vehicles), "not killed", 30.0)
+    assert {verb for vehicle in vehicles.values() for verb in vehicle.verbs} <= {"Reset"}
+
+
+def test_kill_that_is_pressed_without_a_connection_is_sent_once_there_is_one(
+    fleet: Fleet, vehicles: Vehicles, open_window: Callable[[int, tuple[int, int]], Any]
+) -> None:
+    port = free_port()
+    with served(fleet, port):
+        window = open_window(port, DESKTOP)
+    window.get_by_role("button", name="KILL does not reach the fleet").wait_for(timeout=30_000)
+    window.keyboard.press("Space")
+    window.get_by_role("button", name="KILL waits").wait_for(timeout=5_000)
+    assert not all_killed(vehicles)
+    with served(fleet, port):
+        wait_for(lambda: all_killed(vehicles), "not killed", 60.0)
+        window.get_by_role("button", name="KILL: cut").wait_for(timeout=30_000)
 
 
 def test_buttons_do_what_they_say(browse: Browse, vehicles: Vehicles) -> None:
