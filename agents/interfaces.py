@@ -122,6 +122,15 @@ class Estimator(Protocol):
         ...
 
 
+@runtime_checkable
+class TellsUncertainty(Protocol):
+    """An estimator that tells how well it knows where its vehicle is; nothing is decided by it."""
+
+    def position_deviation_m(self) -> Array:
+        """Standard deviations of the estimated position, inertial x, y, z, shape (3,)."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class ControlStep:
     """Result of one control step.

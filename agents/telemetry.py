@@ -27,6 +27,9 @@ from rcopterx.vehicles.tuples import three
 REFERENCE_BITS: Final = 14
 """References are told to a sixteenth of a millimetre."""
 
+DEVIATION_BITS: Final = 17
+"""Standard deviations are told to a hundredth of a millimetre."""
+
 
 class Source(Protocol):
     """A part of an agent that counts what happens to it."""
@@ -206,6 +209,7 @@ class DiagnosticsCollector:
             avoiding_ticks=pilot.avoidance.ticks,
             closest_plan_m=pilot.avoidance.closest_m,
             wind_m_s2=_wind(pilot),
+            position_deviation_m=_position_deviation(pilot),
             realtime=self._realtime,
             process=os.getpid(),
             host=self._host,
@@ -221,6 +225,15 @@ def _wind(pilot: Pilot) -> tuple[float, float] | None:
     estimate = pilot.estimate
     x, y = estimate.disturbance[:2] if estimate.tilt is None else estimate.tilt.wind_m_s2
     return float(x), float(y)
+
+
+def _position_deviation(pilot: Pilot) -> tuple[float, float, float] | None:
+    """How well the estimator knows where the vehicle is [m]; None on the floor, and if it does not tell."""
+    deviation = pilot.estimator.position_deviation_m() if pilot.guidance.rotor_on else None
+    if deviation is None:
+        return None
+    x, y, z = all_rounded(deviation.tolist(), DEVIATION_BITS)
+    return (x, y, z)
 
 
 def in_message(settings: Mapping[str, object]) -> dict[str, Setting]:

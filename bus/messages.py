@@ -44,6 +44,8 @@ MAX_REMARKS = 8
 MAX_RATE_HZ = 2000.0
 """Of the motion capture."""
 
+Deviation = Annotated[float, Meta(ge=0)]
+"""A standard deviation."""
 ArbiterState = Annotated[str, Meta(pattern="^(disarmed|armed|hold|land|descend|cut|killed)$")]
 
 
@@ -266,6 +268,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Smallest distance predicted to a vehicle whose plan was heard."""
     wind_m_s2: tuple[float, float] | None = None
     """Horizontal acceleration by wind and all else that is not in the model, inertial frame; in flight."""
+    position_deviation_m: tuple[Deviation, Deviation, Deviation] | None = None
+    """Standard deviations of the estimated position, inertial frame, if the estimator tells; in flight."""
     realtime: bool = False
     """The process runs in a real-time scheduling class."""
     process: Count = 0

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import TimeLimit
-from rcopterx.agents.interfaces import Estimate, Estimator, Measurement
+from rcopterx.agents.interfaces import Estimate, Estimator, Measurement, TellsUncertainty
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
 RAISED: Final = "estimator_raised"
@@ -69,6 +69,14 @@ class EstimatorGuard:
     def events(self) -> Mapping[str, int]:
         """Failures by kind, and what the estimator counts."""
         return self.calls.failures + Counter(getattr(self._asked, "events", {}))
+
+    def position_deviation_m(self) -> Array | None:
+        """How well the estimator knows the position (`TellsUncertainty`); None if it does not tell."""
+        asked = self._asked
+        if not isinstance(asked, TellsUncertainty):
+            return None
+        name, question = type(asked).__name__, asked.position_deviation_m
+        return self.calls.attempt(name, STEP_LIMIT_S, question, _deviation_problem)
 
     def use(self, estimator: Estimator, started: bool) -> None:
         """Ask another estimator from now on; it goes on from the present estimate once that has started."""
@@ -145,6 +153,12 @@ def _problem(told: tuple[T, Estimate]) -> str | None:
     if shapes != ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) or not _is_of_floats(estimate):
         return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"
     return None if estimate.is_finite else "the estimate is not finite"
+
+
+def _deviation_problem(deviation: Array) -> str | None:
+    """What makes standard deviations of a position unusable; None if they can be used."""
+    usable = deviation.shape == (3,) and bool(np.isfinite(deviation).all()) and bool((deviation >= 0.0).all())
+    return None if usable else "the uncertainty of the position is not three numbers from 0 on"
 
 
 def _is_of_floats(estimate: Estimate) -> bool:

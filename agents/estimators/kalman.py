@@ -73,6 +73,10 @@ class KalmanEstimator(PoseEstimator):
         """Estimated inertial acceleration [m/s^2] and yaw acceleration [rad/s^2], shape (4,)."""
         return self._state[:, 2].copy()
 
+    def position_deviation_m(self) -> Array:
+        """See `TellsUncertainty`."""
+        return np.asarray(np.sqrt(self._covariance[:YAW, 0, 0]))
+
     def _settle(self, applied_input: Array) -> None:
         self._actuator = applied_input.astype(float)
 

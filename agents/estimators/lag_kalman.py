@@ -133,6 +133,10 @@ class LagKalmanEstimator(PoseEstimator):
         """Covariance of motion, actuators and disturbances, shape (16, 16)."""
         return self._covariance
 
+    def position_deviation_m(self) -> Array:
+        """See `TellsUncertainty`."""
+        return np.asarray(np.sqrt(self._covariance.diagonal()[:YAW]))
+
     def _settle(self, applied_input: Array) -> None:
         self._actuator = applied_input.astype(float)
 

@@ -18,6 +18,7 @@ from rcopterx.agents.estimators.model_noise import model_noise
 from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.tilt_filter import TiltFilter
 from rcopterx.agents.estimators.tilt_trust import TiltTrust
+from rcopterx.agents.flight.lateral import POSITION
 from rcopterx.agents.interfaces import Estimate, Measurement
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, YAW_RATE, Array
@@ -111,6 +112,12 @@ class TiltKalmanEstimator(LagKalmanEstimator):
             for tilt_filter, _ in self._filters():
                 tilt_filter.take_over(estimate.tilt)
         self._present = None
+
+    def position_deviation_m(self) -> Array:
+        """See `TellsUncertainty`."""
+        deviation = super().position_deviation_m()
+        deviation[POSITION] = np.sqrt(self.tilt_filter.covariance.diagonal()[POSITION])
+        return deviation
 
     def _filters(self) -> tuple[tuple[TiltFilter, Array | None], ...]:
         """The filters that run, and the tilt that each takes in."""

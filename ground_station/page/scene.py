@@ -36,6 +36,10 @@ HANDLE_M: Final = 0.25
 TRAIL_S: Final = 5.0
 WIND_M: Final = 1.0
 """Length of an arrow for 1 m/s^2."""
+DEVIATIONS: Final = 2.0
+"""Half axes of an ellipsoid of uncertainty in standard deviations."""
+ENLARGED: Final = 100.0
+"""Ellipsoids are drawn so many times as large: with poses they measure less than a millimetre."""
 
 Point = tuple[float, float, float]
 
@@ -71,6 +75,12 @@ class FleetScene:
         self.wind = server.gui.add_checkbox(
             "wind arrows", False, hint="what the estimators take for wind: 1 m long for 1 m/s²"
         )
+        self.uncertainty = server.gui.add_checkbox(
+            "uncertainty",
+            False,
+            hint=f"where the estimators take the vehicles to be: {DEVIATIONS:g} standard deviations, drawn "
+            f"{ENLARGED:g} times as large",
+        )
         self.links = server.scene.add_line_segments("/links", NOWHERE, GREY, thickness=0.006)
         self._vehicles = {
             vehicle.name: VehicleShape(server, vehicle.name, colour_of(index), steering)
@@ -86,6 +96,7 @@ class FleetScene:
             for name, state in states.items():
                 self._vehicles[name].show(state, states, histories[name])
                 self._vehicles[name].show_wind(state, self.wind.value)
+                self._vehicles[name].show_uncertainty(state, self.uncertainty.value)
             self.links.points = _links(states).astype(np.float32)
 
 
@@ -108,6 +119,9 @@ class VehicleShape:
         self.label = server.scene.add_label(f"/{name}/name", name, position=(0.0, 0.0, 0.16))
         self.wind = server.scene.add_line_segments(
             f"/wind_{name}", NOWHERE, DARK, thickness=0.01, visible=False
+        )
+        self.uncertainty = server.scene.add_icosphere(
+            f"/uncertainty_{name}", 1.0, colour, opacity=0.25, visible=False
         )
         self.trail = server.scene.add_line_segments(f"/trail_{name}", NOWHERE, GREY, thickness=0.005)
         self.plan = server.scene.add_line_segments(f"/plan_{name}", NOWHERE, colour, thickness=0.014)
@@ -152,6 +166,15 @@ class VehicleShape:
         self.wind.visible = wanted and wind is not None and place is not None
         if wanted and wind is not None and place is not None:
             self.wind.points = arrow(place, [WIND_M * value for value in wind]).astype(np.float32)
+
+    def show_uncertainty(self, state: VehicleState, wanted: bool) -> None:
+        """Show how well the estimator knows the position, if that is wanted and told."""
+        deviation_m = None if state.agent is None else state.agent.diagnostics.position_deviation_m
+        place = None if state.agent is None else state.agent.position_m
+        self.uncertainty.visible = wanted and deviation_m is not None and place is not None
+        if wanted and deviation_m is not None and place is not None:
+            x, y, z = (ENLARGED * DEVIATIONS * value for value in deviation_m)
+            self.uncertainty.position, self.uncertainty.scale = place, (x, y, z)
 
     def _wanted(self) -> Point | None:
         """Where the handle belongs; None while there is nothing to drag."""

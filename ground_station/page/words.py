@@ -87,6 +87,8 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     yield "error", "-" if state.error_m is None else f"{1000 * state.error_m:.0f} mm", False
     if values.wind_m_s2 is not None:
         yield "wind", f"{math.hypot(*values.wind_m_s2):.2f} m/s²", False
+    if values.position_deviation_m is not None:
+        yield "uncertainty (2σ)", _millimetres(values.position_deviation_m), False
     yield "horizon", f"{values.horizon} stages", False
     yield "solver p50 / p99", f"{values.solve_ms_p50:.2f} / {values.solve_ms_p99:.2f} ms", False
     yield "missed periods", f"{values.missed_ticks} of {values.ticks}", False
@@ -114,6 +116,11 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 def _metres(place: Sequence[float] | None) -> str:
     return "-" if place is None else ", ".join(f"{value:.2f}" for value in place) + " m"
+
+
+def _millimetres(deviation_m: Sequence[float]) -> str:
+    """Two standard deviations along x, y and z."""
+    return ", ".join(f"{2000 * value:.1f}" for value in deviation_m) + " mm"
 
 
 def _milliseconds(value_s: float | None) -> str:

@@ -153,6 +153,33 @@ def test_what_an_estimator_counts_is_told() -> None:
     assert EstimatorGuard(Counting()).events == {"restarts": 2}
 
 
+@pytest.mark.parametrize(
+    ("answer", "kind"), [(np.full(3, np.nan), UNUSABLE), (np.zeros(2), UNUSABLE), (None, RAISED)]
+)
+def test_uncertainty_that_cannot_be_told_is_unknown_and_the_estimator_stays(
+    answer: Array | None, kind: str
+) -> None:
+    class Telling(ExactEstimator):
+        def position_deviation_m(self) -> Array:
+            return answer
+
+    guard = EstimatorGuard(Telling(), default=ExactEstimator())
+    assert guard.position_deviation_m() is None
+    assert guard.calls.failures == {kind: 1}
+    assert not guard.replaced
+
+
+def test_uncertainty_is_told_if_the_estimator_does() -> None:
+    class Telling(ExactEstimator):
+        def position_deviation_m(self) -> Array:
+            return np.array([0.1, 0.2, 0.3])
+
+    told_m = EstimatorGuard(Telling()).position_deviation_m()
+    assert told_m is not None
+    assert told_m.tolist() == [0.1, 0.2, 0.3]
+    assert EstimatorGuard(ExactEstimator()).position_deviation_m() is None
+
+
 def test_before_anything_is_known_the_estimate_is_at_rest() -> None:
     guard = EstimatorGuard(FailingEstimator("estimate"))
     assert np.array_equal(guard.estimate.motion, still().motion)

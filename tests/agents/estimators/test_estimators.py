@@ -47,6 +47,22 @@ def test_velocity_error_in_the_laboratory_stays_within_its_bound(
     assert flight.estimator.rejected == 0
 
 
+@pytest.mark.parametrize("name", ["extended_kalman", "kalman"])
+@pytest.mark.parametrize("kind", TYPES)
+def test_the_told_uncertainty_fits_the_errors_and_grows_without_poses(
+    new_flight: NewFlight, name: str, kind: str
+) -> None:
+    flight = new_flight(name, model=TYPES[kind])
+    errors_m = rms(flight.fly(2.0))[:3]
+    told_m = flight.estimator.position_deviation_m()
+    assert told_m.shape == (3,)
+    assert np.all(errors_m < 2.0 * told_m)
+    assert np.all(told_m < 0.001)
+    for _ in range(10):
+        flight.estimator.predict(flight.model.hover_input, 0.02)
+    assert np.all(flight.estimator.position_deviation_m() > 4.0 * told_m)
+
+
 @every_estimator
 @pytest.mark.parametrize("frames_per_period", [1, 2, 4])
 def test_every_frame_from_50_to_200_hz_feeds_the_estimate(

@@ -251,6 +251,25 @@ def test_a_formation_is_saved_and_flown_again_leaders_first(
     assert page.saved.choice.options == ("(none yet)",)
 
 
+def test_ellipsoids_of_uncertainty_are_there_if_they_are_wanted_and_told(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles
+) -> None:
+    fly(vehicles)
+    vehicles["h1"].diagnostics["position_deviation_m"] = (0.0005, 0.0005, 0.001)
+    wait_for(
+        lambda: (agent := fleet["h1"].state.agent) and agent.diagnostics.position_deviation_m, "not told"
+    )
+    shown(page, fleet, "flying")
+    assert not page.scene["h1"].uncertainty.visible
+    page.scene.uncertainty.value = True
+    page.update(time.monotonic())
+    ellipsoid = page.scene["h1"].uncertainty
+    assert ellipsoid.visible
+    assert not page.scene["h2"].uncertainty.visible
+    assert tuple(ellipsoid.position) == pytest.approx((0.1, 0.2, 0.3))
+    assert ellipsoid.scale == pytest.approx((0.1, 0.1, 0.2))
+
+
 def test_arrows_of_the_wind_are_there_if_they_are_wanted_and_known(
     page: FleetPage, fleet: Fleet, vehicles: Vehicles
 ) -> None:

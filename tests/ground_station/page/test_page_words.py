@@ -10,13 +10,22 @@ from rcopterx.ground_station.page.words import banner, event_list, vehicle_table
 from rcopterx.ground_station.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="<b>", ready=True)
-AGENT = flying_status(position_m=(1.0, 2.0, 0.5), yaw_rad=3.14159265, solve_ms_p50=1.5, client="fly.m")
+AGENT = flying_status(position_m=(1.0, 2.0, 0.5), yaw_rad=3.14159265, solve_ms_p50=1.5, client="fly.m",
+                      position_deviation_m=(0.0005, 0.0005, 0.001))  # fmt: skip
 STATE = VehicleState("h1", AGENT, ARMED, 0.1, 0.1, 0.01, seen_age_s=0.01)
 
 
 def test_a_table_has_units_and_escapes_what_others_say() -> None:
     table = vehicle_table(STATE)
-    for text in ("armed: by h1", "1.00, 2.00, 0.50 m", "180°", "1.50 / 0.00 ms", "10 ms ago", "&lt;b&gt;"):
+    for text in (
+        "armed: by h1",
+        "1.00, 2.00, 0.50 m",
+        "180°",
+        "1.50 / 0.00 ms",
+        "10 ms ago",
+        "1.0, 1.0, 2.0 mm",
+        "&lt;b&gt;",
+    ):
         assert text in table, text
     assert "fly.m (external program)" in table
     assert "<b>" not in table
