@@ -1,7 +1,6 @@
 """Runs the real agent on what a recorded one took in, and compares what both did."""
 
 import time
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -19,7 +18,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Plan
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.agent import pilot_of
-from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, Frame, RecordedAgent
+from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
 from rcopterx.ground_station.replay.replay_bus import ReplayBus
 
 TOLERANCE: Final = 1e-6
@@ -199,7 +198,6 @@ class _LifeComparison:
         self._result = result
         self._errors = errors
         self._tolerance = tolerance
-        self._compared: Counter[Frame] = Counter()
         self._missing = 0
 
     def period(self, step: AgentStep, period: ControlPeriod) -> None:
@@ -211,7 +209,8 @@ class _LifeComparison:
             self._first(step, 0, "input", "the recorded agent controlled here, the replayed one did not")
             return
         then = self._life.commands.get((command.lease, command.sequence))
-        plan_then = self._plan_then((plan.epoch, plan.frame))
+        planned = encode(plan)
+        plan_then = self._plan_then(plan, planned)
         if then is None or plan_then is None:
             # The last moments of a log may lack what was under way.
             result.unmatched += 1
@@ -220,7 +219,7 @@ class _LifeComparison:
         command_then = decode(then, Command)
         # How long something took is not repeated, only what was done.
         command = msgspec.structs.replace(command, timing=command_then.timing)
-        if encode(command) == then and encode(plan) == plan_then:
+        if encode(command) == then and planned == plan_then:
             result.identical += 1
             self._errors.append(np.zeros(4))
             return
@@ -233,11 +232,16 @@ class _LifeComparison:
         if max(float(np.abs(error).max()), gap) > self._tolerance or self._tolerance == 0.0:
             self._first(step, plan.frame, *self._cause(step, period, plan, old, error, gap))
 
-    def _plan_then(self, frame: Frame) -> bytes | None:
-        """Plan of the recorded agent; after a frame was bridged there may be several of the same one."""
-        plans, number = self._life.plans.get(frame, []), self._compared[frame]
-        self._compared[frame] += 1
-        return plans[number] if number < len(plans) else None
+    def _plan_then(self, plan: Plan, planned: bytes) -> bytes | None:
+        """Recorded plan to compare one with: of several of the same frame the nearest.
+
+        There are several after a frame was bridged, and where another agent of the vehicle took over.
+        """
+        plans = self._life.plans.get((plan.epoch, plan.frame), [])
+        if planned in plans:
+            return planned
+        samples = plan.samples()
+        return min(plans, key=lambda then: _gap(samples, decode(then, Plan).samples()), default=None)
 
     def _cause(
         self, step: AgentStep, period: ControlPeriod, plan: Plan, old: Plan, error: Any, gap: float

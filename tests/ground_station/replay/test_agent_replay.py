@@ -86,6 +86,19 @@ def test_another_pose_is_told_as_another_estimate_in_the_period_it_enters(follow
     assert 0 <= result.first.time_s + began_s - follower.lives[0].steps[number].time_s < 0.1
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_plans_that_another_agent_made_for_the_same_frames_are_not_mistaken_for_its_own(
+    follower: RecordedAgent, place: int
+) -> None:
+    (life,) = follower.lives
+    other = next(iter(life.plans.values()))[0]
+    plans = {frame: [*own[:place], other, *own[place:]] for frame, own in life.plans.items()}
+    both = replace(follower, lives=(replace(life, plans=plans),))
+    result = replayed(both, follower.fleet, TOLERANCE)
+    assert result.first is None
+    assert result.unmatched == 0
+
+
 def test_an_input_that_the_log_has_lost_is_told_as_the_cause(follower: RecordedAgent) -> None:
     number, position = flown_pose(follower)
     item = follower.lives[0].steps[number].inputs[position]
