@@ -32,7 +32,8 @@ def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> N
         typer.echo(f"no flights in {where}", err=True)
         return
     table = Table(title=str(where), title_justify="left")
-    for heading in ("flight", "vehicles", "size [MB]", "files", "state"):
+    table.add_column("flight", no_wrap=True)
+    for heading in ("vehicles", "size [MB]", "files", "state"):
         table.add_column(heading, justify="right" if "[" in heading or heading == "files" else "left")
     for flight in found:
         state = flight.problem or ("complete" if flight.complete else "open or cut off")
