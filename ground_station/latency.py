@@ -23,7 +23,7 @@ STAGES: Final = {
 TOTAL: Final = "total"
 WINDOW: Final = 500
 """Commands whose stages are kept for the live figures: ten seconds at 50 Hz."""
-REFRESH_S: Final = 0.5
+REFRESH_S: Final = 1.0
 WAITING: Final = 256
 """Undecoded messages that are kept between two looks."""
 
@@ -139,7 +139,7 @@ class LatencyWatch:
         self._figures: dict[str, tuple[float, dict[str, Percentiles]]] = {}
 
     def figures(self, vehicle: str) -> dict[str, Percentiles]:
-        """Percentiles of the stages of a vehicle's newest commands, renewed twice a second."""
+        """Percentiles of the stages of a vehicle's newest commands, renewed once a second."""
         with self._lock:
             now_s = self._clock()
             computed_s, figures = self._figures.get(vehicle, (-REFRESH_S, {}))

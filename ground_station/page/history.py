@@ -26,7 +26,8 @@ class History:
         self._rows = np.full((round(KEPT_S / SAMPLE_S), 1 + len(COLUMNS)), math.nan)
         self._next = 0
         self._count = 0
-        self._newest_s = -math.inf
+        self.newest_s = -math.inf
+        """Of the newest sample."""
 
     def add(self, now_s: float, state: VehicleState, sticks: tuple[float, ...] | None) -> None:
         """Take a sample unless the last one is younger than a sampling period.
@@ -40,9 +41,9 @@ class History:
         sticks
             Pitch, roll, thrust and yaw as written to the radio; None if unknown.
         """
-        if now_s - self._newest_s < SAMPLE_S * 0.9:
+        if now_s - self.newest_s < SAMPLE_S * 0.9:
             return
-        self._newest_s = now_s
+        self.newest_s = now_s
         agent, plan = state.agent, state.plan
         place = state.position_m or _UNKNOWN
         flown = plan is not None and plan.airborne and plan.reference is not None
@@ -66,7 +67,7 @@ class History:
     def trail_m(self, seconds: float) -> Array:
         """Places of the last seconds, shape (n, 3); gaps left out."""
         rows = self._ordered()
-        recent = rows[rows[:, 0] >= self._newest_s - seconds][:, 1:4]
+        recent = rows[rows[:, 0] >= self.newest_s - seconds][:, 1:4]
         return np.asarray(recent[np.isfinite(recent).all(axis=1)])
 
     def _ordered(self) -> Array:

@@ -1,5 +1,6 @@
 """The 3-D scene: vehicles with their tilt, trails, plans, references, followers' lines, and handles."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -112,6 +113,8 @@ class VehicleShape:
         self._name = name
         self._steering = steering
         self._dragged = False
+        self._trail_s = -math.inf
+        """Newest sample of the trail that is drawn."""
         self._state: VehicleState | None = None
         self._leader: VehicleState | None = None
         self.body = server.scene.add_frame(f"/{name}", show_axes=False, visible=False)
@@ -146,7 +149,9 @@ class VehicleShape:
         self.label.text = (
             f"{self._name} · {state.transmitter_state.upper()}" if state.alarming else self._name
         )
-        self.trail.points = polyline(history.trail_m(TRAIL_S)).astype(np.float32)
+        if history.newest_s != self._trail_s:
+            self._trail_s = history.newest_s
+            self.trail.points = polyline(history.trail_m(TRAIL_S)).astype(np.float32)
         plan = state.plan if state.airborne else None
         self.plan.points = plan_segments(plan).astype(np.float32)
         self.plan_end.visible = plan is not None

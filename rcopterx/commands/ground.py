@@ -56,9 +56,12 @@ def ground(
                 typer.echo(f"{address}  (Ctrl-C ends the page, the fleet goes on)")
                 if open_browser:
                     webbrowser.open(address)
+                next_s = time.monotonic()
                 while True:
                     page.update(time.monotonic())
-                    time.sleep(UPDATE_S)
+                    # A page that comes late does not make up for it.
+                    next_s = max(next_s + UPDATE_S, time.monotonic())
+                    time.sleep(max(0.0, next_s - time.monotonic()))
         finally:
             server.stop()
 

@@ -1,94 +1,38 @@
 """Promises of the recorder: twelve vehicles, a disk that is full, a million messages."""
 
-import os
 import shutil
 import signal
 import subprocess
-import threading
 import time
 import tracemalloc
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 from support.bus import Child
+from support.traffic import Traffic, processor_s
 from support.waiting import wait_for
 from test_recorder import RECORDER_CODE, heard, recorded, recorder
 
-from rcopterx.agents.references.trajectory import COLUMNS
 from rcopterx.bus import channels
-from rcopterx.bus.channels import Channel
-from rcopterx.bus.codec import decode
 from rcopterx.bus.log_messages import RecorderStatus
-from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Plan
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.flight_log.flight_writing import FREE_BYTES
-from rcopterx.flight_log.mcap_reading import messages_of
 from rcopterx.flight_log.recorder import Waiting
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(180)]
 
-FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
-VEHICLES, HORIZON, PERIOD_S = 12, 50, 0.02
+VEHICLES = 12
 CONTROL = (channels.POSE, channels.PLAN, channels.COMMAND, channels.APPLIED, channels.AGENT_STEPS)
 """What every vehicle says in every control period."""
 LARGEST_SHARE = 0.1
 LONGEST_LOSS_S = 0.2
 
 
-class Traffic(threading.Thread):
-    """What twelve vehicles say: messages of a flight, with plans over fifty stages."""
-
-    def __init__(self, session: Session) -> None:
-        super().__init__(daemon=True)
-        self._session = session
-        self._flown = {channel: flown(channel) for channel in CONTROL}
-        self._end = threading.Event()
-        self.sent = 0
-        self.last_s = 0.0
-
-    def run(self) -> None:
-        due_s = time.monotonic()
-        while not self._end.wait(max(0.0, due_s - time.monotonic())):
-            due_s += PERIOD_S
-            for number in range(VEHICLES):
-                for channel, messages in self._flown.items():
-                    message = messages[(self.sent + 7 * number) % len(messages)]
-                    self._session.publish(channel, f"h{number + 1}", message)
-            self.sent += 1
-            self.last_s = time.monotonic()
-
-    def end(self) -> None:
-        self._end.set()
-        self.join()
-
-
-def flown(channel: Channel[Any]) -> list[Message]:
-    """Messages of the reference flight; its plans are made longer."""
-    topic = f"h1/{channel.topic}"
-    found = [decode(m.payload, channel.message) for m in messages_of(FLIGHT) if m.topic == topic]
-    assert found
-    return [longer(m, seed) if isinstance(m, Plan) else m for seed, m in enumerate(found)]
-
-
-def longer(plan: Plan, seed: int) -> Plan:
-    values = np.zeros((HORIZON, COLUMNS))
-    rates = np.cumsum(np.random.default_rng(seed).normal(scale=0.01, size=(HORIZON, 4)), axis=0)
-    values[:, 4:8] = rates
-    values[:, :4] = np.cumsum(PERIOD_S * rates, axis=0)
-    trajectory = TrajectoryArray.of(values, PERIOD_S)
-    fields = {name: getattr(plan, name) for name in Plan.__struct_fields__}
-    return Plan(**(fields | {"trajectory": trajectory, "period_s": PERIOD_S}))
-
-
 @pytest.fixture
 def traffic(join: Callable[..., Session]) -> Iterator[Traffic]:
-    running = Traffic(join())
+    running = Traffic(join(), VEHICLES, CONTROL)
     yield running
     running.end()
 
@@ -97,11 +41,6 @@ def recorder_process(address: BusAddress, directory: Path) -> Child:
     """With the priority that a fleet gives it, where this is permitted."""
     arguments = (address.endpoints[0], address.fleet, str(address.namespace), str(directory))
     return Child(RECORDER_CODE.replace("flight, 0)", "flight, 0, 19)"), *arguments)
-
-
-def processor_s(process: Child) -> float:
-    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def status_of(session: Session) -> Callable[[], RecorderStatus | None]:
@@ -123,9 +62,9 @@ def test_twelve_vehicles_are_recorded_whole_at_little_cost_and_a_kill_costs_litt
         wait_for(lambda: status() is not None, "no recorder")
         traffic.start()
         wait_for(lambda: traffic.sent > 50, "no traffic")
-        began_s, used_s, sent = time.monotonic(), processor_s(process), traffic.sent
+        began_s, used_s, sent = time.monotonic(), processor_s(process.pid), traffic.sent
         wait_for(lambda: traffic.sent > sent + 750, "traffic too slow", 120.0)
-        share = (processor_s(process) - used_s) / (time.monotonic() - began_s)
+        share = (processor_s(process.pid) - used_s) / (time.monotonic() - began_s)
         rate = (traffic.sent - sent) / (time.monotonic() - began_s)
     finally:
         killed_s = time.monotonic()
