@@ -18,7 +18,7 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import effort_factors
 from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
-from rcopterx.bus.rounding import all_rounded
+from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.subscription import Received
 from rcopterx.bus.timing import CommandTiming
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
@@ -29,6 +29,9 @@ REFERENCE_BITS: Final = 14
 
 DEVIATION_BITS: Final = 17
 """Standard deviations are told to a hundredth of a millimetre."""
+
+HOVER_THRUST_BITS: Final = 10
+"""Hover thrusts are told to a tenth of a per cent."""
 
 
 class Source(Protocol):
@@ -208,6 +211,7 @@ class DiagnosticsCollector:
             rejected=_summed(source.rejected for source in self._sources),
             avoiding_ticks=pilot.avoidance.ticks,
             closest_plan_m=pilot.avoidance.closest_m,
+            hover_thrust=_hover_thrust(pilot),
             wind_m_s2=_wind(pilot),
             position_deviation_m=_position_deviation(pilot),
             realtime=self._realtime,
@@ -225,6 +229,12 @@ def _wind(pilot: Pilot) -> tuple[float, float] | None:
     estimate = pilot.estimate
     x, y = estimate.disturbance[:2] if estimate.tilt is None else estimate.tilt.wind_m_s2
     return float(x), float(y)
+
+
+def _hover_thrust(pilot: Pilot) -> float | None:
+    """Share of the largest thrust at which the vehicle hovers; None on the floor."""
+    learnt = pilot.self_check.hover_thrust if pilot.guidance.rotor_on else None
+    return None if learnt is None else rounded(learnt, HOVER_THRUST_BITS)
 
 
 def _position_deviation(pilot: Pilot) -> tuple[float, float, float] | None:

@@ -46,6 +46,7 @@ MAX_RATE_HZ = 2000.0
 
 Deviation = Annotated[float, Meta(ge=0)]
 """A standard deviation."""
+Share = Annotated[float, Meta(ge=0)]
 ArbiterState = Annotated[str, Meta(pattern="^(disarmed|armed|hold|land|descend|cut|killed)$")]
 
 
@@ -266,6 +267,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Control periods in which the plan was held off that of another vehicle."""
     closest_plan_m: Annotated[float, Meta(ge=0)] | None = None
     """Smallest distance predicted to a vehicle whose plan was heard."""
+    hover_thrust: Share | None = None
+    """Share of the largest thrust at which the vehicle hovers: it grows as the battery empties; in flight."""
     wind_m_s2: tuple[float, float] | None = None
     """Horizontal acceleration by wind and all else that is not in the model, inertial frame; in flight."""
     position_deviation_m: tuple[Deviation, Deviation, Deviation] | None = None

@@ -37,6 +37,11 @@ class SelfCheck:
         """What people should know; empty if there is nothing."""
         return self._watch.warning if self.fault is None else f"it lands: {self.fault.text}"
 
+    @property
+    def hover_thrust(self) -> float | None:
+        """Share of the largest thrust at which the vehicle hovers; None before it is learnt in a flight."""
+        return self._watch.hover_thrust
+
     def begin(self) -> None:
         """A take-off begins."""
         self._watch.begin()

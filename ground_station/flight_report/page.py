@@ -81,7 +81,7 @@ def _events(flight: LoggedFlight) -> Html:
     return table(
         ("time", "who", "what"),
         (
-            (f"{event.time_s:.2f} s", event.vehicle, (event.text, "failed" if event.alarming else ""))
+            (f"{event.time_s:.2f} s", event.vehicle, (event.words, "failed" if event.alarming else ""))
             for event in flight.events
         ),
     )

@@ -168,7 +168,7 @@ def flight_data(
         "events": [
             {
                 "t": round(event.time_s, 2),
-                "text": f"{event.vehicle}: {event.text}",
+                "text": f"{event.vehicle}: {event.words}",
                 "alarming": event.alarming,
             }
             for event in events

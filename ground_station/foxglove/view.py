@@ -91,7 +91,7 @@ class FoxgloveView:
             take(unit, message, time_ns)
         for event in self._events.take(unit, message, time_ns / NANO):
             level = LogLevel.Warning if event.alarming else LogLevel.Info
-            line = Log(timestamp=drawing.stamp(time_ns), level=level, message=event.text, name=event.vehicle)
+            line = Log(timestamp=drawing.stamp(time_ns), level=level, message=event.words, name=event.vehicle)
             self._log.log(line, log_time=time_ns)
 
     def _channel(self, unit: str, topic: str) -> Channel[Any] | None:

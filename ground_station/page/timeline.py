@@ -2,12 +2,14 @@
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from rcopterx.ground_station.state import VehicleState
 
 KEPT: Final = 200
+MERGED_S: Final = 30.0
+"""What is counted goes on in the same line for so long."""
 QUIET_COUNTS: Final = frozenset({"not_converged"})
 """Counted too often to be told one by one."""
 
@@ -26,12 +28,20 @@ class Event:
         What happened.
     alarming
         Whether it should catch the eye.
+    count
+        How often it happened; 0 for what is not counted.
     """
 
     time_s: float
     vehicle: str
     text: str
     alarming: bool = False
+    count: int = 0
+
+    @property
+    def words(self) -> str:
+        """What happened, and how often."""
+        return f"{self.text} × {self.count}" if self.count else self.text
 
 
 class Timeline:
@@ -46,8 +56,21 @@ class Timeline:
         for name, state in states.items():
             before = self._before.get(name)
             if before is not None:
-                self.events.extend(changes(now_s, before, state))
+                for event in changes(now_s, before, state):
+                    self._add(event)
         self._before = dict(states)
+
+    def _add(self, event: Event) -> None:
+        """Add an event; what is counted goes on in a line that is not old, so that it hides nothing else."""
+        if event.count:
+            for number in range(len(self.events) - 1, -1, -1):
+                earlier = self.events[number]
+                if event.time_s - earlier.time_s > MERGED_S:
+                    break
+                if (earlier.vehicle, earlier.text) == (event.vehicle, event.text) and earlier.count:
+                    self.events[number] = replace(earlier, count=earlier.count + event.count)
+                    return
+        self.events.append(event)
 
 
 def changes(now_s: float, before: VehicleState, after: VehicleState) -> Iterator[Event]:
@@ -77,8 +100,8 @@ def changes(now_s: float, before: VehicleState, after: VehicleState) -> Iterator
             yield Event(now_s, name, f"{what} {now}")
     missed = new.diagnostics.missed_ticks - old.diagnostics.missed_ticks
     if missed > 0:
-        yield Event(now_s, name, f"{missed} control periods missed", True)
+        yield Event(now_s, name, "missed control period", True, missed)
     for kind, count in new.diagnostics.fallbacks.items():
         more = count - old.diagnostics.fallbacks.get(kind, 0)
         if more > 0 and kind not in QUIET_COUNTS:
-            yield Event(now_s, name, f"{kind} × {more}")
+            yield Event(now_s, name, kind, count=more)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 from typing import Final
 
@@ -13,11 +13,13 @@ from rcopterx.ground_station.state import VehicleState
 EVENTS_SHOWN: Final = 30
 SILENT_S: Final = 0.5
 _ALARM: Final = "color:#fff;background:#c81e1e;border-radius:4px;padding:2px 6px;font-weight:600"
-_TABLE: Final = "font-size:0.8em;line-height:1.45;border-spacing:0;width:100%"
-_NAME: Final = "color:#777;padding:0 0.8em 0 0.6em;vertical-align:top;white-space:nowrap;width:1%"
+_TABLE: Final = "font-size:0.8em;line-height:1.45;border-spacing:0;width:100%;overflow-wrap:anywhere"
+_CELL: Final = "color:#777;padding:0 0.8em 0 0.6em;vertical-align:top"
+_NAME: Final = f"{_CELL};width:42%"
+_SHORT: Final = f"{_CELL};white-space:nowrap;width:1%"
 
 
-def banner(fleet_name: str, states: Iterable[VehicleState], problems: Sequence[str]) -> str:
+def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence[str]) -> str:
     """Name of the fleet, and below it what nobody may overlook.
 
     Parameters
@@ -30,6 +32,12 @@ def banner(fleet_name: str, states: Iterable[VehicleState], problems: Sequence[s
         What blocks take-off.
     """
     alarms = [f"{state.name}: {told(state)}" for state in states if state.alarming]
+    alarms += [
+        f"{state.name}: {remark}"
+        for state in states
+        if state.agent is not None
+        for remark in state.agent.diagnostics.remarks
+    ]
     lines = [f'<div style="{_ALARM};margin:3px 0">{escape(line)}</div>' for line in alarms]
     lines += [f'<div style="color:#b45309">{escape(line)}</div>' for line in problems if line not in alarms]
     return f'<div style="font-size:0.85em;padding:0 0.5em"><b>{escape(fleet_name)}</b>{"".join(lines)}</div>'
@@ -56,9 +64,9 @@ def vehicle_table(state: VehicleState) -> str:
 def event_list(events: Sequence[Event], now_s: float) -> str:
     """Newest events first, with their age."""
     rows = "".join(
-        f'<tr><td style="{_NAME}">{_ago(now_s - event.time_s)}</td>'
-        f'<td style="{_NAME}">{escape(event.vehicle)}</td>'
-        f'<td style="{_ALARM if event.alarming else ""}">{escape(event.text)}</td></tr>'
+        f'<tr><td style="{_SHORT}">{_ago(now_s - event.time_s)}</td>'
+        f'<td style="{_SHORT}">{escape(event.vehicle)}</td>'
+        f'<td style="{_ALARM if event.alarming else ""}">{escape(event.words)}</td></tr>'
         for event in list(events)[: -EVENTS_SHOWN - 1 : -1]
     )
     return f'<table style="{_TABLE}">{rows or "<tr><td>nothing has happened yet</td></tr>"}</table>'
@@ -76,6 +84,8 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     if agent is None:
         return
     values = agent.diagnostics
+    for remark in values.remarks:
+        yield "remark", remark, True
     flown_by = f"{values.client} (external program)" if values.client else values.controller
     yield "flown by", flown_by + _lowered(values.effort_factor), values.effort_factor > 1.0
     yield "estimator", values.estimator, False
@@ -83,8 +93,10 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     if agent.following_mode != "follow":
         yield "leader lost", agent.following_mode, True
     yield "position", _metres(agent.position_m), False
-    yield "heading", "-" if agent.yaw_rad is None else f"{math.degrees(agent.yaw_rad):.0f}°", False
+    yield "heading", "-" if agent.yaw_rad is None else f"{round(math.degrees(agent.yaw_rad))}°", False
     yield "error", "-" if state.error_m is None else f"{1000 * state.error_m:.0f} mm", False
+    if values.hover_thrust is not None:
+        yield "battery", f"hovers at {100 * values.hover_thrust:.0f} % of the thrust", False
     if values.wind_m_s2 is not None:
         yield "wind", f"{math.hypot(*values.wind_m_s2):.2f} m/s²", False
     if values.position_deviation_m is not None:
@@ -102,7 +114,7 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
 
 def _latency_rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     for stage, figures in state.latency_ms.items():
-        name = "latency, capture to serial port" if stage == TOTAL else f"· {STAGES[stage]}"
+        name = "latency p50 / p99 / max, capture to serial port" if stage == TOTAL else f"· {STAGES[stage]}"
         yield name, f"{figures['p50']:.1f} / {figures['p99']:.1f} / {figures['max']:.1f} ms", False
 
 

@@ -13,7 +13,7 @@ FLYING = VehicleState("h1", flying_status(), ARMED, 0.1, 0.1, 0.01)
 
 
 def told(after: VehicleState) -> list[tuple[str, bool]]:
-    return [(event.text, event.alarming) for event in changes(5.0, FLYING, after)]
+    return [(event.words, event.alarming) for event in changes(5.0, FLYING, after)]
 
 
 def test_nothing_is_told_of_a_vehicle_that_goes_on() -> None:
@@ -38,14 +38,28 @@ def test_an_arbiter_that_intervenes_a_lost_leader_and_another_process_are_alarms
         ("transmitter hold: no command", True),
         ("another process of its agent took over", True),
         ("leader: hold", True),
-        ("3 control periods missed", True),
+        ("missed control period × 3", True),
     ]
 
 
 def test_fallbacks_are_told_by_how_many_there_are_more() -> None:
     before = replace(FLYING, agent=flying_status(fallbacks={"shifted_plan": 2}))
     after = replace(FLYING, agent=flying_status(fallbacks={"shifted_plan": 5, "not_converged": 9}))
-    assert [event.text for event in changes(1.0, before, after)] == ["shifted_plan × 3"]
+    assert [event.words for event in changes(1.0, before, after)] == ["shifted_plan × 3"]
+
+
+def test_what_is_counted_goes_on_in_one_line_for_a_while_and_hides_nothing_else() -> None:
+    timeline = Timeline()
+    counted = [replace(FLYING, agent=flying_status(fallbacks={"leader_plan_late": n})) for n in range(80)]
+    for number, state in enumerate(counted[:40]):
+        timeline.compare(0.5 * number, {"h1": state})
+    timeline.compare(20.0, {"h1": replace(counted[39], agent=flying_status(phase="landing"))})
+    timeline.compare(20.5, {"h1": counted[40]})
+    assert [event.words for event in timeline.events] == [
+        "leader_plan_late × 79", "flying → landing", "landing → flying",
+    ]  # fmt: skip
+    timeline.compare(60.0, {"h1": counted[42]})
+    assert [event.words for event in timeline.events][-1] == "leader_plan_late × 2"
 
 
 def test_the_time_line_keeps_the_newest_events_and_begins_without_any() -> None:

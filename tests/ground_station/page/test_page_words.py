@@ -11,7 +11,7 @@ from rcopterx.ground_station.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="<b>", ready=True)
 AGENT = flying_status(position_m=(1.0, 2.0, 0.5), yaw_rad=3.14159265, solve_ms_p50=1.5, client="fly.m",
-                      position_deviation_m=(0.0005, 0.0005, 0.001))  # fmt: skip
+                      hover_thrust=0.5625, position_deviation_m=(0.0005, 0.0005, 0.001))  # fmt: skip
 STATE = VehicleState("h1", AGENT, ARMED, 0.1, 0.1, 0.01, seen_age_s=0.01)
 
 
@@ -24,6 +24,7 @@ def test_a_table_has_units_and_escapes_what_others_say() -> None:
         "1.50 / 0.00 ms",
         "10 ms ago",
         "1.0, 1.0, 2.0 mm",
+        "hovers at 56 % of the thrust",
         "&lt;b&gt;",
     ):
         assert text in table, text
@@ -37,6 +38,12 @@ def test_a_banner_tells_who_is_not_flown_by_its_agent_and_what_blocks_take_off()
     assert "h2: land: no command" in shown
     assert "h3: &lt;no&gt; pose" in shown
     assert "h1" not in shown
+
+
+def test_what_people_should_know_of_a_vehicle_catches_the_eye() -> None:
+    warned = replace(STATE, agent=flying_status(remarks=("the battery is nearly empty",)))
+    assert "h1: the battery is nearly empty" in banner("lab", [warned], [])
+    assert "the battery is nearly empty" in vehicle_table(warned)
 
 
 def test_events_are_listed_newest_first() -> None:
