@@ -143,7 +143,7 @@ BEFORE = {
         "cd examples/external_control && g++": [BRIDGE, BRIDGE_LISTENS],
     },
     "formation.md": {"rcopterx follow h3 h2 --offset 0,-1": [UP, TAKE_OFF]},
-    "ground_station.md": {"rcopterx ground": [UP]},
+    "ground-station.md": {"rcopterx ground": [UP]},
     "hardware.md": {
         "rcopterx calibrate h2 --step trim": [LAB, "rcopterx up lab.toml", "rcopterx takeoff h2"]
     },
