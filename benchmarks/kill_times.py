@@ -1,17 +1,13 @@
 """From the press of KILL to the first throttle-low frame that is written to the radio of every vehicle."""
 
-import os
-import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.agents.phases import Phase
+from rcopterx.benchmarks.browser import NEEDED, browser, browser_there, opened, served
 from rcopterx.bus import channels
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.launched import launched
@@ -23,9 +19,6 @@ LOW_S: Final = 10.0
 """Within which every vehicle must be cut."""
 PAUSE_S: Final = 0.033
 """Before a press, times the number of the press: presses meet every phase of the control period."""
-CHROMIUM: Final = ("chromium", "chromium-browser")
-BROWSER: Final = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader")
-PAGE_S: Final = 60.0
 
 Tell = Callable[[str], None]
 Press = Callable[[], object]
@@ -62,12 +55,11 @@ def run(path: Path, presses: int, tell: Tell) -> dict[str, Any]:
             return percentiles([_timed_ms(fleet, written, press, number) for number in range(presses)])
 
         times = {"script": timed("script", lambda: fleet.kill(reason="benchmark")), "page": None}
-        browser = next(filter(None, map(shutil.which, CHROMIUM)), None)
-        if browser is None or find_spec("playwright") is None or find_spec("viser") is None:
-            tell("page: needs Chromium, playwright and viser")
-        else:
-            with _page(str(path), browser) as press:
+        if browser_there():
+            with _page(str(path)) as press:
                 times["page"] = timed("page", press)
+        else:
+            tell(f"page: needs {NEEDED}")
     return {"presses": presses, "vehicles": len(written), "low_ms": times}
 
 
@@ -103,26 +95,9 @@ def _brought_to_rest(vehicle: Vehicle) -> bool:
 
 
 @contextmanager
-def _page(fleet: str, browser: str) -> Iterator[Press]:
+def _page(fleet: str) -> Iterator[Press]:
     """The page of a fleet in a browser; yields what presses its space bar."""
-    from playwright.sync_api import sync_playwright
-
-    server = subprocess.Popen(
-        [sys.executable, "-u", "-m", "rcopterx", "ground", "-f", fleet],
-        stdout=subprocess.PIPE,
-        text=True,
-        env=os.environ | {"RCOPTERX_PARENT": str(os.getpid())},
-    )
-    try:
-        assert server.stdout is not None
-        # The web server greets its user on the same stream.
-        address = next(line.split()[0] for line in server.stdout if line.startswith("http"))
-        with sync_playwright() as playwright:
-            window = playwright.chromium.launch(executable_path=browser, args=list(BROWSER)).new_page()
-            window.goto(address)
-            window.get_by_role("button", name="KILL: cut").wait_for(state="visible", timeout=1000 * PAGE_S)
-            window.mouse.click(100, 400)
-            yield lambda: window.keyboard.press("Space")
-    finally:
-        server.terminate()
-        server.wait()
+    with served(fleet) as address, browser() as chromium:
+        window = opened(chromium, address)
+        window.mouse.click(100, 400)
+        yield lambda: window.keyboard.press("Space")

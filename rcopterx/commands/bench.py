@@ -271,6 +271,29 @@ def kill(
 
 
 @app.command()
+def page(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    runs: Annotated[int, typer.Option(metavar="N", min=1, help="How often the page is started.")] = 5,
+    fleet: FleetOption = DEFAULT_FLEET,
+) -> None:
+    """From the start of the web page of a fleet that is up until it can be used in a browser."""
+    from rcopterx.benchmarks.browser import NEEDED, browser_there
+    from rcopterx.benchmarks.page_times import run
+    from rcopterx.deploy.fleet_file.shipped import fleet_path
+
+    if not browser_there():
+        typer.echo(f"error: this needs {NEEDED}", err=True)
+        raise typer.Exit(EXIT_FAILED)
+    with user_errors():
+        document = run(fleet_path(fleet), runs, lambda text: typer.echo(f"bench page: {text}", err=True))
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    for what in ("served_s", "usable_s"):
+        typer.echo("{:10}p50 {p50:.1f}, max {max:.1f} s".format(what.removesuffix("_s"), **document[what]))
+
+
+@app.command()
 def alarms(
     as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
     seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Length of the flight.")] = 3600.0,
