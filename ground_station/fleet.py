@@ -21,7 +21,7 @@ from rcopterx.deploy.fleet_file.shipped import fleet_path
 from rcopterx.deploy.formation_check import links_of
 from rcopterx.deploy.roles.arbiter_limits import limits_of
 from rcopterx.ground_station.joining import fleet_that_is_up
-from rcopterx.ground_station.observer import UNDER_WAY_S, Observer
+from rcopterx.ground_station.observer import Observer
 from rcopterx.ground_station.regroup import (
     RegroupError,
     change_lines,
@@ -370,8 +370,12 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         from_s = self.session.clock()
         deadline_s = from_s + timeout_s
 
+        confirmed: set[str] = set()
+
         def missing() -> list[str]:
-            return [name for name in wanted if not self._killed_since(name, from_s)]
+            # Who has confirmed once may have been reset by somebody since.
+            confirmed.update(name for name in wanted if self._killed_since(name, from_s))
+            return [name for name in wanted if name not in confirmed]
 
         while True:
             self.session.publish(channels.KILL, channels.FLEET_UNIT, message)
@@ -386,7 +390,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         state = self.state_of(name)
         age_s = state.transmitter_age_s
         heard_s = -math.inf if age_s is None else self.session.clock() - age_s
-        return state.transmitter_state == "killed" and heard_s > from_s + UNDER_WAY_S
+        return state.transmitter_state == "killed" and heard_s > from_s
 
 
 @contextmanager

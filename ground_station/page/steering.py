@@ -1,7 +1,6 @@
 """What the page asks of a fleet: every control goes through here, and every answer is shown."""
 
 import threading
-import time
 from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
@@ -16,11 +15,8 @@ from rcopterx.ground_station.page.saved_formations import (
     in_words,
 )
 from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
-from rcopterx.ground_station.waiting import NotReachedError
 
 KILL_REASON: Final = "ground station"
-KILL_INSISTS_S: Final = 10.0
-"""How long a kill is repeated that not every arbiter confirms."""
 
 
 class Notice(Protocol):
@@ -46,7 +42,6 @@ class Steering:
         self._fleet = fleet
         self._notice = notice
         self._busy: set[str] = set()
-        self._resets = 0
         self._lock = threading.Lock()
 
     def ask(self, what: str, request: Callable[[], object], done: str | None = None) -> bool:
@@ -97,31 +92,20 @@ class Steering:
         """Land some or all vehicles."""
         self.ask(f"landing of {', '.join(names or ('all',))}", lambda: self._fleet.land(names), "landed")
 
-    def kill(self, insists_s: float = KILL_INSISTS_S) -> None:
-        """Cut the motors of all vehicles now, and insist until every arbiter confirms it or somebody resets.
+    def kill(self) -> None:
+        """Cut the motors of all vehicles now.
 
         Every call is published, also while another kill is under way, which may have been confirmed already.
         """
-        resets, end_s, told = self._resets, time.monotonic() + insists_s, False
-        while True:
-            try:
-                self._fleet.kill(reason=KILL_REASON)
-            except NotReachedError as error:
-                if not told:
-                    self._notice(f"{error}; it is repeated", refused=True)
-                told = True
-            except FLIGHT_ERRORS as error:
-                self._notice(str(error), refused=True)
-                return
-            else:
-                self._notice("all motors are cut; reset to fly again", refused=False)
-                return
-            if self._resets != resets or time.monotonic() >= end_s:
-                return
+        try:
+            self._fleet.kill(reason=KILL_REASON)
+        except FLIGHT_ERRORS as error:
+            self._notice(str(error), refused=True)
+        else:
+            self._notice("all motors are cut; reset to fly again", refused=False)
 
     def reset(self) -> None:
         """Leave KILLED, for all vehicles that are killed."""
-        self._resets += 1
 
         def reset() -> str:
             killed = [one for one in self._fleet if one.state.transmitter_state == "killed"]

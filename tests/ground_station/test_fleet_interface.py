@@ -306,6 +306,7 @@ def test_a_kill_is_not_taken_for_confirmed_by_what_was_said_before_it(
     fleet.kill(timeout_s=10.0)
     vehicles["h1"].speaks = False
     vehicles["h1"].stuck.add("kill")
+    wait_for(lambda: (fleet["h1"].state.transmitter_age_s or 0.0) > 0.1, "it still speaks")
     vehicles["h1"].state = "armed"
     before = len(vehicles["h1"].kills)
     with pytest.raises(NotReachedError, match="not killed: h1"):

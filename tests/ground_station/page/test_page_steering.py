@@ -1,8 +1,6 @@
 """Promises of KILL on the page, whatever else is under way."""
 
 import threading
-from types import SimpleNamespace
-from typing import Any
 
 from support.waiting import wait_for
 
@@ -25,9 +23,6 @@ class Kills:
         if self.count <= self._unconfirmed:
             raise NotReachedError("h2 is not killed")
 
-    def __iter__(self) -> Any:
-        return iter([SimpleNamespace(state=SimpleNamespace(transmitter_state="armed"))])
-
 
 def steering_of(fleet: Kills) -> tuple[Steering, list[tuple[str, bool]]]:
     told: list[tuple[str, bool]] = []
@@ -48,34 +43,8 @@ def test_a_press_while_an_earlier_kill_waits_for_its_confirmation_is_published_a
     assert told == 2 * [("all motors are cut; reset to fly again", False)]
 
 
-def test_a_kill_that_is_not_confirmed_is_told_once_and_repeated_until_it_is() -> None:
-    fleet = Kills(unconfirmed=3)
+def test_a_kill_that_is_not_confirmed_is_told() -> None:
+    fleet = Kills(unconfirmed=1)
     steering, told = steering_of(fleet)
     steering.kill()
-    assert fleet.count == 4
-    assert told == [
-        ("h2 is not killed; it is repeated", True),
-        ("all motors are cut; reset to fly again", False),
-    ]
-
-
-def test_a_kill_is_not_repeated_for_ever() -> None:
-    fleet = Kills(unconfirmed=100)
-    steering, told = steering_of(fleet)
-    steering.kill(insists_s=0.0)
-    assert fleet.count == 1
-    assert told == [("h2 is not killed; it is repeated", True)]
-
-
-def test_a_reset_ends_a_kill_that_is_repeated() -> None:
-    fleet = Kills(unconfirmed=100)
-    fleet.confirmed.clear()
-    steering, _ = steering_of(fleet)
-    press = threading.Thread(target=steering.kill)
-    press.start()
-    wait_for(lambda: fleet.count == 1, "not pressed")
-    steering.reset()
-    fleet.confirmed.set()
-    press.join(10.0)
-    assert not press.is_alive()
-    assert fleet.count == 1
+    assert told == [("h2 is not killed", True)]
