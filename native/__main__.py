@@ -6,11 +6,14 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from rcopterx.native.cache import COMPLETE, MODULES, directory
+from rcopterx.native.cache import COMPLETE, MODULES, directory, remove_unused
 
 
 def main() -> int:
-    """Compile what is not compiled yet, several modules at a time, and note that everything is."""
+    """Compile what is not compiled yet, several modules at a time, and note that everything is.
+
+    Whatever older versions left behind is removed then.
+    """
     path = directory()
     if path is None:
         print("kernels cannot be kept: no directory is writable, see RCOPTERX_KERNELS", file=sys.stderr)
@@ -26,6 +29,7 @@ def main() -> int:
         print(*problems, sep="\n", file=sys.stderr)
         return 1
     (path / COMPLETE).touch()
+    remove_unused(path.parent)
     print(f"... compiled in {time.monotonic() - start_s:.0f} s", file=sys.stderr)
     return 0
 

@@ -1,10 +1,12 @@
 """Promises of the place of compiled kernels: private, found again, no obstacle where nothing is writable."""
 
+import fcntl
 import os
 import stat
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -23,12 +25,25 @@ def doubled(number):
 print(doubled(21.0))
 """
 
+USER = """
+import sys
+from rcopterx.native import cache
+
+print(cache.directory(), flush=True)
+sys.stdin.read()
+"""
+
 
 @pytest.fixture(autouse=True)
-def fresh() -> Iterator[None]:
+def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The process has used no kernels yet, and gives those of the test back at its end."""
+    held: list[int] = []
+    monkeypatch.setattr(cache, "_held", held)
     cache.directory.cache_clear()
     yield
     cache.directory.cache_clear()
+    for descriptor in held:
+        os.close(descriptor)
 
 
 def test_kernels_lie_in_a_private_directory_of_their_version(
@@ -127,3 +142,74 @@ def test_modules_that_cannot_be_compiled_are_named_and_tried_again(
     assert "... compiled in" in capsys.readouterr().err
     assert compiling.main() == 0
     assert capsys.readouterr().err == ""
+
+
+def kernels_of_the_past(base: Path, count: int) -> list[Path]:
+    """Directories of other versions, the oldest first, each with a file."""
+    paths = [base / f"kernels-{index:016x}" for index in range(count)]
+    for index, path in enumerate(paths, start=1):
+        path.mkdir()
+        (path / "kernel.nbi").touch()
+        os.utime(path, (index, index))
+    return paths
+
+
+def test_kernels_used_last_are_kept_and_older_ones_removed(tmp_path: Path) -> None:
+    paths = kernels_of_the_past(tmp_path, cache.KEPT + 2)
+    (tmp_path / "flights").mkdir()
+    assert cache.remove_unused(tmp_path) == [paths[1].name, paths[0].name]
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "flights", *paths[2:]]
+
+
+def test_a_use_of_kernels_counts_from_its_last_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    own = cache.directory()
+    assert own is not None
+    os.utime(own, (0, 0))
+    cache.directory.cache_clear()
+    assert cache.directory() == own
+    others = kernels_of_the_past(tmp_path, cache.KEPT)
+    assert cache.remove_unused(tmp_path) == [others[0].name]
+
+
+def test_kernels_that_a_process_uses_are_kept_however_old_they_are(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", USER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), cache.VARIABLE: str(tmp_path)},
+    )  # fmt: skip
+    assert process.stdout is not None
+    used = Path(process.stdout.readline().strip())
+    others = kernels_of_the_past(tmp_path, cache.KEPT)
+    os.utime(used, (0, 0))
+    assert cache.remove_unused(tmp_path) == []
+    process.communicate(timeout=100)
+    assert cache.remove_unused(tmp_path) == [used.name]
+    assert sorted(tmp_path.glob("kernels-*")) == others
+
+
+def test_kernels_that_are_removed_while_somebody_waits_for_them_are_made_anew(tmp_path: Path) -> None:
+    (path,) = kernels_of_the_past(tmp_path, 1)
+    remover = cache._locked(path, fcntl.LOCK_EX)
+    with ThreadPoolExecutor(1) as pool:
+        user = pool.submit(cache._use, path)
+        path.rename(tmp_path / "removed")
+        os.close(remover)
+        descriptor = user.result(timeout=100)
+    assert os.path.samestat(os.fstat(descriptor), path.stat())
+    os.close(descriptor)
+    assert list(path.iterdir()) == []
+
+
+def test_what_was_not_removed_completely_goes_the_next_time(tmp_path: Path) -> None:
+    (tmp_path / "removed-0000000000000000" / "left").mkdir(parents=True)
+    assert cache.remove_unused(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_compiling_removes_what_older_versions_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setattr(compiling, "MODULES", ("cache",))
+    oldest, *others = kernels_of_the_past(tmp_path, cache.KEPT)
+    assert compiling.main() == 0
+    assert not oldest.exists()
+    assert all(path.exists() for path in others)
