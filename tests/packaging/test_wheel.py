@@ -7,9 +7,10 @@ import zipfile
 from pathlib import PurePosixPath
 
 import pytest
-from packaging_support import ROOT, Built
+from packaging_support import BUILD_S, ROOT, Built
 
 PACKAGE = ROOT / "rcopterx"
+pytestmark = pytest.mark.timeout(BUILD_S + 100.0)
 
 
 def files_of_the_package() -> set[str]:
