@@ -16,12 +16,17 @@ DOCKER = "docker run --rm -it --network host --cap-add SYS_NICE --ulimit rtprio=
 BRIDGE_TO_ROS = "python examples/ros2_bridge/ros2_bridge.py --fleet trio --ros tcp/192.168.1.20:7447"
 EXPERIMENTS = "tests/experiments/test_experiment_command.py"
 RADIOS = "tests/rcopterx/test_radio_commands.py"
+WHEEL = "tests/packaging/test_installed_wheel.py"
 IMAGE = "tests/packaging/test_container_image.py"
 
 NOT_TYPED = {
     ". .venv/bin/activate": (INSTALLS, "tests/packaging/test_fresh_clone.py"),
     "make demo": (INSTALLS, "tests/packaging/test_fresh_clone.py"),
     "make test": (INSTALLS, ".ci/run"),
+    "python -m venv lab": (INSTALLS, WHEEL),
+    ". lab/bin/activate": (INSTALLS, WHEEL),
+    "pip install rcopterx-*.whl": (INSTALLS, WHEEL),
+    "rcopterx demo --no-browser": (INSTALLS, WHEEL),
     'pip install "rcopterx[bench]"': (INSTALLS, "tests/packaging/test_extras.py"),
     "pip install jupyterlab": (INSTALLS, "tests/examples/test_exercise_sheet.py"),
     "pip install pycdr2": (INSTALLS, "tests/examples/test_ros2_bridge.py"),
@@ -58,7 +63,7 @@ NOT_TYPED = {
         HOURS,
         "tests/vicon_gateway/test_fuzz_datastream.py",
     ),
-    "rcopterx deploy lab.toml --wheel dist/rcopterx-0.1.0-py3-none-any.whl --dry-run": (
+    "rcopterx deploy lab.toml --wheel dist/rcopterx-*.whl --dry-run": (
         OTHERS,
         "tests/deploy/remote/test_deploy.py",
     ),
