@@ -12,6 +12,8 @@ RUN pip install --no-cache-dir "$(ls /wheels/*.whl)[ground]" \
     && useradd --create-home --groups dialout lab
 USER lab
 WORKDIR /home/lab
+# For the kind of processor on which the image is built; on others the first start compiles.
+RUN python -m rcopterx.native
 # Router, web page.
 EXPOSE 7447 8080
 ENTRYPOINT ["rcopterx"]
