@@ -9,8 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rcopterx.agents.phases import Phase
-from rcopterx.experiments.manoeuvres import fly_paper_sequence
-from rcopterx.experiments.steps import leader_of
+from rcopterx.experiments.paper_sequence import fly_paper_sequence, leader_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.recorder import Recorder
 from rcopterx.ground_station.report import SETTLED_S, FlightFigures

@@ -12,7 +12,7 @@ from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.fleet_file.shipped import fleet_path
 from rcopterx.experiments.checks import remarks_on_latency
 from rcopterx.experiments.manoeuvre import Manoeuvre
-from rcopterx.experiments.steps import Say, Wait
+from rcopterx.experiments.paper_sequence import Say, Wait
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.recorder import Recorder, Recording
 from rcopterx.ground_station.report import FlightFigures

@@ -3,7 +3,6 @@
 The same table is acceptance test, demonstration and tutorial: `rcopterx fly NAME` flies a row of it.
 """
 
-import math
 from types import MappingProxyType
 from typing import Final
 
@@ -28,29 +27,16 @@ from rcopterx.experiments.checks import (
 )
 from rcopterx.experiments.crossing_manoeuvres import CROSSING_ROWS
 from rcopterx.experiments.manoeuvre import Manoeuvre
-from rcopterx.experiments.steps import Say, Step, Wait, go_to, in_order, leader_of, pause
+from rcopterx.experiments.paper_sequence import (
+    PAPER_PERIOD_S,
+    PAPER_SET_POINTS,
+    Say,
+    Wait,
+    fly_paper_sequence,
+)
+from rcopterx.experiments.steps import Step, go_to, in_order, pause
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.vehicles.tuples import Three
-
-PAPER_PERIOD_S: Final = 4.0
-PAPER_SET_POINTS: Final = (
-    ((0.3, 0.0, 1.4), 0.0),
-    ((0.3, 0.3, 1.4), 0.0),
-    ((-0.5, 0.3, 1.4), 0.0),
-    ((-0.5, 0.3, 1.0), 0.0),
-    ((-0.5, 0.3, 1.0), 3 * math.pi),
-    ((0.0, 0.0, 1.0), 3 * math.pi),
-)
-"""Set points of the paper's Fig. 2 every 4 s, and back to the middle."""
-
-
-def fly_paper_sequence(fleet: Fleet, say: Say, wait: Wait, turns: float = 0.0) -> None:
-    """Set-point sequence of the paper; `turns` is added to the yaw set points [rad]."""
-    leader = leader_of(fleet)
-    for position_m, yaw_rad in PAPER_SET_POINTS:
-        say(f"{leader}: set point {position_m} m, yaw {math.degrees(yaw_rad + turns):.0f} deg")
-        fleet[leader].go_to(position_m, yaw_rad + turns)
-        wait(PAPER_PERIOD_S)
 
 
 def fly_paper_formation(fleet: Fleet, say: Say, wait: Wait) -> None:

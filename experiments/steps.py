@@ -8,23 +8,17 @@ from rcopterx.agents.identification import fit
 from rcopterx.agents.references.paths import FlightPath
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.experiments.paper_sequence import Say, Wait, leader_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.identification import IdentificationError, excited_flight
 from rcopterx.ground_station.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.waiting import NotReachedError
 from rcopterx.vehicles.tuples import Three
 
-Say = Callable[[str], None]
-Wait = Callable[[float], None]
 Step = Callable[[Fleet, Say, Wait], None]
 
 SETTLED_M: Final = 0.08
 REST_S: Final = 0.5
-
-
-def leader_of(fleet: Fleet) -> str:
-    """First vehicle of a fleet that follows nobody."""
-    return next(name for name, vehicle in fleet.file.vehicles.items() if not vehicle.follow)
 
 
 def in_order(*steps: Step) -> Step:

@@ -1,6 +1,11 @@
-"""Margins of the vehicles of a fleet: as its file configures them, or as they fly."""
+"""Margins of the vehicles of a fleet: as its file configures them, or as they fly.
+
+`python -m rcopterx.ground_station.margins` reads the snapshot of a fleet from its standard input and prints
+`configured_warnings`; see `margin_warnings`.
+"""
 
 import math
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any, Final
@@ -16,6 +21,7 @@ from rcopterx.agents.margins.search import (
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.loops import loops_of, unknown_loops
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.fleet_file.snapshot import snapshot_of
 from rcopterx.deploy.roles.vehicle_models import model_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.vehicles.model import Model
@@ -154,3 +160,8 @@ def _warnings(name: str, model: Model, period_s: float, configuration: Configura
         for axis, names in below.items()
         if names
     ]
+
+
+if __name__ == "__main__":
+    for warning in configured_warnings(snapshot_of(sys.stdin.buffer.read())):
+        print(warning)

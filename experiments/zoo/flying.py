@@ -9,7 +9,7 @@ from typing import Any, Final
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LaboratoryVehicle
 from rcopterx.deploy.supervisor import STABLE_AFTER_S
-from rcopterx.experiments.steps import leader_of
+from rcopterx.experiments.paper_sequence import leader_of
 from rcopterx.experiments.zoo.bench import Bench
 from rcopterx.experiments.zoo.fault_flight import FaultFlight
 from rcopterx.experiments.zoo.observation import WATCHED, seen_of

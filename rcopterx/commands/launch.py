@@ -172,7 +172,7 @@ def up(
     Where the daemons of its hosts run (rcopterx host), it is started through them, from any computer; without
     --host it then goes on if this program dies.
     """
-    from rcopterx.ground_station.margins import configured_warnings
+    from rcopterx.ground_station.margin_warnings import warnings_apart
 
     with user_errors():
         if host is None and _by_daemons(fleet, without or ()):
@@ -181,7 +181,7 @@ def up(
         user_errors(),
         interruptible(fleet, host, without or (), watchdog=watchdog, record=record) as (running, interrupts),
     ):
-        for line in configured_warnings(running.file):
+        for line in warnings_apart(running.file):
             typer.echo(f"warning: {line}", err=True)
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
         Watch(running, interrupts).until(lambda: False)

@@ -21,8 +21,9 @@ from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.experiments.checks import Check, always, in_time, remarks_on_latency
 from rcopterx.experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
 from rcopterx.experiments.manoeuvre import Manoeuvre
-from rcopterx.experiments.manoeuvres import MANOEUVRES, PAPER_SET_POINTS
-from rcopterx.experiments.steps import Say, Wait, in_order, land, take_off
+from rcopterx.experiments.manoeuvres import MANOEUVRES
+from rcopterx.experiments.paper_sequence import PAPER_SET_POINTS, Say, Wait
+from rcopterx.experiments.steps import in_order, land, take_off
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.recorder import Record, Recording
 from rcopterx.ground_station.report import FlightFigures

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.ground_station.margin_warnings import warnings_apart
 from rcopterx.ground_station.margins import configured_warnings
 
 LOOSE = "[vehicles.h2.control.settings]\ninput_weights = [0.002, 0.002, 33.75, 100.0]\n"
@@ -77,8 +78,20 @@ def test_what_cannot_be_computed_is_refused_with_the_reason(
 
 
 def test_a_fleet_is_warned_of_before_it_flies(tmp_path: Path) -> None:
-    (warning,) = configured_warnings(load_fleet(Path(fleet(tmp_path, LOOSE))))
+    (warning,) = warnings_apart(load_fleet(Path(fleet(tmp_path, LOOSE))))
     assert warning.startswith("h2: margins of horizontal below the rule: gain up, frequency down, delay")
+
+
+def test_a_fleet_within_the_rule_is_not_warned_of(tmp_path: Path) -> None:
+    assert warnings_apart(load_fleet(Path(fleet(tmp_path)))) == []
+
+
+def test_margins_that_cannot_be_told_are_not_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.ground_station.margin_warnings.encoded", lambda _: b"no snapshot")
+    (warning,) = warnings_apart(load_fleet(Path(fleet(tmp_path))))
+    assert warning.startswith("margins are not known: ")
 
 
 def test_check_tells_of_weights_that_were_tuned_below_the_rule(

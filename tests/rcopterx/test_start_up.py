@@ -50,6 +50,15 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
     }
 
 
+@pytest.mark.parametrize(
+    "module", ["experiments.demonstration", "ground_station.launched", "ground_station.margin_warnings"]
+)
+def test_launching_a_fleet_and_the_demonstration_need_no_scipy_and_no_compiler(module: str) -> None:
+    loaded = imported_by(f"import rcopterx.{module}")
+    assert "msgspec" in loaded
+    assert not loaded & {"scipy", "osqp", "numba", "matplotlib"}
+
+
 def test_commands_use_one_thread_per_numerical_library_unless_the_user_says_otherwise() -> None:
     tell = """
 import os, sys, rcopterx.cli
