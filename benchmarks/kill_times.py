@@ -17,6 +17,8 @@ from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, Vehicle
 READY_S: Final = 5.0
 LOW_S: Final = 10.0
 """Within which every vehicle must be cut."""
+REPEATED_S: Final = 1.2
+"""A kill is repeated for a second by a process that has not heard of its success, and would undo a reset."""
 PAUSE_S: Final = 0.033
 """Before a press, times the number of the press: presses meet every phase of the control period."""
 
@@ -82,6 +84,7 @@ def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) 
                 if received.message.state == "killed":
                     low_s.setdefault(name, received.message.written_s)
         time.sleep(0.001)
+    time.sleep(REPEATED_S)
     return 1000 * (max(low_s.values()) - pressed_s)
 
 
