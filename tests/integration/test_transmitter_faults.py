@@ -1,8 +1,10 @@
 """Radios of every kind fly, and whatever happens to a transmitter leaves no vehicle uncontrolled."""
 
+import math
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -71,8 +73,25 @@ def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
     land_gently(flying, truth)
 
 
-SAFE_FALL_M = 0.12
+SAFE_FALL_M = 0.11
 """A vehicle without radio falls when its receiver gives up; from here it lands at less than 1.7 m/s."""
+STILL_M_S = 0.02
+STILL_S = 1.0
+"""Until then it flies on by its last sticks, and would climb if it moved."""
+
+
+class Still:
+    """Whether a vehicle has hung still in the air for a while."""
+
+    def __init__(self, truth: Truth, name: str) -> None:
+        self._truth, self._name = truth, name
+        self._since_s = time.monotonic()
+
+    def __call__(self) -> bool:
+        vehicle = self._truth(self._name)
+        if vehicle is None or vehicle.on_floor or math.hypot(*vehicle.velocity_m_s) > STILL_M_S:
+            self._since_s = time.monotonic()
+        return time.monotonic() > self._since_s + STILL_S
 
 
 @pytest.mark.parametrize(
@@ -91,6 +110,7 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
     flying.fleet.take_off(["h1", "h3"], height_m=0.8, timeout_s=40)
     flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M, timeout_s=40)
     truth.start_watch()
+    flying.fleet.wait_until(Still(truth, "h2"), 20, "h2 does not hang still")
     inject_faults(flying.fleet.session, BreakRadio("h2", condition))
 
     def told() -> bool:
