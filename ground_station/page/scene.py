@@ -65,6 +65,7 @@ class FleetScene:
 
     def __init__(self, fleet: Fleet, server: viser.ViserServer, steering: Steering | None) -> None:
         self._server = server
+        self._pictures = 0
         volume = fleet.file.volume
         low, high = np.array(volume.min_m), np.array(volume.max_m)
         width, depth, _ = (float(value) for value in high - low)
@@ -93,9 +94,13 @@ class FleetScene:
 
     def update(self, states: Mapping[str, VehicleState], histories: Mapping[str, History]) -> None:
         """Show the present."""
+        self._pictures += 1
         with self._server.atomic():
-            for name, state in states.items():
-                self._vehicles[name].show(state, states, histories[name])
+            for number, (name, state) in enumerate(states.items(), self._pictures):
+                self._vehicles[name].show(state, states)
+                # Half of the lines in each picture: they are most of what is computed and sent.
+                if number % 2:
+                    self._vehicles[name].show_lines(state, histories[name])
                 self._vehicles[name].show_wind(state, self.wind.value)
                 self._vehicles[name].show_uncertainty(state, self.uncertainty.value)
             self.links.points = _links(states).astype(np.float32)
@@ -115,6 +120,8 @@ class VehicleShape:
         self._dragged = False
         self._trail_s = -math.inf
         """Newest sample of the trail that is drawn."""
+        self._shown: dict[tuple[str, str], object] = {}
+        """Properties of nodes, by their names, as they were set."""
         self._state: VehicleState | None = None
         self._leader: VehicleState | None = None
         self.body = server.scene.add_frame(f"/{name}", show_axes=False, visible=False)
@@ -137,38 +144,46 @@ class VehicleShape:
         )
         self.handle.on_update(self.on_drag)
 
-    def show(self, state: VehicleState, states: Mapping[str, VehicleState], history: History) -> None:
-        """Show the present of the vehicle."""
+    def show(self, state: VehicleState, states: Mapping[str, VehicleState]) -> None:
+        """Show the present of the vehicle, without what it has flown and plans."""
         self._state = state
         self._leader = states.get(state.assigned[0].leader) if len(state.assigned) == 1 else None
         place = state.position_m
-        self.body.visible = place is not None
+        self._set(self.body, visible=place is not None)
         if place is not None:
-            self.body.position = place
-            self.body.wxyz = _attitude(state)
-        self.label.text = (
-            f"{self._name} · {state.transmitter_state.upper()}" if state.alarming else self._name
-        )
+            self._set(self.body, position=place, wxyz=_attitude(state))
+        alarm = f" · {state.transmitter_state.upper()}" if state.alarming else ""
+        self._set(self.label, text=self._name + alarm)
+        wanted = self._wanted()
+        self._set(self.handle, visible=self._steering is not None and wanted is not None)
+        if wanted is not None and not self._dragged:
+            self._set(self.handle, position=wanted)
+
+    def show_lines(self, state: VehicleState, history: History) -> None:
+        """Show its trail, plan and reference."""
         if history.newest_s != self._trail_s:
             self._trail_s = history.newest_s
             self.trail.points = polyline(history.trail_m(TRAIL_S)).astype(np.float32)
         plan = state.plan if state.airborne else None
-        self.plan.points = plan_segments(plan).astype(np.float32)
-        self.plan_end.visible = plan is not None
-        self.plan_end.position = tuple(self.plan.points[-1, 1])
-        self.reference.visible = plan is not None and plan.reference is not None
+        segments = plan_segments(plan).astype(np.float32)
+        self.plan.points = segments
+        self._set(self.plan_end, visible=plan is not None, position=tuple(segments[-1, 1].tolist()))
+        self._set(self.reference, visible=plan is not None and plan.reference is not None)
         if plan is not None and plan.reference is not None:
-            self.reference.position = plan.reference[:3]
-        wanted = self._wanted()
-        self.handle.visible = self._steering is not None and wanted is not None
-        if wanted is not None and not self._dragged:
-            self.handle.position = wanted
+            self._set(self.reference, position=tuple(plan.reference[:3]))
+
+    def _set(self, node: Any, **properties: object) -> None:
+        """Set what has changed: viser compares arrays to find out, which takes ten times as long."""
+        for name, value in properties.items():
+            if self._shown.get((node.name, name)) != value:
+                self._shown[node.name, name] = value
+                setattr(node, name, value)
 
     def show_wind(self, state: VehicleState, wanted: bool) -> None:
         """Show what blows at the vehicle, if that is wanted and known."""
         wind = None if state.agent is None else state.agent.diagnostics.wind_m_s2
         place = state.position_m
-        self.wind.visible = wanted and wind is not None and place is not None
+        self._set(self.wind, visible=wanted and wind is not None and place is not None)
         if wanted and wind is not None and place is not None:
             self.wind.points = arrow(place, [WIND_M * value for value in wind]).astype(np.float32)
 
@@ -176,10 +191,10 @@ class VehicleShape:
         """Show how well the estimator knows the position, if that is wanted and told."""
         deviation_m = None if state.agent is None else state.agent.diagnostics.position_deviation_m
         place = None if state.agent is None else state.agent.position_m
-        self.uncertainty.visible = wanted and deviation_m is not None and place is not None
+        self._set(self.uncertainty, visible=wanted and deviation_m is not None and place is not None)
         if wanted and deviation_m is not None and place is not None:
             x, y, z = (ENLARGED * DEVIATIONS * value for value in deviation_m)
-            self.uncertainty.position, self.uncertainty.scale = place, (x, y, z)
+            self._set(self.uncertainty, position=place, scale=(x, y, z))
 
     def _wanted(self) -> Point | None:
         """Where the handle belongs; None while there is nothing to drag."""
@@ -194,6 +209,7 @@ class VehicleShape:
     def on_drag(self, event: Any) -> None:
         """Send the vehicle where its handle was let go."""
         self._dragged = event.phase != "end"
+        self._shown.pop((self.handle.name, "position"), None)
         state, steering = self._state, self._steering
         if self._dragged or steering is None or state is None or state.agent is None:
             return
