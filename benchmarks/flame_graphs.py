@@ -10,16 +10,13 @@ import argparse
 import re
 import subprocess
 import sys
-import tempfile
-import time
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Final
 
-from rcopterx.benchmarks.scale import HORIZON, LEGS_M, SETTLE_S, fleet_text
+from rcopterx.benchmarks.scale import HORIZON, LEGS_M, in_formation
 from rcopterx.deploy.launcher import Launcher
-from rcopterx.ground_station.launched import launched
 
 PRIORITY: Final = 60
 RATE_HZ: Final = 100
@@ -44,23 +41,14 @@ def record(directory: Path, vehicles: int, horizon: int, seconds: float) -> list
         The figures.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="rcopterx-") as scratch:
-        path = Path(scratch) / "scale.toml"
-        path.write_text(fleet_text(vehicles, horizon), encoding="utf-8")
-        with launched(path, record=False) as fleet:
-            assert fleet.launcher is not None
-            fleet.take_off()
-            fleet.wait_for_formation()
-            time.sleep(SETTLE_S)
-            figures = []
-            # One after the other: samplers of all processes at once would take the time that they look for.
-            for leg_m, (role, process) in zip(
-                cycle(LEGS_M), one_of_each_role(fleet.launcher).items(), strict=False
-            ):
-                fleet["h1"].go_to(leg_m)
-                figures.append(directory / f"flame_{role}.svg")
-                sample(process, figures[-1], seconds)
-                entitle(figures[-1], f"{role}, {vehicles} vehicles, N = {horizon}")
+    figures = []
+    with in_formation(vehicles, horizon) as (fleet, launcher):
+        # One after the other: samplers of all processes at once would take the time that they look for.
+        for leg_m, (role, process) in zip(cycle(LEGS_M), one_of_each_role(launcher).items(), strict=False):
+            fleet["h1"].go_to(leg_m)
+            figures.append(directory / f"flame_{role}.svg")
+            sample(process, figures[-1], seconds)
+            entitle(figures[-1], f"{role}, {vehicles} vehicles, N = {horizon}")
     return figures
 
 

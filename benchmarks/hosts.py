@@ -4,7 +4,6 @@ Hosts are network namespaces of this computer: their monotonic clocks are one, a
 """
 
 import os
-import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -15,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.deploy.fleet_file.reading import load_fleet
@@ -28,15 +28,12 @@ FOUR: Final[Mapping[str, str]] = {"h1": "compute1", "h2": "compute2", "h3": "com
 """Which vehicle's agent runs where."""
 HORIZON: Final = 50
 OFFSETS_M: Final = {"h2": (-0.4, 0.5, 0.0), "h3": (-0.4, -0.5, 0.0)}
-LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1.0))
-LEG_S: Final = 4.0
 ROUTER_PORT: Final = 7447
 TRACKER_PORT: Final = 8010
 FIRST_ROUTER_S: Final = 180.0
 """Kernels may have to be compiled first."""
 READY_S: Final = 60.0
 SETTLE_S: Final = 5.0
-STOP_S: Final = 30.0
 
 Tell = Callable[[str], None]
 
@@ -138,11 +135,7 @@ def _measured(fleet: Fleet, seconds: float) -> Flown:
     time.sleep(SETTLE_S)
     depth = int(200 * (seconds + SETTLE_S))
     inboxes = [fleet.session.subscribe(channels.APPLIED, name, depth=depth) for name in names]
-    until_s, legs = time.monotonic() + seconds, 0
-    while (left_s := until_s - time.monotonic()) > 0:
-        fleet["h1"].go_to(LEGS_M[legs % len(LEGS_M)])
-        legs += 1
-        time.sleep(min(LEG_S, left_s))
+    fly_legs(fleet, seconds)
     flown = Flown()
     for inbox in inboxes:
         obeyed = [received.message for received in inbox.drain()]
@@ -226,18 +219,6 @@ def _host(net: Network, host: str, path: Path) -> Iterator[None]:
     """The processes of a host, as `rcopterx up --host` starts them."""
     own = _run_directory(path, host)
     own.mkdir(mode=0o700)
-    process = subprocess.Popen(
-        net.python(host, "-m", "rcopterx", "up", str(path), "--host", host, "--no-record"),
-        env=os.environ | {"RCOPTERX_RUN": str(own)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
+    words = ("-m", "rcopterx", "up", str(path), "--host", host, "--no-record")
+    with net.running(host, words, os.environ | {"RCOPTERX_RUN": str(own)}, subprocess.DEVNULL):
         yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()

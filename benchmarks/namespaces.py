@@ -1,13 +1,16 @@
 """Hosts on one computer: network namespaces of Linux, joined by a bridge. Needs root."""
 
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Final
+from typing import IO, Final
 
 NETWORK: Final = "10.213.7"
+STOP_S: Final = 30.0
+"""An interrupted program is killed after it."""
 
 
 class NetworkUnavailableError(RuntimeError):
@@ -69,6 +72,34 @@ class Network:
     def python(self, host: str, *arguments: str) -> list[str]:
         """Command line that runs Python on a host."""
         return ["ip", "netns", "exec", self.namespace(host), sys.executable, *arguments]
+
+    @contextmanager
+    def running(
+        self, host: str, arguments: Sequence[str], environment: Mapping[str, str], output: int | IO[bytes]
+    ) -> Iterator[None]:
+        """Run Python on a host until the block is left, which interrupts it.
+
+        Parameters
+        ----------
+        host
+            Name of the host.
+        arguments, environment
+            Of Python.
+        output
+            Where standard output and error go, as for `subprocess.Popen`.
+        """
+        process = subprocess.Popen(
+            self.python(host, *arguments), env=environment, stdout=output, stderr=output
+        )
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(STOP_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
     def cut(self, host: str) -> None:
         """Cut the link of a host to all others."""

@@ -9,12 +9,15 @@ import os
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.bus import channels
 from rcopterx.deploy.launcher import Launcher
+from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.launched import launched
 from rcopterx.ground_station.recorder import Recorder
 from rcopterx.ground_station.report import FlightFigures
@@ -117,10 +120,7 @@ def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[
     """
     runs = []
     for vehicles in sorted(sizes):
-        with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
-            path = Path(directory) / "scale.toml"
-            path.write_text(fleet_text(vehicles, horizon), encoding="utf-8")
-            runs.append(_measured_or_failed(path, vehicles, horizon, seconds, tell))
+        runs.append(_measured_or_failed(vehicles, horizon, seconds, tell))
         if "problem" in runs[-1]:
             break
     largest = 0
@@ -131,11 +131,9 @@ def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[
     return {"largest_fleet": largest, "seconds": seconds, "runs": runs}
 
 
-def _measured_or_failed(
-    path: Path, vehicles: int, horizon: int, seconds: float, tell: Tell
-) -> dict[str, Any]:
+def _measured_or_failed(vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
     try:
-        return _measured(path, vehicles, horizon, seconds, tell)
+        return _measured(vehicles, horizon, seconds, tell)
     except FLIGHT_ERRORS as error:
         tell(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
         return {
@@ -144,25 +142,51 @@ def _measured_or_failed(
         }  # fmt: skip
 
 
-def _measured(path: Path, vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
+@contextmanager
+def in_formation(vehicles: int, horizon: int) -> Iterator[tuple[Fleet, Launcher]]:
+    """A fleet of that size in formation on this computer, and its launcher; at the end it lands.
+
+    Raises
+    ------
+    FLIGHT_ERRORS
+        It cannot be flown.
+    """
+    with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
+        path = Path(directory) / "scale.toml"
+        path.write_text(fleet_text(vehicles, horizon), encoding="utf-8")
+        with launched(path, record=False) as fleet:
+            if fleet.launcher is None:
+                raise NotReachedError("the fleet was not started here")
+            fleet.take_off()
+            fleet.wait_for_formation()
+            time.sleep(SETTLE_S)
+            yield fleet, fleet.launcher
+
+
+def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = lambda _: None) -> None:
+    """Send the leader from set point to set point; `flown` is told before each how long it has flown [s]."""
+    until_s = time.monotonic() + seconds
+    for leg_m in cycle(LEGS_M):
+        left_s = until_s - time.monotonic()
+        if left_s <= 0:
+            return
+        flown(seconds - left_s)
+        fleet["h1"].go_to(leg_m)
+        time.sleep(min(LEG_S, left_s))
+
+
+def _measured(vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
     tell(f"{vehicles} vehicles: starting")
-    with launched(path, record=False) as fleet:
-        launcher = fleet.launcher
-        if launcher is None:
-            raise NotReachedError("the fleet was not started here")
+    with in_formation(vehicles, horizon) as (fleet, launcher):
         recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED, channels.AGENT_STATUS))
-        fleet.take_off()
-        fleet.wait_for_formation()
-        time.sleep(SETTLE_S)
         cpu_s = cpu_of_roles(launcher)
         began_s = time.monotonic()
         recorder.start()
-        legs = 0
-        while (left_s := began_s + seconds - time.monotonic()) > 0:
-            tell(f"{vehicles} vehicles: {seconds - left_s:.0f} of {seconds:g} s flown")
-            fleet["h1"].go_to(LEGS_M[legs % len(LEGS_M)])
-            legs += 1
-            time.sleep(min(LEG_S, left_s))
+        fly_legs(
+            fleet,
+            seconds,
+            lambda flown_s: tell(f"{vehicles} vehicles: {flown_s:.0f} of {seconds:g} s flown"),
+        )
         recording = recorder.stop()
         flown_s = time.monotonic() - began_s
         shares = {

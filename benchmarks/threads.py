@@ -6,15 +6,13 @@ The fleet is that of `rcopterx bench scale`. Threads called `app` are Zenoh's; t
 """
 
 import argparse
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rcopterx.benchmarks.scale import LEG_S, LEGS_M, SETTLE_S, fleet_text
-from rcopterx.ground_station.launched import launched
+from rcopterx.benchmarks.scale import fly_legs, in_formation
 
 HORIZON: Final = 50
 LEAST_WAKEUPS_HZ: Final = 0.5
@@ -78,24 +76,14 @@ def threads_of(process: int, proc: Path = PROC) -> dict[int, Usage]:
 
 def measured(vehicles: int, horizon: int, seconds: float) -> dict[str, list[Usage]]:
     """Rates of the threads of each process, by its name, those first that compute most."""
-    with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
-        path = Path(directory) / "scale.toml"
-        path.write_text(fleet_text(vehicles, horizon), encoding="utf-8")
-        with launched(path, record=False) as fleet:
-            assert fleet.launcher is not None
-            fleet.take_off()
-            fleet.wait_for_formation()
-            time.sleep(SETTLE_S)
-            supervisor = fleet.launcher.supervisor
-            processes = {name: pid for name in supervisor.children if (pid := supervisor.pid(name))}
-            before = {name: threads_of(pid) for name, pid in processes.items()}
-            began_s, legs = time.monotonic(), 0
-            while (left_s := began_s + seconds - time.monotonic()) > 0:
-                fleet["h1"].go_to(LEGS_M[legs % len(LEGS_M)])
-                legs += 1
-                time.sleep(min(LEG_S, left_s))
-            flown_s = time.monotonic() - began_s
-            after = {name: threads_of(pid) for name, pid in processes.items()}
+    with in_formation(vehicles, horizon) as (fleet, launcher):
+        supervisor = launcher.supervisor
+        processes = {name: pid for name in supervisor.children if (pid := supervisor.pid(name))}
+        before = {name: threads_of(pid) for name, pid in processes.items()}
+        began_s = time.monotonic()
+        fly_legs(fleet, seconds)
+        flown_s = time.monotonic() - began_s
+        after = {name: threads_of(pid) for name, pid in processes.items()}
     return {name: rates(before[name], after[name], flown_s) for name in processes}
 
 

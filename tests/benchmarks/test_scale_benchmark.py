@@ -45,7 +45,7 @@ def test_the_largest_fleet_is_the_last_one_before_a_period_was_missed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     missed = {2: 0, 4: 0, 6: 3, 8: 0}
-    monkeypatch.setattr(scale, "_measured", lambda path, vehicles, *_: row(vehicles, missed[vehicles]))
+    monkeypatch.setattr(scale, "_measured", lambda vehicles, *_: row(vehicles, missed[vehicles]))
     document = scale.run((8, 2, 6, 4), 30, 1.0, lambda _: None)
     assert document["largest_fleet"] == 4
     assert [run["vehicles"] for run in document["runs"]] == [2, 4, 6, 8]
@@ -55,7 +55,7 @@ def test_the_largest_fleet_is_the_last_one_before_a_period_was_missed(
 def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def fly(path: Path, vehicles: int, *_: object) -> dict[str, Any]:
+    def fly(vehicles: int, *_: object) -> dict[str, Any]:
         if vehicles == 4:
             raise RefusedError("h3 is held")
         return row(vehicles, 0)

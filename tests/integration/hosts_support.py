@@ -29,7 +29,6 @@ from rcopterx.ground_station.fleet import Fleet
 
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010
-STOP_S = 30.0
 FIRST_ROUTER_S = 180.0
 """Kernels may have to be compiled first."""
 START_S = 120.0
@@ -72,9 +71,10 @@ def fleet_on_hosts(
         if certificates:
             make_certificates(load_fleet(path), datetime.now(UTC), days=100)
         for host in names:
-            command = net.python(host, "-m", "rcopterx", "host", str(path), "--host", host)
+            words = ("-m", "rcopterx", "host", str(path), "--host", host)
             run_directory_of(host).mkdir(mode=0o700)
-            stack.enter_context(_started(command, directory / f"host-{host}.log", host))
+            output = stack.enter_context((directory / f"host-{host}.log").open("wb"))
+            stack.enter_context(net.running(host, words, environment_of(host), output))
         fleet = Fleet(load_fleet(path), host=names[0], timeout_s=FIRST_ROUTER_S)
         stack.callback(fleet.close)
         stack.callback(hear_like_other_programs)
@@ -162,21 +162,6 @@ def kill_host(net: Network, host: str) -> None:
     for process in map(int, listed.stdout.split()):
         with suppress(ProcessLookupError):
             os.kill(process, signal.SIGKILL)
-
-
-@contextmanager
-def _started(command: list[str], log: Path, host: str) -> Iterator[None]:
-    with log.open("wb") as output:
-        process = subprocess.Popen(command, stdout=output, stderr=output, env=environment_of(host))
-    try:
-        yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
 
 
 class Steady:
