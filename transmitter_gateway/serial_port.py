@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import math
 import os
@@ -25,6 +26,23 @@ RETRY_S = 0.15
 SILENCE_AFTER_SHORT_WRITE_S = 0.002
 LONGEST_BACKLOG_S = 0.1
 READ_SIZE = 4096
+
+IN_USE = "another program has it"
+REASONS = {
+    errno.EAGAIN: IN_USE,  # locked
+    errno.EBUSY: IN_USE,  # in exclusive mode, for users who are not root
+    errno.ENOENT: "there is no such device; is the adapter plugged in?",
+    errno.EACCES: "no permission; sudo usermod -aG dialout $USER, then log in again",
+}
+"""Why a device cannot be opened, where there is more to say than the operating system does."""
+
+
+def reason_of(error: Exception) -> str:
+    """Why a device cannot be opened, in words for people; the library wraps the system's in its own."""
+    number = error.args[0] if error.args else None
+    if not isinstance(number, int):
+        return str(error)
+    return REASONS.get(number, os.strerror(number))
 
 
 class WriteOutcome(StrEnum):
@@ -87,7 +105,7 @@ class SerialPort:
         try:
             self._serial = self._open()
         except (OSError, termios.error, ValueError) as error:
-            self._lose(f"cannot open {self.path}: {error}", now_s)
+            self._lose(f"cannot open {self.path}: {reason_of(error)}", now_s)
             return False
         self.problem = None
         self._silent_until_s = -math.inf

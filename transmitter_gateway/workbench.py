@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
 from rcopterx.transmitter_gateway.inputs import Answer, LinkState
-from rcopterx.transmitter_gateway.serial_port import SerialPort
+from rcopterx.transmitter_gateway.serial_port import IN_USE, SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.transmitter import (
     AFTER_BIND_S,
@@ -107,8 +107,9 @@ class Workbench(AbstractContextManager["Workbench"]):
         """
         if not self.run(limit_s, self._ready):
             snapshot = self.transmitter.snapshot(self._clock())
-            used = "lock" in snapshot.module
-            hint = "; a gateway uses it: land the fleet and stop it first" if used else ""
+            hint = (
+                "; if it is a gateway, land the fleet and stop it first" if IN_USE in snapshot.module else ""
+            )
             raise WorkbenchError(f"{self.vehicle}: {snapshot.module}{hint}")
         return self.transmitter.snapshot(self._clock()).module
 

@@ -160,7 +160,7 @@ def test_nothing_is_possible_while_a_gateway_has_the_port(
     done = laboratory.run(*words)
     gateway.close()
     assert done.returncode == 1
-    assert "a gateway uses it: land the fleet and stop it first" in done.stderr
+    assert "another program has it; if it is a gateway, land the fleet and stop it first" in done.stderr
     assert not laboratory.frames
 
 

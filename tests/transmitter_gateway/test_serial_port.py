@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import serial
 
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.serial_port import (
@@ -16,6 +17,7 @@ from rcopterx.transmitter_gateway.serial_port import (
     RETRY_S,
     SerialPort,
     WriteOutcome,
+    reason_of,
     set_baud,
 )
 
@@ -98,8 +100,7 @@ def test_missing_device_is_said_and_tried_again(tmp_path: Path) -> None:
     path = tmp_path / "h1"
     port = SerialPort(str(path), LINE)
     assert not port.service(0.0)
-    assert port.problem is not None
-    assert str(path) in port.problem
+    assert port.problem == f"cannot open {path}: there is no such device; is the adapter plugged in?"
     assert port.next_attempt_s == RETRY_S
     assert 0.1 <= RETRY_S <= 0.2
     device = Device(path)
@@ -113,8 +114,21 @@ def test_missing_device_is_said_and_tried_again(tmp_path: Path) -> None:
 def test_a_second_gateway_cannot_open_the_port(device: Device, port: SerialPort) -> None:
     second = SerialPort(str(device.path), LINE)
     assert not second.service(0.0)
-    assert second.problem is not None
+    assert second.problem == f"cannot open {device.path}: another program has it"
     assert port.write_frame(FRAME, 0.0) is WriteOutcome.WRITTEN
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (serial.SerialException(errno.EBUSY, "could not open port"), "another program has it"),
+        (serial.SerialException(errno.EACCES, "could not open port"), "sudo usermod -aG dialout $USER"),
+        (termios.error(errno.EINVAL, "tcsetattr"), "Invalid argument"),
+        (ValueError("not a baud rate"), "not a baud rate"),
+    ],
+)
+def test_why_a_port_cannot_be_opened_is_told_in_words(error: Exception, words: str) -> None:
+    assert words in reason_of(error)
 
 
 def test_parity_the_device_drops_is_a_clear_problem_and_not_a_crash(device: Device) -> None:
