@@ -102,6 +102,7 @@ def calibrate(
     for name, answer in answers.items():
         if answer not in (None, "ok", "reversed"):
             raise typer.BadParameter(f"{answer!r}: allowed are ok, reversed", param_hint=f"--{name}")
+    from rcopterx.commands.fleet_option import user_errors
     from rcopterx.commands.radio_bench import (
         Dialogue,
         asked_signs,
@@ -110,8 +111,12 @@ def calibrate(
         trim_hover,
         workbench,
     )
+    from rcopterx.deploy.fleet_edit import check_own
+    from rcopterx.deploy.fleet_file.shipped import fleet_path
     from rcopterx.deploy.roles.transmitters import calibration_of
 
+    with user_errors():
+        check_own(fleet_path(fleet))
     if {"signs", "throttle"} & set(steps):
         with workbench(fleet, vehicle) as (file, path, bench):
             calibration = calibration_of(file.vehicles[vehicle], vehicle)

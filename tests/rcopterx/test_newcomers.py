@@ -91,6 +91,7 @@ MISTAKES_IN_COMMANDS = {
     "misspelt command": (("take-off",), ("No such command 'take-off'",)),
     "offset of two numbers": (("follow", "h2", "h1", "--offset", "1,2"), ("three numbers",)),
     "own file wanted": (("identify", "h1", "-f", "trio"), ("trio", "copy")),
+    "own file wanted, of a radio": (("calibrate", "h1", "-f", "trio"), ("comes with the package", "copy it")),
 }
 
 
