@@ -54,7 +54,7 @@ def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
     FleetError
         An answer cannot be used, or there is such a file already.
     """
-    text = fleet_file_text(laboratory)
+    text = fleet_file_text(laboratory, path)
     fleet = parse_fleet(text)
     check_fleet(fleet, run_directory(fleet.name, None))
     try:
@@ -64,16 +64,16 @@ def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
         raise FleetError(f"{path}: exists already and is not overwritten") from None
 
 
-def fleet_file_text(laboratory: NewLaboratory) -> str:
-    """The file, with comments that say what to do next."""
+def fleet_file_text(laboratory: NewLaboratory, path: Path) -> str:
+    """The file for this path, with comments that say what to do next."""
     parts = [
         f"""\
 # Fleet of our laboratory. Every key, its unit, its default and its limits: docs/fleet_file.md
 # Next steps, in this order, with the fleet down:
-#     rcopterx bind {laboratory.vehicles[0].name} -f THIS_FILE
-#     rcopterx range-check {laboratory.vehicles[0].name} -f THIS_FILE
-#     rcopterx calibrate {laboratory.vehicles[0].name} -f THIS_FILE
-#     rcopterx up THIS_FILE
+#     rcopterx bind {laboratory.vehicles[0].name} -f {path}
+#     rcopterx range-check {laboratory.vehicles[0].name} -f {path}
+#     rcopterx calibrate {laboratory.vehicles[0].name} -f {path}
+#     rcopterx up {path}
 
 name = {quoted(laboratory.name)}
 

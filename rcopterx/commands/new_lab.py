@@ -1,8 +1,9 @@
 """The first fleet file of a laboratory: looks at what is plugged in and seen, asks the rest, writes it."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -12,6 +13,8 @@ from rcopterx.commands.steer import three
 if TYPE_CHECKING:
     from rcopterx.deploy.new_laboratory import NewVehicle
     from rcopterx.transmitter_gateway.adapters import Adapter
+
+T = TypeVar("T")
 
 LOOK_S = 3.0
 
@@ -42,11 +45,15 @@ def new_lab(
     with user_errors():
         if file.exists():
             raise FleetError(f"{file}: exists already and is not overwritten")
-        address = tracker or _asked("Tracker, HOST:PORT", "127.0.0.1:801")
+        address = tracker or _asked("Tracker, HOST:PORT", "127.0.0.1:801", _address)
         vehicles = [_described(text) for text in vehicle or ()] or _asked_vehicles(address)
         corners = (
-            three(low or _asked("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0")),
-            three(high or _asked("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2")),
+            three(low)
+            if low
+            else _asked("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
+            three(high)
+            if high
+            else _asked("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
         )
         name = re.sub(r"[^a-z0-9_]", "_", file.stem.lower())
         write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicles))
@@ -70,7 +77,7 @@ def _asked_vehicles(address: str) -> "list[NewVehicle]":
     seen = _subjects_of(address)
     adapters = plugged_in()
     _tell("serial adapters", [f"{one.port}  ({one.device}, {one.description})" for one in adapters])
-    wanted = _asked("Subjects that fly, separated by commas", ",".join(seen) or None)
+    wanted = _asked("Subjects that fly, separated by commas", ",".join(seen) or None, str)
     subjects = [text.strip() for text in wanted.split(",") if text.strip()]
     return [
         NewVehicle(f"h{number}", subject, _asked_port(subject, adapters, number))
@@ -82,9 +89,7 @@ def _subjects_of(address: str) -> list[str]:
     """What the Tracker lists now; nothing, and why, if it cannot be asked."""
     from rcopterx.vicon_gateway.client import DataStreamClient
 
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdecimal():
-        raise typer.BadParameter(f"{address!r} is not HOST:PORT", param_hint="--tracker")
+    host, _, port = _address(address).rpartition(":")
     with DataStreamClient(host, int(port)) as client:
         frame = client.next_frame(LOOK_S)
         if frame is None:
@@ -98,9 +103,16 @@ def _subjects_of(address: str) -> list[str]:
     return [one.name for one in frame.subjects]
 
 
+def _address(text: str) -> str:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal():
+        raise typer.BadParameter(f"{text!r} is not HOST:PORT", param_hint="--tracker")
+    return text
+
+
 def _asked_port(subject: str, adapters: "list[Adapter]", number: int) -> str:
     default = adapters[number - 1].port if number <= len(adapters) else None
-    return _asked(f"Serial device of {subject}", default)
+    return _asked(f"Serial device of {subject}", default, str)
 
 
 def _tell(what: str, found: list[str]) -> None:
@@ -109,8 +121,8 @@ def _tell(what: str, found: list[str]) -> None:
         typer.echo(f"    {line}", err=True)
 
 
-def _asked(question: str, default: str | None) -> str:
-    """An answer from the terminal or from a pipe.
+def _asked(question: str, default: str | None, read: Callable[[str], T]) -> T:
+    """An answer from the terminal or from a pipe; asked again until it can be read.
 
     Raises
     ------
@@ -120,6 +132,7 @@ def _asked(question: str, default: str | None) -> str:
     from rcopterx.deploy.fleet_file.schema import FleetError
 
     try:
-        return str(typer.prompt(question, default=default, err=True))
+        answer: T = typer.prompt(question, default=default, err=True, value_proc=read)
     except typer.Abort:
         raise FleetError(f"no answer to {question!r}; give it as an option, see --help") from None
+    return answer

@@ -76,6 +76,25 @@ def test_a_tracker_that_does_not_answer_is_told_and_names_can_be_typed(
     assert (fleet.vehicles["h1"].subject, fleet.vehicles["h1"].transmitter.port) == ("heli7", "/dev/ttyACM0")
 
 
+def test_an_answer_that_cannot_be_read_is_asked_for_again(
+    tmp_path: Path, ports: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ports()
+    monkeypatch.setattr("rcopterx.commands.new_lab.LOOK_S", 0.3)
+    answers = "127.0.0.1\n127.0.0.1:1\nheli7\n/dev/ttyACM0\n-1,-1\n-1,-1,0\nwide\n1,1,2\n"
+    result = new_lab(tmp_path / "lab.toml", answers=answers)
+    assert result.exit_code == 0, result.output
+    for told in ("'127.0.0.1' is not HOST:PORT", "'-1,-1': three numbers", "'wide': three numbers"):
+        assert told in result.stderr
+    assert load_fleet(tmp_path / "lab.toml").volume.min_m == (-1.0, -1.0, 0.0)
+
+
+def test_the_commands_of_its_first_lines_can_be_copied(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    new_lab(path, "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+    assert f"#     rcopterx bind h1 -f {path}\n" in path.read_text(encoding="utf-8")
+
+
 def test_options_answer_everything(tmp_path: Path) -> None:
     result = new_lab(tmp_path / "lab.toml", "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
     assert result.exit_code == 0, result.output
@@ -124,7 +143,9 @@ def test_answers_that_cannot_be_used_are_told_and_nothing_is_written(
 def test_any_name_of_a_subject_survives_the_file(subject: str) -> None:
     corners = ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
     vehicles = [NewVehicle("h1", subject, "/dev/ttyUSB0")]
-    text = fleet_file_text(NewLaboratory("lab", "10.0.0.1:801", *corners, "multi", vehicles))
+    text = fleet_file_text(
+        NewLaboratory("lab", "10.0.0.1:801", *corners, "multi", vehicles), Path("lab.toml")
+    )
     assert parse_fleet(text).vehicles["h1"].subject == subject
 
 
