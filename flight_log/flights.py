@@ -118,8 +118,9 @@ def found_flight(name: str, directory: Path) -> Flight:
     for flight in flights:
         if flight.name == name:
             return flight
-    what = "no flights" if name == NEWEST else f"neither a file nor a flight {name!r}"
-    raise NoFlightError(f"{what} in {directory}; rcopterx flights lists them")
+    if not flights:
+        raise NoFlightError(f"no flights in {directory}; each fleet that is started records one")
+    raise NoFlightError(f"neither a file nor a flight {name!r} in {directory}; rcopterx flights lists them")
 
 
 def too_many(sizes: Iterable[tuple[Path, int]], limit_bytes: int) -> list[Path]:

@@ -40,7 +40,7 @@ def replay(
     speed: Annotated[float, typer.Option(metavar="FACTOR", min=0.01, help="Faster than it was flown.")] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
 ) -> None:
-    """Put a flight log on the bus again for status, top and view, or fly an agent through it once more.
+    """Put a flight log on the bus again for status, top and ground, or fly an agent through it once more.
 
     Exit code 1 if the agent does not do the same again.
     """
@@ -86,7 +86,7 @@ def _republish(flight: "Flight", speed: float) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with router_up(fleet_of(flight.parts)) as address, Session(address, timeout_s=ROUTER_S) as session:
-        typer.echo(f"replaying {flight.name}; rcopterx top and view show it; Ctrl-C ends it", err=True)
+        typer.echo(f"replaying {flight.name}; rcopterx top and ground show it; Ctrl-C ends it", err=True)
         typer.echo(f"{republish(flight.parts, session, speed, stop.wait)} messages")
 
 
