@@ -42,6 +42,8 @@ KILL_REPEAT_S = 0.1
 RETRY_S = 0.1
 DISARM_S = 1.0
 """For the agents to tell that they are disarmed."""
+STATUS_S = 1.0
+"""By then a vehicle has told what it does."""
 STAY_BEHIND_S = 5.0
 """How long everybody is waited for before those that are ready take off without the others."""
 
@@ -331,12 +333,16 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         self.wait_for_status(names := None if names is None else list(names))
         vehicles = [self[name] for name in (self.present() if names is None else names)]
         problems: list[Exception] = []
-        told = []
+        told, refusals = [], {}
         for vehicle in vehicles:
             with _collected(problems):
-                if vehicle.state.airborne or vehicle.state.agent is None:
-                    vehicle.land()
-                told.append(vehicle)
+                try:
+                    if vehicle.state.airborne or vehicle.state.agent is None:
+                        vehicle.land()
+                except RefusedError as refusal:
+                    refusals[vehicle] = refusal
+                else:
+                    told.append(vehicle)
         with _collected(problems):
             self.wait_until(
                 lambda: not any(vehicle.state.airborne for vehicle in told),
@@ -344,6 +350,10 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 "not all vehicles have landed",
                 [vehicle.name for vehicle in told],
             )
+        # Who touched down after its last status has nothing to land.
+        self._notifier.wait_until(lambda: not any(vehicle.state.airborne for vehicle in refusals), STATUS_S)
+        problems += [refusal for vehicle, refusal in refusals.items() if vehicle.state.airborne]
+        told += refusals
         for vehicle in [vehicle for vehicle in told if not vehicle.state.airborne]:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 with _collected(problems):

@@ -14,7 +14,13 @@ from support.waiting import wait_for
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import Arm, Follow, GoTo, Land, TakeOff
-from rcopterx.bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
+from rcopterx.bus.session import (
+    BusAddress,
+    BusUnreachableError,
+    Incoming,
+    RequestFailedError,
+    Session,
+)
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.live_table import COLUMNS, fleet_table
@@ -221,6 +227,24 @@ def test_a_vehicle_that_cannot_be_landed_does_not_keep_the_others_up(
         fleet.land()
     assert phases(vehicles) == ["flying", "ground"]
     assert vehicles["h2"].verbs == ["Land", "Disarm"]
+
+
+def test_who_touched_down_meanwhile_refuses_to_land_and_that_is_no_error(
+    fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(vehicles, fleet, "flying")
+    h1 = vehicles["h1"]
+    h1.refusals["land"] = "nothing to land, the phase is ground"
+    answer = h1.answer
+
+    def touch_down(incoming: Incoming) -> None:
+        h1.phase = "ground"
+        answer(incoming)
+
+    monkeypatch.setattr(h1, "answer", touch_down)
+    fleet.land()
+    assert phases(vehicles) == ["ground", "ground"]
+    assert vehicles["h1"].verbs == ["Land", "Disarm"]
 
 
 def test_an_error_in_a_script_lands_the_fleet(fleet: Fleet, vehicles: Vehicles) -> None:
