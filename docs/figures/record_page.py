@@ -21,6 +21,8 @@ SOFTWARE_RENDERING = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-s
 SIZE = {"width": 1100, "height": 620}
 TAKEN_OFF_S = 12.0
 """From the opening of the page until vehicles fly."""
+REDRAWN_S = 2.0
+"""From a change of the resolution until the scene is drawn with it; it is blank for a moment."""
 SECONDS = 24.0
 FRAME_S = 0.25
 FASTER = 2.0
@@ -40,6 +42,7 @@ def record(address: str) -> list[Image.Image]:
         page.add_style_tag(content=".mantine-Notification-root { display: none }")
         page.wait_for_timeout(1000 * TAKEN_OFF_S)
         page.evaluate(FINE)
+        page.wait_for_timeout(1000 * REDRAWN_S)
         frames = frames_of(page)
         browser.close()
     return frames
