@@ -23,7 +23,7 @@ NOT_TYPED = {
     ". .venv/bin/activate": (INSTALLS, "tests/packaging/test_fresh_clone.py"),
     "make demo": (INSTALLS, "tests/packaging/test_fresh_clone.py"),
     "make test": (INSTALLS, ".ci/run"),
-    "python -m venv lab": (INSTALLS, WHEEL),
+    "python3 -m venv lab": (INSTALLS, WHEEL),
     ". lab/bin/activate": (INSTALLS, WHEEL),
     "pip install rcopterx-*.whl": (INSTALLS, WHEEL),
     "rcopterx demo --no-browser": (INSTALLS, WHEEL),
