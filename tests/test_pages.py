@@ -57,6 +57,23 @@ def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
         assert (page.parent / target).exists(), target
 
 
+OUTSIDE_THE_SITE = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
+"""Pages whose anchors `make docs` does not check."""
+
+
+def anchors_of(page: Path) -> set[str]:
+    """Anchors that GitHub and the documentation site give to the headings of a page."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("name", OUTSIDE_THE_SITE)
+def test_every_anchor_that_a_page_outside_the_site_names_is_a_heading(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    for path, anchor in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", text):
+        assert anchor in anchors_of(ROOT / (path or name)), f"{path}#{anchor}"
+
+
 def test_the_documentation_site_has_every_page_once() -> None:
     named = re.findall(r"([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(named) == [page.name for page in PAGES]
