@@ -102,7 +102,12 @@ def paths_are_there(words: list[str]) -> None:
         assert word.startswith("-") or (ROOT / word.partition("::")[0]).exists(), word
 
 
-OURS = {"make": target_is_there, "python": script_is_there, "pytest": paths_are_there}
+OURS = {
+    "make": target_is_there,
+    "python": script_is_there,
+    "python3": script_is_there,
+    "pytest": paths_are_there,
+}
 
 
 @pytest.mark.parametrize(("command", "complete"), EVERY)
