@@ -206,7 +206,10 @@ class _LifeComparison:
         command, plan = period.command, period.plan
         if command is None or plan is None:
             result.unmatched += 1
-            self._first(step, 0, "input", "the recorded agent controlled here, the replayed one did not")
+            self._first(
+                step, 0, "input",
+                self._lost() or "the recorded agent controlled here, the replayed one did not",
+            )  # fmt: skip
             return
         then = self._life.commands.get((command.lease, command.sequence))
         planned = encode(plan)
@@ -243,12 +246,16 @@ class _LifeComparison:
         samples = plan.samples()
         return min(plans, key=lambda then: _gap(samples, decode(then, Plan).samples()), default=None)
 
+    def _lost(self) -> str:
+        """Why nothing else has to be looked for; empty where all inputs are there."""
+        return f"{self._missing} inputs so far are not in the flight log" if self._missing else ""
+
     def _cause(
         self, step: AgentStep, period: ControlPeriod, plan: Plan, old: Plan, error: Any, gap: float
     ) -> tuple[str, str]:
         """The first stage of the computation that differs, and how."""
-        if self._missing:
-            return "input", f"{self._missing} inputs so far are not in the flight log"
+        if lost := self._lost():
+            return "input", lost
         now, then = period.estimate, step.estimate
         if (plan.epoch, plan.frame) != (old.epoch, old.frame) or now is None or then is None:
             return "input", "the recorded agent did not control in this step"

@@ -1,15 +1,15 @@
 """What a flight log knows of one agent: its steps with what they took in, its commands and its plans."""
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from rcopterx.agents.flight.time_limit import Overtime
 from rcopterx.bus import channels
-from rcopterx.bus.codec import RejectedError, decode
+from rcopterx.bus.codec import RejectedError, decode, encode
 from rcopterx.bus.log_messages import AgentSteps, AnsweredRequest, RoundedEstimate
-from rcopterx.bus.messages import Command, Plan
+from rcopterx.bus.messages import Command, Lease, Plan
 from rcopterx.bus.stepping import REQUEST
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.flight_log.flight_writing import METADATA
@@ -58,6 +58,8 @@ class AgentLife:
         Of all lives, encoded, by the frame they were made for, in order.
     lost_steps
         Messages about steps that are missing.
+    granted
+        The answer, encoded, that gave it its lease, if that was before the first step of the flight log.
     """
 
     life: int
@@ -68,6 +70,7 @@ class AgentLife:
     commands: dict[tuple[int, int], bytes] = field(default_factory=dict)
     plans: dict[Frame, list[bytes]] = field(default_factory=dict)
     lost_steps: int = 0
+    granted: bytes | None = None
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,7 @@ class _Own:
     """What an agent said itself, and what it was asked."""
 
     def __init__(self, vehicle: str) -> None:
+        self.lease_topic = f"{vehicle}/{channels.LEASE.topic}"
         self._topics = {
             f"{vehicle}/{channel.topic}": take
             for channel, take in (
@@ -157,6 +161,10 @@ def _payloads(parts: Iterable[Path], own: _Own) -> dict[tuple[str, int], bytes]:
     wanted = {pair for steps in own.steps for pair in zip(steps.keys, steps.checksums, strict=True)}
     keys = {key for key, _ in wanted}
     found = dict(own.requests)
+    for payload in _answers(own):
+        pair = (own.lease_topic, zlib.crc32(payload))
+        if pair in wanted:
+            found[pair] = payload
     for path in parts:
         for message in messages_of(path):
             if message.topic in keys:
@@ -164,6 +172,34 @@ def _payloads(parts: Iterable[Path], own: _Own) -> dict[tuple[str, int], bytes]:
                 if pair in wanted:
                     found[pair] = message.payload
     return found
+
+
+def _answers(own: _Own) -> Iterator[bytes]:
+    """Every answer that may have given a life of the agent a lease that has commanded.
+
+    A fleet starts all processes at once, so leases may be given before the recorder listens. Nobody
+    commands without one, and a replay would do nothing. The checksum of what the agent took in tells
+    which answer it was.
+    """
+    numbers = {number for number, _ in own.commands}
+    for life in {steps.life for steps in own.steps}:
+        for number in numbers:
+            for commanding in {0, number - 1, number}:
+                yield encode(Lease(agent=life, number=number, commanding=commanding, issued=number))
+
+
+def _granted(own: _Own, life: int, payloads: dict[tuple[str, int], bytes]) -> bytes | None:
+    """The answer that gave a life its lease, if it can only be one."""
+    given = {
+        lease.number: lease.agent
+        for (key, _), payload in payloads.items()
+        if key == own.lease_topic and (lease := decode(payload, Lease)).number
+    }
+    numbers = [number for number in {number for number, _ in own.commands} if given.get(number, life) == life]
+    if len(numbers) != 1:
+        return None
+    (number,) = numbers
+    return encode(Lease(agent=life, number=number, commanding=number, issued=number))
 
 
 def _lives(own: _Own, payloads: dict[tuple[str, int], bytes]) -> tuple[AgentLife, ...]:
@@ -179,6 +215,7 @@ def _lives(own: _Own, payloads: dict[tuple[str, int], bytes]) -> tuple[AgentLife
                 steps.replies,
                 commands=own.commands,
                 plans=own.plans,
+                granted=_granted(own, steps.life, payloads) if steps.number > 0 else None,
             )
         life.lost_steps += steps.number - numbers.get(steps.life, steps.number - 1) - 1
         numbers[steps.life] = steps.number

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
-from rcopterx.bus.channels import Channel
+from rcopterx.bus.channels import LEASE, Channel
 from rcopterx.bus.codec import decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, RecallReply, Reply, Request
@@ -60,6 +60,7 @@ class ReplayBus:
         self.missing = 0
         self._published = published
         self._now_s = life.began_s
+        self._granted = life.granted
         self._replies = list(life.replies)
         self._subscriptions: list[_One | _Units] = []
         self._requests: list[Incoming] = []
@@ -118,6 +119,8 @@ class ReplayBus:
         """See `StepBus.subscribe`."""
         del waking
         one = _One(channel, unit, depth)
+        if channel is LEASE and self._granted is not None:
+            one.store(unit, self._granted, self._now_s)
         self._subscriptions.append(one)
         return one.inbox
 

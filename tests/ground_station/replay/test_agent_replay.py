@@ -1,6 +1,6 @@
 """Promises of replays: an agent does the same again, and what differs first is told with its cause."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +12,13 @@ from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
 from rcopterx.agents.flight.time_limit import TimeLimit
 from rcopterx.agents.process import Agent
 from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.log_messages import AgentSteps
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Plan, Pose
 from rcopterx.deploy.roles.agent import pilot_of
-from rcopterx.flight_log.mcap_reading import FlightLogError
+from rcopterx.flight_log.mcap_reading import FlightLogError, messages_of
+from rcopterx.flight_log.mcap_writing import LoggedMessage
+from rcopterx.ground_station.replay import recorded_agent as recorded_agent_module
 from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, control_periods
 from rcopterx.ground_station.replay.agent_replay import replay as replayed
 from rcopterx.ground_station.replay.recorded_agent import AgentStep, RecordedAgent, StepInput, recorded_agent
@@ -108,6 +111,39 @@ def test_an_input_that_the_log_has_lost_is_told_as_the_cause(follower: RecordedA
     assert result.first is not None
     assert result.first.cause == "input"
     assert result.missing_inputs == 1
+
+
+def heard_late(monkeypatch: pytest.MonkeyPatch, lost: Callable[[LoggedMessage], bool]) -> RecordedAgent:
+    """What is known of h2 by a recorder that did not listen yet when some messages were sent."""
+    monkeypatch.setattr(
+        recorded_agent_module,
+        "messages_of",
+        lambda *arguments: (message for message in messages_of(*arguments) if not lost(message)),
+    )
+    return recorded_agent([FLIGHT], "h2")
+
+
+def test_a_lease_given_before_the_recorder_listened_is_known_by_its_checksum(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recorded = heard_late(monkeypatch, lambda message: message.topic == "h2/lease")
+    result = replayed(recorded, recorded.fleet, TOLERANCE)
+    assert result.first is None
+    assert result.identical == result.periods > 100
+
+
+def test_an_agent_whose_first_steps_are_lost_flies_with_the_lease_of_its_commands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def lost(message: LoggedMessage) -> bool:
+        if message.topic == "h2/lease":
+            return True
+        return message.topic == "h2/steps" and decode(message.payload, AgentSteps).number < 2
+
+    recorded = heard_late(monkeypatch, lost)
+    result = replayed(recorded, recorded.fleet, TOLERANCE)
+    assert result.notes == ["the recording begins after the start of the agent"]
+    assert result.periods > 100
 
 
 def test_another_controller_tells_what_it_would_have_commanded(follower: RecordedAgent) -> None:
