@@ -107,14 +107,20 @@ def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: b
     if as_json:
         typer.echo(json.dumps(asdict(result), indent=2))
     else:
-        typer.echo("\n".join(_lines(result, same)))
+        typer.echo("\n".join(_lines(result, _rule(same, changes))))
     if not changes and (result.first is not None or not result.periods):
         raise typer.Exit(EXIT_FAILED)
 
 
-def _lines(result: "Comparison", same: bool) -> list[str]:
+def _rule(same: bool, changes: dict[str, Any]) -> str:
+    """What the comparison is about."""
+    if changes:
+        return "flown by " + ", ".join(f"{name}={value}" for name, value in changes.items())
+    return "must be the same to the last bit" if same else "another computer: small differences are allowed"
+
+
+def _lines(result: "Comparison", rule: str) -> list[str]:
     rms = ", ".join(f"{value:.3g}" for value in result.rms_input)
-    rule = "must be the same to the last bit" if same else "another computer: small differences are allowed"
     factor = result.flown_s / result.took_s if result.took_s else 0.0
     lines = [
         f"{result.vehicle}: {result.periods} control periods in {result.flown_s:.1f} s, "
