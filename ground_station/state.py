@@ -182,7 +182,7 @@ def tracker_problems(
     if status is None or age_s is None or age_s > stale_s:
         return [f"Vicon gateway not responding{_since(age_s)}"]
     if status.state != "up":
-        return [f"Tracker: {status.trying}"]
+        return [f"Tracker: {status.trying}; does it run, and stream at tracker.address?"]
     listed = ", ".join(repr(subject.subject) for subject in status.subjects if subject.listed)
     found = []
     for subject in status.subjects:

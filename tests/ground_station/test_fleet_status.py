@@ -97,7 +97,7 @@ def test_a_vehicle_that_is_covered_is_told_with_the_time_since_it_was_seen(
     [
         (None, None, ["Vicon gateway not responding"]),
         (tracker(), 2.0, ["Vicon gateway not responding for 2.0 s"]),
-        (tracker("connecting"), 0.1, ["Tracker: is silent"]),
+        (tracker("connecting"), 0.1, ["Tracker: is silent; does it run, and stream at tracker.address?"]),
         (tracker(), 0.1, []),
         (tracker("up", SubjectState(subject="box", listed=False)), 0.1, []),
         (tracker("up", SubjectState(subject="x", vehicle="h9", listed=False)), 0.1, []),
@@ -168,7 +168,10 @@ def test_a_tracker_that_gives_no_frames_is_named_first(
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     with Fleet(parse_fleet(fleet_file_text(bus_address))) as fleet, scripted(join(), tracker="connecting"):
         wait_for(lambda: fleet.tracker.latest() is not None, "the Vicon gateway does not speak")
-        assert fleet.problems()[0] == "Tracker: is silent [/dev/null]"
+        assert (
+            fleet.problems()[0]
+            == "Tracker: is silent [/dev/null]; does it run, and stream at tracker.address?"
+        )
 
 
 def test_restarts_hangs_and_a_watchdog_that_is_off_are_remarks() -> None:

@@ -267,7 +267,9 @@ class MultiProtocol(RadioProtocol):
             settled = now_s - self._opened_s >= MODULE_SILENT_S
             return ModuleStatus(settled, False, "no answer line, assumed ready" if settled else "settling")
         if self._answered is None:
-            return ModuleStatus(False, False, "no answer from the module yet")
+            return ModuleStatus(
+                False, False, "no answer from the module yet; check power, wiring and polarity"
+            )
         if now_s - self._answered_s > MODULE_SILENT_S:
             return ModuleStatus(False, False, f"module gone: silent for {now_s - self._answered_s:.1f} s")
         return self._answered
