@@ -118,7 +118,7 @@ def found_flight(name: str, directory: Path) -> Flight:
     for flight in flights:
         if flight.name == name:
             return flight
-    if not flights:
+    if name == NEWEST:
         raise NoFlightError(f"no flights in {directory}; each fleet that is started records one")
     raise NoFlightError(f"neither a file nor a flight {name!r} in {directory}; rcopterx flights lists them")
 
