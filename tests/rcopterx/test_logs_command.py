@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.bus import own_address
 from support.fleets import PAIR
 from typer.testing import CliRunner
 
@@ -13,7 +14,8 @@ from rcopterx.deploy.run_directory import run_directory
 @pytest.fixture
 def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "run"))
-    (tmp_path / "lab.toml").write_text(PAIR)
+    port = own_address().endpoints[0].rpartition(":")[2]
+    (tmp_path / "lab.toml").write_text(f"{PAIR}\n[hosts.main]\nrouter_port = {port}\n")
     logs = run_directory("lab", None) / "log"
     (logs / "agent-h2.log").write_text("2026-11-22T03:00:02.000Z INFO second\n")
     (logs / "tracker.log").write_text("2026-11-22T03:00:01.000Z INFO first\n")
