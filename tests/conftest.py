@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
-from support.bus import router
+from support.bus import patient_links, router
+from support.waiting import DEADLINE_S
 
 from rcopterx.bus.session import BusAddress, Session
 
@@ -22,7 +23,7 @@ settings.load_profile("repeatable")
 @pytest.fixture
 def bus_address() -> Iterator[BusAddress]:
     """Address of a running router that only this test uses."""
-    with router() as address:
+    with patient_links(), router() as address:
         yield address
 
 
@@ -32,7 +33,7 @@ def join(bus_address: BusAddress) -> Iterator[Callable[..., Session]]:
     with ExitStack() as stack:
 
         def opened(**options: Any) -> Session:
-            return stack.enter_context(Session(bus_address, **options))
+            return stack.enter_context(Session(bus_address, **{"timeout_s": DEADLINE_S} | options))
 
         yield opened
 

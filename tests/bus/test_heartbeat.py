@@ -43,7 +43,7 @@ def test_a_supervisor_sees_the_beats_and_the_phase_of_a_process() -> None:
             assert process.stdout.readline() == "done\n"
             assert (page.beats, page.phase) == (beats, phase)
         process.stdin.close()
-        assert process.wait(10) == 0
+        assert process.wait(60) == 0
     assert (page.beats, page.phase) == (3, Phase.ENDING)
 
 

@@ -17,7 +17,7 @@ class Connection:
         listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         self.near = stack.enter_context(socket.create_connection(listener.getsockname()))
         self.far = stack.enter_context(listener.accept()[0])
-        self.far.settimeout(2.0)
+        self.far.settimeout(60.0)
         self.link = RouterLink("b0", self.near.getsockname(), self.near.getpeername())
 
 

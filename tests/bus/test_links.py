@@ -3,21 +3,22 @@
 import select
 import socket
 import threading
-import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
 import zenoh
-from support.bus import FLEET, free_port
+from support.bus import FLEET, free_port, patient_links
+from support.waiting import DEADLINE_S, PatientClock, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.endpoints import router_config
 from rcopterx.bus.links import LinkService, open_links
 from rcopterx.bus.session import BusAddress, Session
 
-LIMIT_S = 20.0
+# A watch takes a stall for its own sleep and judges nothing; a few readings are less than that.
+READING_S = 0.02
 
 
 class Line:
@@ -69,13 +70,6 @@ class Line:
                         return
 
 
-def wait(condition: Callable[[], bool], what: str) -> None:
-    give_up_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < give_up_s, what
-        time.sleep(0.01)
-
-
 class Linked:
     """Routers of hosts `a` and `b` in this process; `b` dials `a` through a line."""
 
@@ -93,10 +87,13 @@ class Linked:
         for router in self.routers.values():
             stack.callback(router.close)
         for host, other in ("ab", "ba"):
-            stack.callback(LinkService(self.routers[host], FLEET, host, [other]).close)
+            clock = PatientClock(READING_S)
+            stack.callback(LinkService(self.routers[host], FLEET, host, [other], clock).close)
         addresses = (("a", port), ("b", other_port))
         self.sessions = {
-            host: stack.enter_context(Session(BusAddress((f"tcp/127.0.0.1:{own}",), FLEET, namespace)))
+            host: stack.enter_context(
+                Session(BusAddress((f"tcp/127.0.0.1:{own}",), FLEET, namespace), timeout_s=DEADLINE_S)
+            )
             for host, own in addresses
         }
         self._status = {
@@ -114,19 +111,20 @@ class Linked:
 
 @pytest.fixture
 def linked() -> Iterator[Linked]:
-    with ExitStack() as stack:
+    # It is for the watch to find out which links carry nothing.
+    with patient_links(), ExitStack() as stack:
         yield Linked(stack)
 
 
 def test_a_link_that_carries_one_direction_only_is_opened_again(linked: Linked) -> None:
-    wait(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the routers are not linked")
+    wait_for(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the routers are not linked")
     assert linked.line.silence_answers() > 0
     # Each status has to cross the link to be heard here, so both directions carry again.
-    wait(lambda: linked.told("a", "b")[1] + linked.told("b", "a")[1] > 0, "nobody closed the link")
-    wait(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the link was not opened again")
+    wait_for(lambda: linked.told("a", "b")[1] + linked.told("b", "a")[1] > 0, "nobody closed the link")
+    wait_for(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the link was not opened again")
 
 
 def test_clients_of_a_router_are_no_links_to_other_routers(linked: Linked) -> None:
-    wait(lambda: len(open_links(linked.routers["a"])) == 1, "the routers are not linked")
+    wait_for(lambda: len(open_links(linked.routers["a"])) == 1, "the routers are not linked")
     (link,) = open_links(linked.routers["a"])
     assert link.router == str(linked.routers["b"].zid())

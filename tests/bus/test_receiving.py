@@ -1,7 +1,6 @@
 """Promises of callbacks on Zenoh's threads and of what they wake."""
 
 import threading
-import time
 from collections.abc import Callable
 
 from support.waiting import wait_for
@@ -35,9 +34,7 @@ def test_a_loop_is_woken_once_however_often_it_was_asked_to_wake() -> None:
     wake = Wake()
     for _ in range(3):
         wake.set()
-    begun_s = time.monotonic()
-    wake.wait(60.0)
-    assert time.monotonic() - begun_s < 30.0
+    assert wake.wait(0.0)
     assert not wake.wait(0.0)
 
 
@@ -46,5 +43,5 @@ def test_a_loop_that_waits_is_woken_by_another_thread() -> None:
     waiting = threading.Thread(target=lambda: woken.append(wake.wait(60.0)), daemon=True)
     waiting.start()
     wake.set()
-    waiting.join(30.0)
+    waiting.join(60.0)
     assert woken == [True]

@@ -12,13 +12,13 @@ import msgpack
 import pytest
 import zenoh
 from support.bus import Child, RouterProcess, answering, own_address, raw_put, raw_session
-from support.waiting import FakeClock, wait_for
+from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Kill, Pose, SetPoint
-from rcopterx.bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply
-from rcopterx.bus.session import BusAddress, BusUnreachableError, RequestFailedError, Session
+from rcopterx.bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply, Request
+from rcopterx.bus.session import BusAddress, BusUnreachableError, Incoming, RequestFailedError, Session
 from rcopterx.bus.subscription import Inbox
 
 Join = Callable[..., Session]
@@ -27,7 +27,7 @@ ALIVE_CODE = """
 import json, sys, threading
 from rcopterx.bus.session import BusAddress, Session
 table = json.loads(sys.argv[1])
-session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]))
+session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]), timeout_s=60.0)
 session.announce("h7", "agent")
 print("ready", flush=True)
 threading.Event().wait()
@@ -39,7 +39,7 @@ import json, sys
 from rcopterx.bus import channels
 from rcopterx.bus.session import BusAddress, Session
 table = json.loads(sys.argv[1])
-session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]))
+session = Session(BusAddress(tuple(table["endpoints"]), table["fleet"], table["namespace"]), timeout_s=60.0)
 inbox = session.subscribe_all(channels.POSE)
 """
 
@@ -66,7 +66,7 @@ def answer_of(asker: Session, unit: str, request: Lead | Land | GoTo | Recall | 
 
     def asked() -> bool:
         try:
-            replies.append(asker.request(unit, request))
+            replies.append(asker.request(unit, request, timeout_s=DEADLINE_S))
         except RequestFailedError as error:
             problems.append(str(error))
             return False
@@ -191,7 +191,8 @@ def test_a_tap_hears_every_unit_undecoded_and_survives_strange_keys(
 
 
 def test_namespaces_keep_fleets_apart(join: Join, bus_address: BusAddress) -> None:
-    with Session(BusAddress(bus_address.endpoints, bus_address.fleet, "another")) as other:
+    another = BusAddress(bus_address.endpoints, bus_address.fleet, "another")
+    with Session(another, timeout_s=DEADLINE_S) as other:
         receiver, sender = join(), join()
         inbox, foreign = receiver.subscribe(channels.POSE, "h1"), other.subscribe(channels.POSE, "h1")
         arrives(sender, inbox, 1)
@@ -245,7 +246,7 @@ def test_a_session_serves_several_units_and_verbs(join: Join) -> None:
 
 def test_a_request_nobody_serves_fails_at_once_and_says_so(join: Join) -> None:
     with pytest.raises(RequestFailedError, match="nobody serves land for h9"):
-        join().request("h9", Land())
+        join().request("h9", Land(), timeout_s=DEADLINE_S)
 
 
 def test_a_request_of_a_closed_session_fails_in_words(join: Join) -> None:
@@ -263,7 +264,24 @@ def test_a_request_that_is_not_answered_in_time_fails_says_so_and_is_not_repeate
     for _ in range(40):
         with pytest.raises(RequestFailedError, match="h1 did not answer land"):
             asker.request("h1", Land(), timeout_s=0.02)
-    assert len(server.pending()) == 40
+    arrived: list[Incoming] = []
+
+    def all_arrived() -> bool:
+        arrived.extend(server.pending())
+        return len(arrived) >= 40
+
+    wait_for(all_arrived, "not every request arrives")
+    later: list[Request] = []
+
+    def reply(request: Request) -> Reply:
+        later.append(request)
+        return Reply(accepted=True)
+
+    with answering(server, reply):
+        answer_of(asker, "h1", Lead())
+    # What was sent before arrives before.
+    assert len(arrived) == 40
+    assert later == [Lead()]
 
 
 def test_an_answer_that_comes_too_late_does_no_harm(join: Join) -> None:
@@ -273,11 +291,17 @@ def test_an_answer_that_comes_too_late_does_no_harm(join: Join) -> None:
         answer_of(asker, "h1", Lead())
     with pytest.raises(RequestFailedError):
         asker.request("h1", Land(), timeout_s=0.05)
-    late = server.pending()
+    late: list[Incoming] = []
+
+    def arrived() -> bool:
+        late.extend(server.pending())
+        return bool(late)
+
+    wait_for(arrived, "the request does not arrive")
     assert [type(incoming.request) for incoming in late] == [Land]
     late[0].answer(Reply(accepted=True))
     with answering(server, lambda _: Reply(accepted=True)):
-        assert asker.request("h1", Land()).accepted
+        assert asker.request("h1", Land(), timeout_s=DEADLINE_S).accepted
 
 
 @pytest.mark.parametrize("payload", [b"", b"garbage", msgpack.packb({"set_point": {"position_m": [1, 2]}})])
@@ -291,7 +315,7 @@ def test_a_malformed_request_is_refused_with_the_reason_and_never_handled(
     with raw_session(bus_address) as stranger:
 
         def refused() -> bool:
-            replies = list(stranger.get(key, payload=payload, timeout=1.0))
+            replies = list(stranger.get(key, payload=payload, timeout=DEADLINE_S))
             texts.extend(reply.err.payload.to_bytes().decode() for reply in replies if reply.err is not None)
             return bool(texts)
 
@@ -307,7 +331,7 @@ def test_a_process_that_handles_nothing_turns_further_requests_away(
     server, asking = join(), join()
     server.serve("h1", ["land"])
     with pytest.raises(RequestFailedError, match="land: 0 requests are waiting already"):
-        asking.request("h1", Land(), patience_s=5.0)
+        asking.request("h1", Land(), timeout_s=DEADLINE_S, patience_s=DEADLINE_S)
     assert server.pending() == []
 
 
@@ -326,7 +350,7 @@ def test_a_malformed_answer_fails_the_request_and_nothing_else_is_raised(
 
         def answered_wrongly() -> bool:
             with pytest.raises(RequestFailedError) as caught:
-                asker.request("h1", Land())
+                asker.request("h1", Land(), timeout_s=DEADLINE_S)
             return "h1 answered land with nonsense" in str(caught.value)
 
         wait_for(answered_wrongly, "the malformed answer does not arrive")
@@ -358,7 +382,10 @@ def test_sessions_see_each_other_again_after_the_router_was_killed() -> None:
     router = RouterProcess(address)
     try:
         router.wait_ready()
-        with Session(address) as receiver, Session(address) as sender:
+        with (
+            Session(address, timeout_s=DEADLINE_S) as receiver,
+            Session(address, timeout_s=DEADLINE_S) as sender,
+        ):
             inbox = receiver.subscribe(channels.POSE, "h1")
             receiver.serve("h1", ["land"])
             receiver.announce("h1", "agent")
@@ -391,7 +418,7 @@ def test_a_router_ends_cleanly_when_it_is_asked_to() -> None:
 def test_an_endpoint_that_is_not_there_does_not_keep_a_session_from_the_next(bus_address: BusAddress) -> None:
     missing = ("unixsock-stream//nowhere/router.sock", own_address().endpoints[0])
     address = BusAddress((*missing, *bus_address.endpoints), bus_address.fleet, bus_address.namespace)
-    with Session(address, timeout_s=10.0) as session:
+    with Session(address, timeout_s=DEADLINE_S) as session:
         assert session.connected()
 
 
@@ -399,7 +426,7 @@ def test_a_session_waits_for_a_router_that_is_being_started() -> None:
     address = own_address()
     router = RouterProcess(address)
     try:
-        with Session(address, timeout_s=10.0) as session:
+        with Session(address, timeout_s=DEADLINE_S) as session:
             assert session.connected()
     finally:
         router.end()
@@ -414,6 +441,6 @@ def test_a_program_that_never_left_the_bus_ends_without_a_word(bus_address: BusA
 
 
 def test_leaving_the_bus_twice_is_leaving_it_once(bus_address: BusAddress) -> None:
-    with Session(bus_address) as session:
+    with Session(bus_address, timeout_s=DEADLINE_S) as session:
         session.close()
         session.close()

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 from support.bus import answering
-from support.waiting import FakeClock, wait_for
+from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import decode, encode
@@ -162,7 +162,7 @@ def test_requests_are_inputs_and_replies_are_told(join: Join) -> None:
     stepped, other, sent = SteppedSession(join()), join(), []
     other.serve("h1", ["recall"])
     with answering(other, lambda _: RecallReply(accepted=True, age_s=2.0)):
-        reply = stepped.request("h1", Recall(vehicle="h1"), patience_s=5.0)
+        reply = stepped.request("h1", Recall(vehicle="h1"), timeout_s=DEADLINE_S, patience_s=DEADLINE_S)
     stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
     stepped.begin_step()
     stepped.end_step("h1", 16 * [0.0])

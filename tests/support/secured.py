@@ -1,7 +1,6 @@
 """A fleet with certificates on two hosts: their routers in this process, and clients of all kinds."""
 
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
@@ -18,9 +17,8 @@ from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.router import protection_of
-from support.bus import free_port
-
-ARRIVAL_S = 5.0
+from support.bus import free_port, patient_links
+from support.waiting import DEADLINE_S, wait_for
 
 
 def secured_fleet(directory: Path) -> FleetFile:
@@ -75,7 +73,9 @@ class SecuredBus:
         """Files of a certificate of the fleet."""
         return credentials(self.directory / "certificates", name)
 
-    def client(self, endpoint: str, shown: Credentials | None = None, within_s: float = 5.0) -> zenoh.Session:
+    def client(
+        self, endpoint: str, shown: Credentials | None = None, within_s: float = DEADLINE_S
+    ) -> zenoh.Session:
         """A Zenoh client without any of our checks.
 
         Raises
@@ -110,7 +110,7 @@ class SecuredBus:
         mark = key("lab", "second", LAUNCHER_EVENT.topic)
         self.local["second"].put(mark, b"")
         with self._changed:
-            assert self._changed.wait_for(lambda: mark in self._heard, ARRIVAL_S), "the mark is lost"
+            assert self._changed.wait_for(lambda: mark in self._heard, DEADLINE_S), "the mark is lost"
 
     def _hear(self, sample: zenoh.Sample) -> None:
         with self._changed:
@@ -125,10 +125,7 @@ class SecuredBus:
         session.declare_queryable(on_key, Callback(answer, indirect=False), complete=True)
 
     def _wait_linked(self) -> None:
-        give_up_s = time.monotonic() + ARRIVAL_S
-        while len(identified(self.local["main"])) < 2:
-            assert time.monotonic() < give_up_s, "the routers are not linked"
-            time.sleep(0.01)
+        wait_for(lambda: len(identified(self.local["main"])) == 2, "the routers are not linked")
 
     def _open(self, config: zenoh.Config) -> zenoh.Session:
         session = zenoh.open(config)
@@ -138,12 +135,12 @@ class SecuredBus:
 
 def identified(session: zenoh.Session) -> list[str]:
     """Who answers when everybody is asked who he is."""
-    replies = session.get(request_key("*", "*", "identify"), timeout=ARRIVAL_S, target=zenoh.QueryTarget.ALL)
+    replies = session.get(request_key("*", "*", "identify"), timeout=DEADLINE_S, target=zenoh.QueryTarget.ALL)
     return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
 
 @contextmanager
 def secured_bus() -> Iterator[SecuredBus]:
     """Two routers with certificates, for as long as the block lasts."""
-    with TemporaryDirectory(prefix="rx-") as directory, ExitStack() as stack:
+    with TemporaryDirectory(prefix="rx-") as directory, patient_links(), ExitStack() as stack:
         yield SecuredBus(stack, Path(directory))
