@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+from support.waiting import DEADLINE_S
 
 from rcopterx.simulator.faults import (
     Delay,
@@ -23,7 +24,6 @@ from rcopterx.vicon_gateway.objects import FrameInfo, decode_body
 from rcopterx.vicon_gateway.recording import RecordedConnection
 from rcopterx.vicon_gateway.wire import PacketReader
 
-DEADLINE_S = 20.0
 STREAM = packet(ObjectEnums(frozenset({1, 2, 5, 9, 26, 100004})), RequestFrame(True))
 HELI = TrackedBody("heli1", (1.0, 2.0, 3.0))
 

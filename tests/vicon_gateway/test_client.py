@@ -4,7 +4,8 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from tracker_bench import BODIES, DEADLINE_S, PATIENT, QUICK, Bench
+from support.waiting import DEADLINE_S
+from tracker_bench import BODIES, PATIENT, QUICK, Bench
 
 from rcopterx.simulator.faults import Close
 from rcopterx.simulator.tracker_frame import PROFILES
@@ -104,7 +105,8 @@ def test_other_server_on_the_port_is_told_apart(listener: socket.socket) -> None
 
 def test_server_that_says_nothing_is_given_up(listener: socket.socket) -> None:
     with client_of(listener, connect_s=0.1) as client:
-        run_until(client, lambda: client.state.last_error is not None)
+        run_until(client, lambda: client.state.name == "negotiating")
+        run_until(client, lambda: client.state.name != "negotiating")
         assert client.state.last_error == "connected, but no offer within 0.1 s: not a DataStream server?"
 
 
@@ -121,8 +123,10 @@ def test_server_without_poses_is_refused_by_name(listener: socket.socket) -> Non
 def test_server_without_frames_is_given_up() -> None:
     with Bench(QUICK._replace(connect_s=0.2)) as bench:
         bench.publishing = False
-        bench.run_until(lambda: bench.client.state.connects >= 2)
+        bench.run_until(lambda: bench.client.state.name == "negotiating")
+        bench.run_until(lambda: bench.client.state.name != "negotiating")
         assert bench.client.state.last_error == "no frame with segments within 0.2 s after the selection"
+        bench.run_until(lambda: bench.client.state.connects >= 2)
 
 
 def test_host_that_cannot_be_found_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,7 +166,7 @@ def test_caller_that_pauses_gets_the_newest_frame() -> None:
     with Bench(PATIENT) as bench:
         bench.run_frames(2)
         bench.publishing = False
-        bench.client.next_frame(0.05)
+        bench.client.next_frame(0.005)
         before = bench.client.state.skipped
         for _ in range(50):
             bench.publish()

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from datastream_strategies import float32
-from tracker_bench import DEADLINE_S, PATIENT
+from support.waiting import DEADLINE_S
+from tracker_bench import PATIENT
 
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tracker_bench import PATIENT, QUICK, Bench
+from support.waiting import DEADLINE_S, PatientClock
+from tracker_bench import PATIENT, READING_S, Bench
 
 from rcopterx.simulator.faults import Close
 from rcopterx.simulator.tracker import TrackerServer
@@ -100,9 +101,10 @@ def test_session_recorded_from_one_tracker_is_replayed_by_another(tmp_path: Path
         sessions = connections(read_records(source))
     assert len(sessions) == 2
     replayed = []
-    with TrackerServer(port=0, replay=sessions) as server:
-        with DataStreamClient(*server.address, limits=QUICK) as client:
-            deadline_s = time.monotonic() + 20.0
+    clock = PatientClock(READING_S)
+    with TrackerServer(port=0, replay=sessions, clock=clock) as server:
+        with DataStreamClient(*server.address, limits=PATIENT, clock=clock) as client:
+            deadline_s = time.monotonic() + DEADLINE_S
             while client.state.connects < 3 and time.monotonic() < deadline_s:
                 server.poll()
                 frame = client.next_frame(0.0005)
