@@ -1,5 +1,6 @@
 """Keeps the processes of a host running: starts them in order, restarts what dies, stops them in order."""
 
+import math
 import os
 import selectors
 import signal
@@ -67,7 +68,7 @@ class Child:
     take_over: bool = False
     """Whether it begins by taking over from an agent that flies its vehicle elsewhere."""
     leaving_since_s: float | None = None
-    """When it was asked to end, if it was."""
+    """When it was asked to end, if it was; infinite once it is killed."""
     verdict: Hung | None = None
     """Why the watchdog ended it, until that is told."""
     events: Counter[str] = field(default_factory=Counter)
@@ -197,9 +198,11 @@ class Supervisor:
             A line per event, for the user.
         """
         now = self._clock()
-        lines = self._prepare_forks()
-        if all(now - child.started_s > SETTLED_S for child in self.children.values()):
-            self._prepare_spares(now)
+        lines = []
+        if any(child.wanted for child in self.children.values()):
+            lines += self._prepare_forks()
+            if all(now - child.started_s > SETTLED_S for child in self.children.values()):
+                self._prepare_spares(now)
         lines += self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
@@ -290,6 +293,8 @@ class Supervisor:
         elif self._clock() - child.leaving_since_s > STOP_LIMIT_S:
             child.events["killed_at_stop"] += 1
             child.process.kill()
+            # Once is enough, however many looks it takes until its death is seen.
+            child.leaving_since_s = math.inf
 
     def _on_death(self, name: str) -> str:
         child = self.children[name]

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.waiting import DEADLINE_S, FakeClock, wait_for
+from support.waiting import DEADLINE_S, FakeClock, PatientClock, wait_for
 
 import rcopterx.deploy.supervisor
 from rcopterx.deploy.forking import ForkServer
@@ -35,7 +35,9 @@ from rcopterx.deploy.watchdog import WatchdogLimits
 
 SLEEPS = "exec sleep 600"
 DIES = "exit 3"
-LIMITS = WatchdogLimits(flight_s=0.5, floor_s=0.5, start_s=30.0)
+# Of the clock, shorter than what a watchdog takes for a stall of its own.
+READING_S = 0.02
+LIMITS = WatchdogLimits(flight_s=0.5, floor_s=0.5, start_s=60.0)
 BEATS = """
 import mmap, os, sys, time
 words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")
@@ -78,7 +80,8 @@ def supervise(tmp_path: Path) -> Iterator[Supervise]:
     with ExitStack() as stack:
 
         def build(*specs: Fake, **options: Any) -> Supervisor:
-            supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, ForkServer(), **options)
+            forks = ForkServer(clock=options.get("clock", time.monotonic))
+            supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, forks, **options)
             stack.callback(supervisor.stop_all)
             return supervisor
 
@@ -188,7 +191,9 @@ def test_pauses_grow_up_to_a_limit(deaths: int) -> None:
     assert (pause_s == 0) == (deaths < QUICK_RESTARTS)
 
 
-def test_processes_are_stopped_group_by_group(supervise: Supervise, tmp_path: Path) -> None:
+def test_processes_are_stopped_group_by_group(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     journal = tmp_path / "journal"
 
     def writes(name: str) -> str:
@@ -201,6 +206,7 @@ def test_processes_are_stopped_group_by_group(supervise: Supervise, tmp_path: Pa
     supervisor = supervise(*(fake(name, writes(name), order) for name, order in orders.items()))
     supervisor.start_all()
     wait_for(lambda: journal.exists() and journal.read_text().count("start") == 5, "not all are ready")
+    monkeypatch.setattr(rcopterx.deploy.supervisor, "STOP_LIMIT_S", DEADLINE_S)
     supervisor.stop_all()
     assert supervisor.running() == []
     stops = [line.removeprefix("stop ") for line in journal.read_text().splitlines() if "stop" in line]
@@ -211,12 +217,17 @@ def test_processes_are_stopped_group_by_group(supervise: Supervise, tmp_path: Pa
 def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
     supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rcopterx.deploy.supervisor, "STOP_LIMIT_S", 0.1)
     ready = tmp_path / "ready"
     stubborn = f'trap "" TERM; touch {ready}; while :; do sleep 0.02; done'
-    supervisor = supervise(fake("stubborn", stubborn), fake("polite"))
+
+    def clock() -> float:
+        """Time goes on once the polite one has ended, however long that takes."""
+        return 0.0 if supervisor.children["polite"].last_exit is None else 2.0 * DEADLINE_S
+
+    supervisor = supervise(fake("polite"), fake("stubborn", stubborn), clock=clock)
     supervisor.start_all()
     wait_for(ready.exists, "not ready")
+    monkeypatch.setattr(rcopterx.deploy.supervisor, "STOP_LIMIT_S", DEADLINE_S)
     supervisor.stop_all()
     assert supervisor.running() == []
     assert supervisor.children["stubborn"].last_exit == -signal.SIGKILL
@@ -225,10 +236,13 @@ def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
 
 
 def test_a_stopped_supervisor_restarts_nothing(supervise: Supervise) -> None:
-    supervisor = supervise(fake("one"))
+    clock = FakeClock()
+    supervisor = supervise(fake("one"), clock=clock)
     supervisor.start_all()
     supervisor.stop_all()
-    assert supervisor.watch(0.05) == []
+    for _ in range(3):
+        clock.advance(10.0)
+        assert supervisor.watch(0.01) == []
     assert supervisor.running() == []
 
 
@@ -274,7 +288,9 @@ def test_processes_come_and_go_while_the_others_run_on(supervise: Supervise) -> 
     assert supervisor.children["two"].restarts == 0
 
 
-def test_a_process_that_does_not_want_to_leave_is_ended(supervise: Supervise, tmp_path: Path) -> None:
+def test_a_process_that_does_not_want_to_leave_is_ended_once(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     clock, ready = FakeClock(), tmp_path / "ready"
     supervisor = supervise(
         fake("deaf", f"trap '' TERM; touch {ready}; while :; do sleep 0.05; done"), clock=clock
@@ -285,6 +301,15 @@ def test_a_process_that_does_not_want_to_leave_is_ended(supervise: Supervise, tm
     supervisor.watch(0.05)
     assert supervisor.running() == ["deaf"]
     clock.advance(STOP_LIMIT_S + 0.1)
+    process = supervisor.children["deaf"].process
+    assert process is not None
+    with monkeypatch.context() as patch:
+        kills: list[int] = []
+        patch.setattr(process, "kill", lambda: kills.append(process.pid))
+        for _ in range(3):
+            supervisor.watch(0.0)
+        assert kills == [process.pid]
+    process.kill()
     watch_until(supervisor, lambda: supervisor.running() == [], "it is not ended")
     assert supervisor.children["deaf"].events == {"killed_at_stop": 1}
 
@@ -374,11 +399,18 @@ def beats_of(supervisor: Supervisor, name: str) -> int:
 
 
 def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: Supervise) -> None:
-    supervisor = supervise(beating("one"), beating("two"), watchdog=LIMITS)
+    clock = FakeClock()
+    supervisor = supervise(beating("one"), beating("two"), watchdog=LIMITS, clock=clock)
     supervisor.start_all()
     watch_until(supervisor, lambda: all(beats_of(supervisor, name) for name in ("one", "two")), "no beats")
     other, before = supervisor.pid("two"), kill(supervisor, "one", signal.SIGSTOP)
-    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced")
+    lines: list[str] = []
+    while supervisor.children["one"].restarts == 0:
+        beats = beats_of(supervisor, "two")
+        wait_for(lambda beats=beats: beats_of(supervisor, "two") > beats, "the other one makes no progress")
+        clock.advance(READING_S)
+        lines += supervisor.watch(0.0)
+        assert clock() < 200.0, "not replaced"
     assert re.match(
         r"one: hung: no progress for 0\.\d\d s, 0\.5 s are allowed; killed by SIGKILL; log: ", lines[0]
     )
@@ -388,17 +420,19 @@ def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: S
     watch_until(supervisor, lambda: beats_of(supervisor, "one"), "the successor shows no progress")
 
 
+@pytest.mark.timeout(400)
 @pytest.mark.parametrize(
     "how", [(), pytest.param(("in real time",), marks=pytest.mark.campaign)], ids=["normal", "real time"]
 )
 def test_a_process_that_spins_is_replaced(supervise: Supervise, how: tuple[str, ...]) -> None:
     if how and not may_be_real_time():
         pytest.skip("no right to real-time priorities")
-    supervisor = supervise(beating("one", "spins", *how), watchdog=LIMITS)
+    # A supervisor that gets no processor itself forgives everybody.
+    clock = PatientClock(READING_S)
+    supervisor = supervise(beating("one", "spins", *how), watchdog=LIMITS, clock=clock)
     supervisor.start_all()
-    # A supervisor that gets no processor itself forgives everybody, so a loaded machine takes its time.
     replaced = watch_until(
-        supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced", deadline_s=90.0
+        supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced", deadline_s=300.0
     )
     assert "one: hung: no progress for" in replaced[0]
 
@@ -416,7 +450,7 @@ def test_without_a_watchdog_a_process_may_be_stopped(supervise: Supervise) -> No
 
 
 def test_the_longest_silence_of_a_process_is_known(supervise: Supervise) -> None:
-    supervisor = supervise(beating("one"), watchdog=WatchdogLimits(5.0, 5.0, 30.0))
+    supervisor = supervise(beating("one"), watchdog=WatchdogLimits(DEADLINE_S, DEADLINE_S, DEADLINE_S))
     supervisor.start_all()
     watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
     pid = kill(supervisor, "one", signal.SIGSTOP)
