@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from support.waiting import FakeClock, wait_for
+from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.forking
 from rcopterx.deploy.forking import RETRY_S, ForkServer, Started
@@ -54,7 +54,7 @@ def sleeping(forks: ForkServer, tmp_path: Path) -> Started:
 
 def end(started: Started) -> int:
     started.process.kill()
-    return started.process.wait(10)
+    return started.process.wait(DEADLINE_S)
 
 
 def test_a_module_runs_as_a_child_of_the_supervisor_in_a_session_of_its_own(
@@ -66,7 +66,7 @@ def test_a_module_runs_as_a_child_of_the_supervisor_in_a_session_of_its_own(
     log = tmp_path / "log"
     log.write_text("before\n")
     started = forks.start(module("one", "two"), log)
-    assert started.process.wait(30) == 7
+    assert started.process.wait(DEADLINE_S) == 7
     before, report, problem = log.read_text().splitlines()
     assert (before, problem) == ("before", "problem")
     seen = json.loads(report)
@@ -82,7 +82,7 @@ def test_standard_input_can_be_a_pipe(forks: ForkServer, tmp_path: Path) -> None
     assert started.process.stdin is not None
     started.process.stdin.write(b"an order\n")
     started.process.stdin.close()
-    assert started.process.wait(30) == 7
+    assert started.process.wait(DEADLINE_S) == 7
     assert json.loads((tmp_path / "log").read_text().splitlines()[0])["input"] == "an order\n"
 
 
@@ -106,7 +106,7 @@ def test_what_a_fork_server_at_a_real_time_priority_starts_is_an_ordinary_proces
     started = forks.start([sys.executable, "-c", program], log)
     assert forks.pid is not None
     assert os.sched_getscheduler(forks.pid) == os.SCHED_FIFO
-    assert started.process.wait(30) == 0
+    assert started.process.wait(DEADLINE_S) == 0
     forks.close()
     assert log.read_text() == "True\n"
 
@@ -114,7 +114,7 @@ def test_what_a_fork_server_at_a_real_time_priority_starts_is_an_ordinary_proces
 def test_a_program_that_does_not_exist_ends_with_an_error_in_the_log(
     forks: ForkServer, tmp_path: Path
 ) -> None:
-    assert forks.start(["/no/such/program"], tmp_path / "log").process.wait(30) == 1
+    assert forks.start(["/no/such/program"], tmp_path / "log").process.wait(DEADLINE_S) == 1
     assert "FileNotFoundError" in (tmp_path / "log").read_text()
 
 
@@ -124,7 +124,7 @@ def test_the_end_of_a_process_is_seen_and_told_once(forks: ForkServer, tmp_path:
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.01)
     process.terminate()
-    assert process.wait(10) == process.poll() == process.returncode == -signal.SIGTERM
+    assert process.wait(DEADLINE_S) == process.poll() == process.returncode == -signal.SIGTERM
     # There is nobody left to signal.
     process.kill()
 
@@ -164,8 +164,8 @@ def test_what_was_started_outlives_the_fork_server_and_another_one_starts_the_ne
 def test_a_fork_server_that_hangs_is_ended_and_leaves_no_process_that_nobody_knows(
     forks: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rcopterx.deploy.forking, "ANSWER_LIMIT_S", 0.1)
     assert end(sleeping(forks, tmp_path)) == -signal.SIGKILL
+    monkeypatch.setattr(rcopterx.deploy.forking, "ANSWER_LIMIT_S", 0.1)
     server = forks.pid
     assert server is not None
     os.kill(server, signal.SIGSTOP)

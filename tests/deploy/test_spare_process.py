@@ -2,23 +2,24 @@
 
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 from support.fleets import PAIR
-from support.waiting import wait_for
+from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 from rcopterx.bus.heartbeat import Phase
 from rcopterx.deploy.forking import ForkServer, Started
 from rcopterx.deploy.spare_process import SPARES, WARMING_LIMIT_S, SpareProcess, SpareProcesses
 
+# A spare imports and compiles before it is ready.
+START_S = 300.0
 BEATS_ONCE = """
 import mmap, os, sys, time
 words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")
 words[1], words[0] = int(sys.argv[1]), 1
-time.sleep(60)
+time.sleep(600)
 """
 
 
@@ -43,6 +44,7 @@ def spare(forks: ForkServer, tmp_path: Path) -> Iterator[SpareProcess]:
     agent.close()
 
 
+@pytest.mark.timeout(600)
 def test_a_spare_takes_over_once_it_is_ready_and_writes_into_the_agents_log(
     spare: SpareProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -59,19 +61,20 @@ def test_a_spare_takes_over_once_it_is_ready_and_writes_into_the_agents_log(
             taken.append(started)
         return started is not None
 
-    wait_for(took_over, "the spare is never ready", deadline_s=60)
+    wait_for(took_over, "the spare is never ready", deadline_s=START_S)
     process = taken[0].process
     try:
         wait_for(log.exists, "the log of the agent is not used")
         assert spare.take("agent", "h1", log) is None
     finally:
         process.kill()
-        process.wait(10)
+        process.wait(DEADLINE_S)
 
 
+@pytest.mark.timeout(600)
 def test_a_spare_takes_no_job_it_was_not_prepared_for(spare: SpareProcess, tmp_path: Path) -> None:
     spare.prepare()
-    wait_for(spare.ready, "the spare is never ready", deadline_s=60)
+    wait_for(spare.ready, "the spare is never ready", deadline_s=START_S)
     assert spare.take("agent", "h9", tmp_path / "x.log") is None
     assert spare.take("transmitters", "transmitters", tmp_path / "x.log") is None
     assert spare.ready()
@@ -82,7 +85,7 @@ def test_a_spare_that_died_is_not_used(spare: SpareProcess, tmp_path: Path) -> N
     before = spare.started
     assert before is not None
     before.process.kill()
-    before.process.wait(10)
+    before.process.wait(DEADLINE_S)
     assert spare.take("agent", "h1", tmp_path / "x.log") is None
     spare.prepare()
     assert spare.started is not before
@@ -110,7 +113,7 @@ def warm() -> Iterator[WarmForks]:
     yield warm
     for started in warm.started:
         started.process.kill()
-        started.process.wait(10)
+        started.process.wait(DEADLINE_S)
         assert started.process.stdin is not None
         started.process.stdin.close()
     warm.close()
@@ -119,9 +122,8 @@ def warm() -> Iterator[WarmForks]:
 JOBS = [("agent", "h1"), ("tracker", "main")]
 
 
-def several(
-    forks: ForkServer, directory: Path, clock: Callable[[], float] = time.monotonic
-) -> SpareProcesses:
+def several(forks: ForkServer, directory: Path, clock: Callable[[], float] | None = None) -> SpareProcesses:
+    clock = clock or FakeClock()
     return SpareProcesses(
         SpareProcess(directory / "lab.toml", JOBS, directory / "spare.log", forks, clock=clock)
         for _ in range(SPARES)
@@ -172,14 +174,14 @@ def test_spares_are_started_one_after_the_other(warm: WarmForks, tmp_path: Path)
 def test_a_spare_that_is_stopped_while_it_warms_up_keeps_no_other_one_waiting(
     warm: WarmForks, tmp_path: Path
 ) -> None:
-    now_s = 0.0
-    spares = several(warm, tmp_path, lambda: now_s)
+    clock = FakeClock()
+    spares = several(warm, tmp_path, clock)
     warm.phase = Phase.STARTING
     spares.prepare()
     warm.phase = Phase.WORKING
     spares.prepare()
     assert len(warm.started) == 1
-    now_s = WARMING_LIMIT_S
+    clock.advance(WARMING_LIMIT_S)
     spares.prepare()
     assert spares.ready() == SPARES - 1
     assert next(iter(spares.pages)) == warm.started[0].process.pid

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import zenoh
 from support.secured import SecuredBus, identified, secured_bus
+from support.waiting import DEADLINE_S
 
 from rcopterx.bus.channels import (
     COMMAND,
@@ -114,7 +115,7 @@ def test_a_host_passes_on_only_what_the_fleet_file_gives_it(bus: SecuredBus, on_
 
 
 def asked(session: zenoh.Session, on_key: str) -> bool:
-    return any(reply.ok is not None for reply in session.get(on_key, timeout=5.0))
+    return any(reply.ok is not None for reply in session.get(on_key, timeout=DEADLINE_S))
 
 
 def test_only_operators_may_ask_for_what_moves_a_vehicle(bus: SecuredBus) -> None:
@@ -142,7 +143,7 @@ def test_an_agent_cannot_seem_to_be_another_one(bus: SecuredBus) -> None:
     assert identified(agent)
     seen = [
         str(reply.ok.key_expr)
-        for reply in bus.local["main"].liveliness().get(alive_key("lab", "*", "*"), timeout=1.0)
+        for reply in bus.local["main"].liveliness().get(alive_key("lab", "*", "*"), timeout=DEADLINE_S)
         if reply.ok is not None
     ]
     assert seen == [alive_key("lab", "h1", "agent")]

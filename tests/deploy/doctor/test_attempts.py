@@ -8,6 +8,7 @@ import pytest
 from msgspec import structs
 from support.bus import router
 from support.secured import SecuredBus, secured_bus
+from support.waiting import DEADLINE_S
 
 from rcopterx.bus.channels import FLEET_UNIT, KILL, key, request_key
 from rcopterx.bus.keys import probe_key
@@ -21,6 +22,12 @@ from rcopterx.deploy.fleet_file.schema import HostConfig
 def bus() -> Iterator[SecuredBus]:
     with secured_bus() as made:
         yield made
+
+
+@pytest.fixture(autouse=True)
+def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a busy machine does not answer in time counts as an answer."""
+    monkeypatch.setattr(attempts, "ANSWER_S", DEADLINE_S)
 
 
 def results(bus: SecuredBus, host: str) -> list[attempts.Result]:
@@ -69,12 +76,13 @@ def test_routers_that_let_through_more_than_the_fleet_file_says_are_found(bus: S
         assert f"{name}: may publish {kill}, which is not its own" in findings
 
 
-def test_a_router_without_certificates_is_found(bus: SecuredBus) -> None:
+def test_a_router_without_certificates_is_found(bus: SecuredBus, monkeypatch: pytest.MonkeyPatch) -> None:
     directory = bus.directory / "certificates"
     with router() as address:
         port = int(address.endpoints[0].rpartition(":")[2])
         hosts = {"main": HostConfig(router_port=port)}
         fleet = structs.replace(bus.fleet, hosts=hosts)
-        plain, _ = attempts.strangers(fleet, "main", directory, datetime.now(UTC))
+        monkeypatch.setattr(attempts, "REFUSED_S", DEADLINE_S)
+        plain = next(attempts.strangers(fleet, "main", directory, datetime.now(UTC)))
     assert not plain.good
     assert plain.text == "router of main: a connection without encryption is let in"
