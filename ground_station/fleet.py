@@ -1,7 +1,6 @@
 """The scripting interface of a fleet: every call is a request on the bus."""
 
 import math
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from rcopterx.agents.formation.placement import Room, take_off_problem
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Kill
+from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.fleet_file.schema import FleetFile
@@ -59,6 +59,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         Host whose router is used; by default the first one of the file.
     timeout_s
         How long to look for the router.
+    clock
+        Monotonic clock [s], for ages and waits.
 
     Attributes
     ----------
@@ -73,8 +75,14 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         The router belongs to another fleet, or to one that was started from another version of the file.
     """
 
-    def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
-        super().__init__(file, host, timeout_s)
+    def __init__(
+        self,
+        file: FleetFile,
+        host: str | None = None,
+        timeout_s: float = 3.0,
+        clock: Callable[[], float] = monotonic_s,
+    ) -> None:
+        super().__init__(file, host, timeout_s, clock)
         self.launcher: Launcher | None = None
         self._vehicles = {name: Vehicle(self, name) for name in file.vehicles}
 
@@ -162,7 +170,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""
         vehicles = self.present() if names is None else list(names)
-        deadline_s = time.monotonic() + timeout_s
+        deadline_s = self.session.clock() + timeout_s
         for name in vehicles:
             if self.state_of(name).phase not in ("armed", *AIRBORNE):
                 # The arbiter wants half a second of throttle-low commands first.
@@ -181,7 +189,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 ask()
                 return
             except (RefusedError, RequestFailedError):
-                if time.monotonic() > deadline_s:
+                if self.session.clock() > deadline_s:
                     raise
                 self._notifier.wait_until(lambda: False, RETRY_S)
 
@@ -357,7 +365,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         for vehicle in [vehicle for vehicle in told if not vehicle.state.airborne]:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 with _collected(problems):
-                    self._patiently(vehicle.disarm, time.monotonic() + DISARM_S)
+                    self._patiently(vehicle.disarm, self.session.clock() + DISARM_S)
         # A take-off that follows must not mistake the last status before disarming for the present one.
         self._notifier.wait_until(
             lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S

@@ -1,6 +1,5 @@
 """What is known of a running fleet, and waiting for it; whoever only watches needs nothing else."""
 
-import time
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
@@ -12,6 +11,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, LauncherStatus, Plan
+from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Inbox
 from rcopterx.deploy.fleet_file.schema import FleetFile
@@ -49,6 +49,8 @@ class Observer:
         Host whose router is used; by default the first one of the file.
     timeout_s
         How long to look for the router.
+    clock
+        Monotonic clock [s], for ages and waits.
 
     Raises
     ------
@@ -58,12 +60,18 @@ class Observer:
         The router belongs to another fleet, or to one that was started from another version of the file.
     """
 
-    def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = 3.0) -> None:
+    def __init__(
+        self,
+        file: FleetFile,
+        host: str | None = None,
+        timeout_s: float = 3.0,
+        clock: Callable[[], float] = monotonic_s,
+    ) -> None:
         self.file = file
-        self._notifier = Notifier()
+        self._notifier = Notifier(clock)
         self._host = host or next(iter(file.hosts))
         address = bus_address(file, self._host)
-        self.session = Session(address, wake=self._notifier.notify, timeout_s=timeout_s)
+        self.session = Session(address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s)
         try:
             check_identity(self.session, file)
         except WrongFleetError:
@@ -295,7 +303,7 @@ class Observer:
             They were not within `timeout_s`; says what is missing of each.
         """
         wanted = self.present() if names is None else list(names)
-        from_s = time.monotonic() + UNDER_WAY_S
+        from_s = self.session.clock() + UNDER_WAY_S
 
         def missing() -> list[str]:
             states = [self._told_after(name, from_s) for name in wanted]
@@ -320,7 +328,7 @@ class Observer:
             They were not within `timeout_s`; says how far each one is away.
         """
         wanted = self.present() if names is None else list(names)
-        from_s = time.monotonic() + UNDER_WAY_S
+        from_s = self.session.clock() + UNDER_WAY_S
 
         def missing() -> list[str]:
             states = [self._told_after(name, from_s) for name in wanted]
@@ -335,7 +343,7 @@ class Observer:
     def _told_after(self, name: str, from_s: float) -> VehicleState | str:
         """State of a vehicle from what its agent said after a time, or what is missing."""
         state = self.state_of(name)
-        if state.agent_age_s is None or time.monotonic() - state.agent_age_s < from_s:
+        if state.agent_age_s is None or self.session.clock() - state.agent_age_s < from_s:
             return f"{name}: agent not responding"
         return state
 

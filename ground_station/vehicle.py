@@ -27,6 +27,8 @@ from rcopterx.ground_station.observer import Observer
 from rcopterx.ground_station.state import VehicleState
 from rcopterx.ground_station.waiting import NotReachedError
 
+ANSWER_S = 1.0
+"""For a request that is answered in the next control period."""
 RUN_IN_LIMIT_S = 30.0
 HOST_PATIENCE_S = 3.0
 """For a host whose link is just being dialled again."""
@@ -269,8 +271,9 @@ class Vehicle:
             raise RefusedError(f"{self.name}: {reply.reason}")
         return reply.reason
 
-    def _ask(self, request: Request, timeout_s: float = 1.0) -> str:
-        reply = self._fleet.session.request(self.name, request, timeout_s)
+    def _ask(self, request: Request, timeout_s: float | None = None) -> str:
+        limit_s = ANSWER_S if timeout_s is None else timeout_s
+        reply = self._fleet.session.request(self.name, request, limit_s)
         if not reply.accepted:
             raise RefusedError(f"{self.name}: {reply.reason}")
         return reply.reason

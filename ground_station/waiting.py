@@ -32,9 +32,16 @@ def stopped_by(event: threading.Event) -> Iterator[None]:
 
 
 class Notifier:
-    """Wakes every waiting thread when something arrived."""
+    """Wakes every waiting thread when something arrived.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self._condition = threading.Condition()
         self._rings = 0
 
@@ -64,7 +71,7 @@ class Notifier:
         StoppedError
             See `stopped_by`.
         """
-        deadline_s = time.monotonic() + timeout_s
+        deadline_s = self._clock() + timeout_s
         stop = _STOP.get()
         while True:
             heard = self._rings
@@ -72,7 +79,7 @@ class Notifier:
                 return True
             if stop is not None and stop.is_set():
                 raise StoppedError("stopped while waiting")
-            left_s = deadline_s - time.monotonic()
+            left_s = deadline_s - self._clock()
             if left_s <= 0:
                 return False
             with self._condition:

@@ -4,12 +4,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.scripted import ScriptedVehicle, fleet_file_text, scripted
-from support.waiting import wait_for
+from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.ground_station.fleet import Fleet
+
+
+@pytest.fixture(autouse=True)
+def _patience_with_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who answers shares the processor with all that runs beside."""
+    monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", DEADLINE_S)
 
 
 @pytest.fixture
@@ -28,7 +34,7 @@ def fleet(
 ) -> Iterator[Fleet]:
     """The scripting interface of the scripted fleet, once it has heard of every vehicle."""
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
-    running = Fleet(parse_fleet(fleet_file_text(bus_address)))
+    running = PatientFleet(parse_fleet(fleet_file_text(bus_address)))
     wait_for(lambda: not running.problems(), "no status arrives")
     yield running
     running.close()

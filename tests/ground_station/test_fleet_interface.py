@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 from support.bus import own_address
-from support.scripted import ScriptedVehicle, fleet_file_text, scripted
+from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text, scripted
 from support.waiting import wait_for
 
 from rcopterx.bus.messages import LeaderLink
@@ -73,7 +73,7 @@ def test_roles_change_among_everybody_even_if_a_leader_is_heard_later_than_its_f
     vehicles["h2"].following = vehicles["h2"].assigned = (LeaderLink(leader="h1", offset_m=(0.0, 1.0, 0.0)),)
     vehicles["h1"].speaks = False
     announced: list[list[str]] = []
-    with Fleet(parse_fleet(fleet_file_text(bus_address))) as fleet:
+    with PatientFleet(parse_fleet(fleet_file_text(bus_address))) as fleet:
         fleet.wait_for_status(["h2"])
         later = threading.Timer(0.2, setattr, (vehicles["h1"], "speaks", True))
         later.start()
@@ -125,7 +125,7 @@ def test_a_vehicle_nobody_heard_of_has_no_words_and_no_ages(
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     text = fleet_file_text(bus_address, ("h7",))
-    with Fleet(parse_fleet(text)) as fleet:
+    with PatientFleet(parse_fleet(text)) as fleet:
         state = fleet.state_of("h7")
         assert (state.phase, state.agent, state.agent_age_s) == ("unknown", None, None)
         assert len(state.problems()) == 2
@@ -216,10 +216,11 @@ def test_landing_leaves_those_on_the_floor_and_killed_ones_alone(fleet: Fleet, v
 
 @pytest.mark.parametrize("fault", ["silent", "refuses"])
 def test_a_vehicle_that_cannot_be_landed_does_not_keep_the_others_up(
-    fleet: Fleet, vehicles: Vehicles, fault: str
+    fleet: Fleet, vehicles: Vehicles, fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(vehicles, fleet, "flying")
     if fault == "silent":
+        monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", 2.0)
         vehicles["h1"].silent.add("land")
     else:
         vehicles["h1"].refusals["land"] = "no"
@@ -374,7 +375,7 @@ def test_the_table_says_what_the_vicon_gateway_tries(
     bus_address: BusAddress, join: Callable[..., Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
-    with Fleet(parse_fleet(fleet_file_text(bus_address))) as fleet:
+    with PatientFleet(parse_fleet(fleet_file_text(bus_address))) as fleet:
         assert "lab: Vicon gateway not responding yet" in rendered(fleet)
         assert "unknown (silent)" in rendered(fleet)
         with scripted(join(), tracker="connecting"):
@@ -401,10 +402,10 @@ def test_a_vehicle_does_not_join_below_or_into_somebody(fleet: Fleet, vehicles: 
 def test_taking_off_with_a_killed_vehicle_fails_at_once(fleet: Fleet, vehicles: Vehicles) -> None:
     vehicles["h2"].state = "killed"
     wait_for(lambda: fleet["h2"].state.transmitter_state == "killed", "not seen killed")
-    began_s = time.monotonic()
+    began_s = fleet.session.clock()
     with pytest.raises(RefusedError, match=r"^killed: h2; reset first \(rcopterx reset\)$"):
         fleet.take_off(["h1", "h2"])
-    assert time.monotonic() - began_s < 2.0
+    assert fleet.session.clock() - began_s < 2.0
     assert vehicles["h1"].verbs == vehicles["h2"].verbs == []
 
 

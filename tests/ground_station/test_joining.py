@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from support.bus import Child, own_address
 from support.scripted import fleet_file_text
+from support.waiting import DEADLINE_S
 
 from rcopterx.bus.session import BusAddress
 from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
@@ -34,7 +35,7 @@ def router_of(path: Path) -> Iterator[None]:
     """The router of a fleet file, as the launcher runs it."""
     child = Child(ROLE, str(path))
     try:
-        Fleet(load_fleet(path), timeout_s=10.0).close()
+        Fleet(load_fleet(path), timeout_s=DEADLINE_S).close()
         yield
     finally:
         child.end()
@@ -76,7 +77,7 @@ def test_a_fleet_of_another_name_at_the_same_address_is_refused_and_named(tmp_pa
         router_of(written(tmp_path, "lab", address)),
         pytest.raises(WrongFleetError, match=r"^fleet lab \(h1, h2\) is up at this address, not attic"),
     ):
-        Fleet(other)
+        Fleet(other, timeout_s=DEADLINE_S)
 
 
 def test_another_version_of_the_file_is_refused(tmp_path: Path) -> None:
@@ -86,7 +87,7 @@ def test_another_version_of_the_file_is_refused(tmp_path: Path) -> None:
         router_of(path),
         pytest.raises(WrongFleetError, match=r"^fleet lab is up by another version of its file \(\w{12} on"),
     ):
-        Fleet(changed)
+        Fleet(changed, timeout_s=DEADLINE_S)
 
 
 def test_the_record_of_a_fleet_can_be_read_by_other_programs(tmp_path: Path) -> None:

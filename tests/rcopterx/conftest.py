@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.scripted import ScriptedVehicle, fleet_file_text, scripted
-from support.waiting import wait_for
+from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text, scripted
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.session import BusAddress, Session
@@ -34,8 +34,11 @@ def up(
     vehicles: dict[str, ScriptedVehicle],
     tmp_path: Path,
     join: Callable[..., Session],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> str:
     """Fleet file of a fleet whose vehicles speak and can be asked."""
+    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", PatientFleet)
+    monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", DEADLINE_S)
     path = tmp_path / "up.toml"
     path.write_text(fleet_file_text(bus_address, tuple(vehicles)))
     statuses = join().subscribe_all(channels.AGENT_STATUS)

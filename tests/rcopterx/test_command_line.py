@@ -291,7 +291,10 @@ def test_landing_at_once_after_joining_lands_what_has_not_spoken_yet(up: str, ve
     assert [vehicle.verbs for vehicle in vehicles.values()] == [["Land", "Disarm"]] * 2
 
 
-def test_a_vehicle_whose_agent_is_gone_is_not_said_to_have_landed(up: str, vehicles: Vehicles) -> None:
+def test_a_vehicle_whose_agent_is_gone_is_not_said_to_have_landed(
+    up: str, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", 1.0)
     vehicles["h1"].speaks = False
     vehicles["h1"].silent.add("land")
     result = run("land", "-f", up)

@@ -19,10 +19,15 @@ from rcopterx.bus.messages import (
 )
 from rcopterx.bus.requests import Fly, Follow, GoTo, Lead, Reply
 from rcopterx.bus.session import BusAddress, Incoming, Session
+from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.ground_station.fleet import Fleet
 from support.plans import plan_of
 from support.statuses import flying_status
+from support.waiting import DEADLINE_S, PatientClock
 
 PERIOD_S = 0.01
+READING_S = 0.02
+"""Of the clock; that of a fleet is read at every message."""
 PATH_S = 0.5
 """Every trajectory takes as long."""
 VERBS = ["arm", "disarm", "kill", "reset", "take_off", "land", "go_to", "fly", "follow", "lead"]
@@ -147,6 +152,13 @@ class ScriptedVehicle:
         return TransmitterStatus(
             state=self.state, reason="scripted", link="open", module="module speaks", ready=self.ready
         )
+
+
+class PatientFleet(Fleet):
+    """The scripting interface of scripted vehicles: no stall of this process makes them silent or late."""
+
+    def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = DEADLINE_S) -> None:
+        super().__init__(file, host, max(timeout_s, DEADLINE_S), PatientClock(READING_S))
 
 
 @contextmanager
