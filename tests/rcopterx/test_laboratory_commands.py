@@ -12,7 +12,7 @@ from click.testing import Result
 from support.fleets import HARDWARE_PAIR
 from support.scripted import fleet_file_text
 from support.tracker import running_tracker
-from support.waiting import wait_for
+from support.waiting import DEADLINE_S, wait_for
 from typer.testing import CliRunner
 
 from rcopterx.bus.channels import SIMULATOR_UNIT
@@ -28,7 +28,7 @@ from rcopterx.simulator.faults import (
     TimedFault,
     timed_faults,
 )
-from rcopterx.vicon_gateway.client import DataStreamClient
+from rcopterx.vicon_gateway.client import ClientLimits, DataStreamClient
 from rcopterx.vicon_gateway.recording import FILE_MAGIC
 
 
@@ -64,12 +64,16 @@ def test_recording_that_is_not_there_and_wrong_speed_are_refused(tmp_path: Path)
     assert (result.exit_code, "speed 0.0: allowed is more than 0" in result.stderr) == (2, True)
 
 
+# The player waits for nobody who leaves its connection.
+PATIENT = ClientLimits(connect_s=60.0, silence_min_s=60.0)
+
+
 def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path) -> None:
     path = tmp_path / "session.raw"
     with (
         path.open("wb") as sink,
         running_tracker("heli1") as server,
-        DataStreamClient(*server.address, record_raw=sink) as client,
+        DataStreamClient(*server.address, limits=PATIENT, record_raw=sink) as client,
     ):
         wait_for(lambda: client.next_frame(0.01) is not None and client.state.frames > 20, "no frames")
     command = [sys.executable, "-m", "rcopterx", "replay-tracker", str(path), "--port", "0", "--speed", "2"]
@@ -78,9 +82,9 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
         assert process.stderr is not None
         found = re.search(r"1 connection; connect to 127\.0\.0\.1:(\d+)$", process.stderr.readline().strip())
         assert found is not None
-        with DataStreamClient("127.0.0.1", int(found[1])) as client:
+        with DataStreamClient("127.0.0.1", int(found[1]), limits=PATIENT) as client:
             wait_for(lambda: client.next_frame(0.01) is None and _heard(client) > 15, "not played")
-            assert process.wait(10) == 0
+            assert process.wait(DEADLINE_S) == 0
         assert "connection 1 of 1" in (process.stdout.read() if process.stdout else "")
     finally:
         process.kill()

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.waiting import wait_for
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.roles.transmitters import calibration_of, protocol_of
@@ -89,7 +89,7 @@ class Laboratory:
 
     def run(self, *words: str, answers: str = "") -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            self.command(*words), input=answers, capture_output=True, text=True, timeout=60, check=False
+            self.command(*words), input=answers, capture_output=True, text=True, timeout=300, check=False
         )
 
     def wait_for_frames(self, number: int) -> None:
@@ -132,7 +132,7 @@ def test_board_that_binds_when_it_is_switched_on_is_waited_for(laboratory: Labor
     assert "Unplug the board" in process.stderr.readline()
     laboratory.later(0.3, laboratory.radio.unplug)
     laboratory.later(0.8, lambda: laboratory.radio.replug(time.monotonic()))
-    assert process.wait(60) == 0
+    assert process.wait(DEADLINE_S) == 0
     process.stderr.close()
     assert laboratory.receiver.model_match == 2
 
@@ -228,14 +228,14 @@ def test_guided_calibration_on_a_terminal_shows_what_it_asks_about(laboratory: L
             laboratory.wait_for_frames(10)
             assert laboratory.frames[-1].pulses_us[2] == pytest.approx(1700, abs=1)
         os.write(master, f"{answer}\n".encode())
-    assert process.wait(20) == 0
+    assert process.wait(DEADLINE_S) == 0
     os.close(master)
     check_dialogue(laboratory)
 
 
 def until_question(terminal: int) -> str:
     heard = ""
-    deadline_s = time.monotonic() + 20
+    deadline_s = time.monotonic() + DEADLINE_S
     while not re.search(r"(\[y/n\]|return\.|this is it:)\s*$", heard):
         assert time.monotonic() < deadline_s, heard
         if select.select([terminal], [], [], 0.1)[0]:

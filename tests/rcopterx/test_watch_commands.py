@@ -6,7 +6,6 @@ import pty
 import select
 import signal
 import subprocess
-import sys
 import time
 import urllib.request
 from pathlib import Path
@@ -14,8 +13,9 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 from support.bus import free_port, own_address
-from support.scripted import ScriptedVehicle, fleet_file_text
-from support.waiting import wait_for
+from support.patient_command import patient_command
+from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text
+from support.waiting import DEADLINE_S, wait_for
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
@@ -76,7 +76,7 @@ def test_check_that_waits_also_waits_for_the_router(
 
     def joined(file: FleetFile, host: str | None, router_within_s: float) -> Fleet:
         patience.append(router_within_s)
-        return Fleet(file, host, router_within_s)
+        return PatientFleet(file, host)
 
     monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", joined)
     for wait in ("1.5", "20"):
@@ -97,7 +97,7 @@ def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -
     outside, inside = pty.openpty()
     before = subprocess.run(["stty", "-g"], stdin=inside, capture_output=True, check=True).stdout
     process = subprocess.Popen(
-        [sys.executable, "-m", "rcopterx", "top", "-f", up, "--period", "0.05"],
+        patient_command("top", "-f", up, "--period", "0.05"),
         stdin=inside, stdout=inside, stderr=inside, env=os.environ | {"COLUMNS": "80", "TERM": "xterm"},
     )  # fmt: skip
     try:
@@ -110,7 +110,7 @@ def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -
             os.write(outside, b"q")
         else:
             process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(DEADLINE_S) == 0
         after = subprocess.run(["stty", "-g"], stdin=inside, capture_output=True, check=True).stdout
         assert after == before, "the terminal is left as it was"
     finally:
@@ -123,7 +123,7 @@ def test_top_shows_the_fleet_in_a_terminal_until_it_is_left(up: str, way: str) -
 def wait_for_picture(terminal: int, words: bytes) -> None:
     """Read what a terminal shows until it holds these words."""
     shown = b""
-    deadline_s = time.monotonic() + 30
+    deadline_s = time.monotonic() + DEADLINE_S
     while words not in shown:
         assert time.monotonic() < deadline_s, shown
         if select.select([terminal], [], [], 0.1)[0]:
@@ -149,16 +149,16 @@ def test_the_web_page_says_what_it_needs(up: str, monkeypatch: pytest.MonkeyPatc
 def test_the_web_page_is_served_until_ctrl_c(up: str) -> None:
     port = free_port()
     process = subprocess.Popen(
-        [sys.executable, "-m", "rcopterx", "ground", "-f", up, "--port", str(port)],
+        patient_command("ground", "-f", up, "--port", str(port)),
         stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     try:
         assert process.stdout is not None
         assert any(line.startswith(f"http://127.0.0.1:{port} ") for line in process.stdout)
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=20) as answer:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=DEADLINE_S) as answer:
             assert b"<html" in answer.read().lower()
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(DEADLINE_S) == 0
     finally:
         process.kill()
         process.wait()
@@ -167,13 +167,13 @@ def test_the_web_page_is_served_until_ctrl_c(up: str) -> None:
 def test_the_page_beside_a_demonstration_tells_its_address_and_ends_with_it(up: str) -> None:
     told: list[str] = []
     with page_of(up, told.append):
-        wait_for(lambda: bool(told), "no address", 30.0)
+        wait_for(lambda: bool(told), "no address")
         (line,) = told
         assert line.startswith("web page: http://127.0.0.1:")
-        with urllib.request.urlopen(line.removeprefix("web page: "), timeout=20) as answer:
+        with urllib.request.urlopen(line.removeprefix("web page: "), timeout=DEADLINE_S) as answer:
             assert answer.status == 200
     with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(line.removeprefix("web page: "), timeout=5)
+        urllib.request.urlopen(line.removeprefix("web page: "), timeout=DEADLINE_S)
 
 
 def test_a_demonstration_without_viser_says_what_the_page_needs(monkeypatch: pytest.MonkeyPatch) -> None:
