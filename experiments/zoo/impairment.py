@@ -50,9 +50,16 @@ class Impairment:
 
 
 class LateSender:
-    """Calls functions later, in a thread of its own."""
+    """Calls functions later, in a thread of its own.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self._queue: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._changed = threading.Condition()
@@ -61,14 +68,14 @@ class LateSender:
     def call(self, after_s: float, function: Callable[[], None]) -> None:
         """Call a function so much later."""
         with self._changed:
-            heapq.heappush(self._queue, (time.monotonic() + after_s, next(self._order), function))
+            heapq.heappush(self._queue, (self._clock() + after_s, next(self._order), function))
             self._changed.notify()
 
     def _run(self) -> None:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: bool(self._queue))
-                left_s = self._queue[0][0] - time.monotonic()
+                left_s = self._queue[0][0] - self._clock()
                 if left_s > 0.0:
                     self._changed.wait(left_s)
                     continue

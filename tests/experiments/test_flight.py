@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text, scripted
+from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet, scripted
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
@@ -126,7 +126,7 @@ def lab(
     text = fleet_file_text(bus_address).replace(
         '"radio-h2" }', '"radio-h2" }\nfollow = [{ leader = "h1", offset_m = [-0.4, 0.5, 0.0] }]'
     )
-    with scripted(join(), *NAMES) as vehicles, PatientFleet(parse_fleet(text)) as fleet:
+    with scripted(join(), *NAMES) as vehicles, patient_fleet(parse_fleet(text)) as fleet:
         wait_for(lambda: all(not vehicle.state.problems() for vehicle in fleet), "no status arrives")
         yield fleet, vehicles
 

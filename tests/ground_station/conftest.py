@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text, scripted
+from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet, scripted
 from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus.session import BusAddress, Session
@@ -34,7 +34,7 @@ def fleet(
 ) -> Iterator[Fleet]:
     """The scripting interface of the scripted fleet, once it has heard of every vehicle."""
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
-    running = PatientFleet(parse_fleet(fleet_file_text(bus_address)))
+    running = patient_fleet(parse_fleet(fleet_file_text(bus_address)))
     wait_for(lambda: not running.problems(), "no status arrives")
     yield running
     running.close()

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from support.plans import plan_of
-from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text, scripted
+from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet, scripted
 from support.waiting import wait_for
 
 from rcopterx.bus.messages import LauncherStatus, LeaderLink, SubjectState, TrackerStatus
@@ -45,7 +45,7 @@ def test_a_fleet_nobody_heard_of_has_a_status_with_what_is_missing(
     bus_address: BusAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
-    with PatientFleet(parse_fleet(fleet_file_text(bus_address, ("h7",)))) as fleet:
+    with patient_fleet(parse_fleet(fleet_file_text(bus_address, ("h7",)))) as fleet:
         assert not fleet.wait_for_status(timeout_s=0.05)
         status = json.loads(json.dumps(fleet_status(fleet)))
     assert status["tracker"] is None
@@ -167,7 +167,7 @@ def test_a_tracker_that_gives_no_frames_is_named_first(
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     with (
-        PatientFleet(parse_fleet(fleet_file_text(bus_address))) as fleet,
+        patient_fleet(parse_fleet(fleet_file_text(bus_address))) as fleet,
         scripted(join(), tracker="connecting"),
     ):
         wait_for(lambda: fleet.tracker.latest() is not None, "the Vicon gateway does not speak")

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text, scripted
+from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet, scripted
 from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
@@ -37,7 +37,7 @@ def up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> str:
     """Fleet file of a fleet whose vehicles speak and can be asked."""
-    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", PatientFleet)
+    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", patient_fleet)
     monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", DEADLINE_S)
     path = tmp_path / "up.toml"
     path.write_text(fleet_file_text(bus_address, tuple(vehicles)))

@@ -14,7 +14,7 @@ import pytest
 from click.testing import Result
 from support.bus import free_port, own_address
 from support.patient_command import patient_command
-from support.scripted import PatientFleet, ScriptedVehicle, fleet_file_text
+from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet
 from support.waiting import DEADLINE_S, wait_for
 from typer.testing import CliRunner
 
@@ -76,7 +76,7 @@ def test_check_that_waits_also_waits_for_the_router(
 
     def joined(file: FleetFile, host: str | None, router_within_s: float) -> Fleet:
         patience.append(router_within_s)
-        return PatientFleet(file, host)
+        return patient_fleet(file, host)
 
     monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", joined)
     for wait in ("1.5", "20"):

@@ -154,11 +154,9 @@ class ScriptedVehicle:
         )
 
 
-class PatientFleet(Fleet):
+def patient_fleet(file: FleetFile, host: str | None = None, timeout_s: float = DEADLINE_S) -> Fleet:
     """The scripting interface of scripted vehicles: no stall of this process makes them silent or late."""
-
-    def __init__(self, file: FleetFile, host: str | None = None, timeout_s: float = DEADLINE_S) -> None:
-        super().__init__(file, host, max(timeout_s, DEADLINE_S), PatientClock(READING_S))
+    return Fleet(file, host, max(timeout_s, DEADLINE_S), PatientClock(READING_S))
 
 
 @contextmanager
