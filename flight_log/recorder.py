@@ -129,11 +129,18 @@ class Recorder:
 
 @dataclass(frozen=True)
 class RecorderSettings:
-    """Settings of a recorder process."""
+    """Settings of a recorder process.
+
+    Attributes
+    ----------
+    flight
+        Tells where and how it is recorded. Asked once the recorder listens: to find the commit takes time,
+        and what agents are told meanwhile belongs into the log.
+    """
 
     bus: BusAddress
     host: str
-    flight: FlightSettings
+    flight: Callable[[], FlightSettings]
     wall_ns: int
     realtime_priority: int = 0
 
@@ -157,12 +164,13 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     request_realtime(settings.realtime_priority)
-    waiting, writer = Waiting(), FlightWriter(settings.flight)
-    recorder = Recorder(waiting, writer, settings.wall_ns)
+    waiting = Waiting()
     with Session(settings.bus) as session:
         session.tap(waiting.store)
         # `rcopterx kill` speaks to every fleet at once.
         session.tap(waiting.store, channels.KILL.topic, channels.EVERY_FLEET)
+        writer = FlightWriter(settings.flight())
+        recorder = Recorder(waiting, writer, settings.wall_ns)
         session.announce(settings.host, "recorder")
         report_at_s, told = 0.0, ""
         heartbeat = own_heartbeat()

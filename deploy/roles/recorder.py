@@ -2,6 +2,7 @@
 
 import logging
 import time
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -46,7 +47,27 @@ def recorder_settings(fleet: FleetFile, host: str, now_ns: int, now_s: float) ->
         Wall clock and monotonic clock of this moment.
     """
     wall_ns = now_ns - round(now_s * NANO)
-    started_s = now_ns / NANO
+    return RecorderSettings(
+        bus=bus_address(fleet, host),
+        host=host,
+        flight=partial(flight_settings, fleet, host, now_ns / NANO, wall_ns),
+        wall_ns=wall_ns,
+        realtime_priority=Priority.RECORDER.of(fleet),
+    )
+
+
+def flight_settings(fleet: FleetFile, host: str, started_s: float, wall_ns: int) -> FlightSettings:
+    """Where and how a flight is recorded, and what its log says of the fleet and of this computer.
+
+    Parameters
+    ----------
+    fleet, host
+        The fleet, and the host that records.
+    started_s
+        Wall clock at the start [s].
+    wall_ns
+        Wall clock where the monotonic one is zero [ns].
+    """
     metadata = {
         "fleet": fleet.name,
         "digest": digest_of(fleet),
@@ -56,20 +77,14 @@ def recorder_settings(fleet: FleetFile, host: str, now_ns: int, now_s: float) ->
         "seed": "" if fleet.simulator is None else str(fleet.simulator.seed),
         **provenance(),
     }
-    return RecorderSettings(
-        bus=bus_address(fleet, host),
-        host=host,
-        flight=FlightSettings(
-            directory=log_directory(fleet),
-            flight=_flight_under_way(fleet, host) or flight_name(fleet.name, started_s),
-            metadata=metadata,
-            fleet=msgspec.json.encode(fleet),
-            schemas=schemas(),
-            part_bytes=round(fleet.log.part_mb * MB),
-            keep_bytes=round(fleet.log.keep_gb * GB),
-        ),
-        wall_ns=wall_ns,
-        realtime_priority=Priority.RECORDER.of(fleet),
+    return FlightSettings(
+        directory=log_directory(fleet),
+        flight=_flight_under_way(fleet, host) or flight_name(fleet.name, started_s),
+        metadata=metadata,
+        fleet=msgspec.json.encode(fleet),
+        schemas=schemas(),
+        part_bytes=round(fleet.log.part_mb * MB),
+        keep_bytes=round(fleet.log.keep_gb * GB),
     )
 
 

@@ -34,7 +34,7 @@ endpoint, fleet, namespace, directory = sys.argv[1:]
 flight = FlightSettings(Path(directory), "lab-20261122-141500", {}, b"{}", schemas(), 10**9, 10**9)
 bus = BusAddress((endpoint,), fleet, namespace)
 print("ready", flush=True)
-run_recorder(RecorderSettings(bus, "main", flight, 0), print)
+run_recorder(RecorderSettings(bus, "main", lambda: flight, 0), print)
 """
 
 
@@ -85,6 +85,37 @@ def test_a_killed_recorder_leaves_everything_that_is_older_than_its_last_chunk(
     assert after[: len(before)] == before
     numbers = [m.number for m in after if m.topic == "h1/pose"]
     assert numbers == sorted(set(numbers))
+
+
+def test_what_is_said_while_the_flight_log_is_prepared_is_recorded(
+    join: Join, bus_address: BusAddress, tmp_path: Path
+) -> None:
+    prepared = """
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Pose
+from rcopterx.bus.session import Session
+def prepared():
+    with Session(bus) as sender:
+        early = Pose(epoch=1, frame=7, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
+        sender.publish(channels.POSE, "h1", early)
+    return flight
+print("ready", flush=True)
+"""
+    code = RECORDER_CODE.replace('print("ready", flush=True)\n', prepared.lstrip()).replace(
+        "lambda: flight", "prepared"
+    )
+    arguments = (bus_address.endpoints[0], bus_address.fleet, str(bus_address.namespace), str(tmp_path))
+    process = Child(code, *arguments)
+    sender = join()
+
+    def on_disk() -> list[LoggedMessage]:
+        sender.publish(channels.POSE, "h2", pose(1))
+        return recorded(tmp_path)
+
+    try:
+        wait_for(lambda: any(m.topic == "h1/pose" for m in on_disk()), "what was said early is lost")
+    finally:
+        process.end(signal.SIGTERM)
 
 
 def test_a_recorder_that_is_asked_to_end_completes_its_file_and_tells_its_state(
