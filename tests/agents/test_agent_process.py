@@ -8,6 +8,7 @@ import pytest
 from agent_bench import FOLLOWING, HOVER, LEASE, Bench, Join, settings_of
 from support.bus import raw_session
 from support.plans import plan_of
+from support.waiting import DEADLINE_S
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
@@ -216,7 +217,9 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
 
     def ask() -> None:
         try:
-            answers.append(bench.others.request("h9", TakeOff(), timeout_s=10, patience_s=10).reason)
+            answers.append(
+                bench.others.request("h9", TakeOff(), timeout_s=DEADLINE_S, patience_s=DEADLINE_S).reason
+            )
         except RequestFailedError as error:
             answers.append(str(error))
 
@@ -250,5 +253,5 @@ def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_a
     )
     woken.clear()
     agent._parts.tuning.begin(agent._parts.tuning.configuration.changed("lqr", {}, None, {}))
-    assert woken.wait(20.0)
+    assert woken.wait(DEADLINE_S)
     assert isinstance(agent._parts.tuning.finish(), str)

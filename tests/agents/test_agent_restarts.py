@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from agent_bench import FOLLOWING, Bench, Join
 from support.bus import answering
-from support.waiting import wait_for
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.agents.process import Agent
 from rcopterx.bus import channels
@@ -25,7 +25,7 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
     goal = GoTo(set_point=SetPoint(position_m=(0.3, 0.2, 1.1), yaw_rad=0.5))
 
     def ask() -> None:
-        answers.append(bench.others.request("h9", goal, timeout_s=10, patience_s=10).accepted)
+        answers.append(bench.others.request("h9", goal, timeout_s=DEADLINE_S, patience_s=DEADLINE_S).accepted)
 
     bench.step_until(lambda: bench.agent._speaks, "the agent has no lease")
     asker = threading.Thread(target=ask)

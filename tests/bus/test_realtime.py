@@ -28,7 +28,7 @@ while time.monotonic() < until_s:
 
 
 def ended(what: str) -> int:
-    code = subprocess.run([sys.executable, "-c", SPINNING, what], timeout=60, check=False).returncode
+    code = subprocess.run([sys.executable, "-c", SPINNING, what], timeout=300, check=False).returncode
     if code == NOT_PERMITTED:
         pytest.skip("no right to real-time priorities")
     return code

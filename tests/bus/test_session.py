@@ -435,7 +435,7 @@ def test_a_session_waits_for_a_router_that_is_being_started() -> None:
 def test_a_program_that_never_left_the_bus_ends_without_a_word(bus_address: BusAddress) -> None:
     ended = subprocess.run(
         [sys.executable, "-c", LEFT_OPEN_CODE, json.dumps(asdict(bus_address))],
-        capture_output=True, text=True, timeout=60,
+        capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 

@@ -28,7 +28,7 @@ def logged(**environment: str) -> list[str]:
         [sys.executable, "-c", CODE],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         env=os.environ | environment,
         check=False,
     )

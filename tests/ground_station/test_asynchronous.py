@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.scripted import ScriptedVehicle, fleet_file_text, scripted
-from support.waiting import wait_for
+from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet, scripted
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus.requests import Arm, GoTo, TakeOff
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.ground_station.asynchronous import AsyncFleet, AsyncVehicle
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.vehicle import RefusedError, Vehicle
@@ -33,6 +34,7 @@ def path(
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     path = tmp_path / "lab.toml"
     path.write_text(fleet_file_text(bus_address))
+    monkeypatch.setattr(Fleet, "connect", lambda path, host, _: patient_fleet(load_fleet(path), host))
     return path
 
 
@@ -42,7 +44,7 @@ def airborne(vehicles: Vehicles) -> None:
 
 
 def run(script: Coroutine[Any, Any, None]) -> None:
-    asyncio.run(asyncio.wait_for(script, 30))
+    asyncio.run(asyncio.wait_for(script, 2 * DEADLINE_S))
 
 
 def test_vehicles_fly_and_land_at_the_same_time(path: Path, vehicles: Vehicles) -> None:
@@ -65,7 +67,7 @@ def test_vehicles_fly_and_land_at_the_same_time(path: Path, vehicles: Vehicles) 
 def test_other_tasks_run_while_one_waits(path: Path) -> None:
     async def script() -> None:
         async with AsyncFleet.connect(path) as fleet:
-            waiting = asyncio.create_task(fleet.wait_for_phase("flying", timeout_s=20))
+            waiting = asyncio.create_task(fleet.wait_for_phase("flying", timeout_s=DEADLINE_S))
             for _ in range(3):
                 await asyncio.sleep(0)
             await fleet.wait_for_phase("ground")

@@ -3,7 +3,6 @@
 import io
 import re
 import threading
-import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -422,18 +421,21 @@ def test_a_killed_vehicle_stays_behind_at_once_when_everybody_takes_off(
 
 
 def test_a_take_off_that_ends_on_the_floor_fails_at_once_with_the_reason(
-    fleet: Fleet, vehicles: Vehicles
+    fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     vehicles["h1"].stuck.add("take_off")
     vehicles["h1"].phase, vehicles["h1"].state = "takeoff", "armed"
     wait_for(lambda: fleet["h1"].state.phase == "takeoff", "not seen to take off")
 
-    def drop() -> None:
-        time.sleep(0.3)
-        vehicles["h1"].phase = "armed"
+    wait_until = fleet.wait_until
 
-    thread = threading.Thread(target=drop)
-    thread.start()
+    def dropped(condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str]) -> None:
+        """It falls once it has been seen to climb."""
+        if what == "not all vehicles have taken off":
+            assert not condition()
+            vehicles["h1"].phase = "armed"
+        wait_until(condition, timeout_s, what, names)
+
+    monkeypatch.setattr(fleet, "wait_until", dropped)
     with pytest.raises(RefusedError, match=r"^take-off failed: h1: armed, transmitter armed: scripted$"):
         fleet.take_off(["h1"], timeout_s=10.0)
-    thread.join()

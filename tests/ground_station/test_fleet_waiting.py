@@ -27,18 +27,18 @@ def test_one_ring_wakes_every_thread_that_waits() -> None:
             nonlocal first
             if first:
                 first = False
-                looked.wait(10)
+                looked.wait(60)
                 return False
             return there.is_set()
 
-        return notifier.wait_until(look, 10)
+        return notifier.wait_until(look, 60)
 
     with ThreadPoolExecutor(3) as pool:
         waiting = [pool.submit(wait) for _ in range(3)]
-        looked.wait(10)
+        looked.wait(60)
         there.set()
         notifier.notify()
-        assert all(future.result(10) for future in waiting)
+        assert all(future.result(60) for future in waiting)
 
 
 def test_a_stop_ends_the_waits_of_the_block_and_only_those() -> None:
@@ -47,7 +47,7 @@ def test_a_stop_ends_the_waits_of_the_block_and_only_those() -> None:
         assert not notifier.wait_until(lambda: False, 0.01)
         stop.set()
         with pytest.raises(StoppedError):
-            notifier.wait_until(lambda: False, 10)
+            notifier.wait_until(lambda: False, 60)
         assert notifier.wait_until(lambda: True, 10), "what holds is told all the same"
     assert not notifier.wait_until(lambda: False, 0.01)
 
@@ -56,4 +56,4 @@ def test_a_stop_does_not_reach_other_threads() -> None:
     notifier, stop = Notifier(), threading.Event()
     stop.set()
     with stopped_by(stop), ThreadPoolExecutor(1) as pool:
-        assert pool.submit(notifier.wait_until, lambda: False, 0.01).result(10) is False
+        assert pool.submit(notifier.wait_until, lambda: False, 0.01).result(60) is False

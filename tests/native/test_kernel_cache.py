@@ -86,7 +86,7 @@ def test_there_may_be_no_place_at_all(tmp_path: Path) -> None:
 
 def run(directory: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
     process = started(directory, environment)
-    stdout, stderr = process.communicate(timeout=100)
+    stdout, stderr = process.communicate(timeout=300)
     return subprocess.CompletedProcess([], process.returncode, stdout, stderr)
 
 
@@ -104,7 +104,7 @@ def test_of_processes_that_start_at_the_same_time_one_compiles_and_says_so(tmp_p
     (tmp_path / "kernel.py").write_text(KERNEL)
     environment = {cache.VARIABLE: str(tmp_path / "kept")}
     processes = [started(tmp_path, environment) for _ in range(2)]
-    outputs = [process.communicate(timeout=100) for process in processes]
+    outputs = [process.communicate(timeout=300) for process in processes]
     assert [stdout for stdout, _ in outputs] == ["42.0\n", "42.0\n"]
     assert sorted("once" in stderr for _, stderr in outputs) == [False, True]
 
@@ -182,7 +182,7 @@ def test_kernels_that_a_process_uses_are_kept_however_old_they_are(tmp_path: Pat
     others = kernels_of_the_past(tmp_path, cache.KEPT)
     os.utime(used, (0, 0))
     assert cache.remove_unused(tmp_path) == []
-    process.communicate(timeout=100)
+    process.communicate(timeout=300)
     assert cache.remove_unused(tmp_path) == [used.name]
     assert sorted(tmp_path.glob("kernels-*")) == others
 
@@ -194,7 +194,7 @@ def test_kernels_that_are_removed_while_somebody_waits_for_them_are_made_anew(tm
         user = pool.submit(cache._use, path)
         path.rename(tmp_path / "removed")
         os.close(remover)
-        descriptor = user.result(timeout=100)
+        descriptor = user.result(timeout=300)
     assert os.path.samestat(os.fstat(descriptor), path.stat())
     os.close(descriptor)
     assert list(path.iterdir()) == []

@@ -26,7 +26,7 @@ def opened(radio: RadioPty) -> int:
 
 def write_and_service(radio: RadioPty, descriptor: int, data: bytes, now_s: float) -> None:
     os.write(descriptor, data)
-    assert select.select([radio.fileno()], [], [], 5.0)[0]
+    assert select.select([radio.fileno()], [], [], 60.0)[0]
     radio.service(now_s)
 
 

@@ -45,7 +45,7 @@ class Device:
         self.path.unlink()
 
     def read(self) -> bytes:
-        assert select.select([self.master], [], [], 5.0)[0]
+        assert select.select([self.master], [], [], 60.0)[0]
         return os.read(self.master, 65536)
 
 
@@ -92,7 +92,7 @@ def test_a_device_that_is_no_terminal_refuses_the_baud_rate() -> None:
 def test_answers_are_read_without_waiting(device: Device, port: SerialPort) -> None:
     assert port.read_available(0.0) == b""
     os.write(device.master, b"MP")
-    assert select.select([port.fileno()], [], [], 5.0)[0]
+    assert select.select([port.fileno()], [], [], 60.0)[0]
     assert port.read_available(0.0) == b"MP"
 
 

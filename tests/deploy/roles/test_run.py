@@ -27,7 +27,7 @@ def role(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
         [sys.executable, "-m", "rcopterx.deploy.roles", *arguments],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         env=os.environ | environment,
         check=False,
     )
@@ -85,7 +85,7 @@ ours = {f"rcopterx.{package}" for package in ("agents", "transmitter_gateway", "
 print(sorted((ours | {"numpy", "scipy", "osqp"}) & sys.modules.keys()))
 """
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True
     )
     assert done.stdout == "[]\n"
 

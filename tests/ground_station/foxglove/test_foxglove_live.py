@@ -17,7 +17,7 @@ client = pytest.importorskip("websockets.sync.client")
 from rcopterx.ground_station.foxglove.live import FoxgloveServer  # noqa: E402  # needs the SDK
 
 PROTOCOL = "foxglove.sdk.v1"
-DEADLINE_S = 30.0
+DEADLINE_S = 60.0
 MESSAGE = struct.Struct("<BIQ")
 """Kind, subscription and time of a message that is followed by its content."""
 

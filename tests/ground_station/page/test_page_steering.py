@@ -19,7 +19,7 @@ class Kills:
 
     def kill(self, reason: str) -> None:
         self.count += 1
-        self.confirmed.wait(10.0)
+        self.confirmed.wait(60.0)
         if self.count <= self._unconfirmed:
             raise NotReachedError("h2 is not killed")
 
