@@ -19,7 +19,15 @@ from rcopterx.flight_log.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flight_log.flights import flights_in
 from rcopterx.flight_log.mcap_reading import messages_of
 from rcopterx.flight_log.mcap_writing import LoggedMessage
-from rcopterx.flight_log.recorder import NANO, Gaps, Recorder, Waiting, schemas
+from rcopterx.flight_log.recorder import (
+    NANO,
+    Gaps,
+    Recorder,
+    RecorderSettings,
+    Waiting,
+    run_recorder,
+    schemas,
+)
 
 Join = Callable[..., Session]
 FLIGHT = "lab-20261122-141500"
@@ -87,35 +95,30 @@ def test_a_killed_recorder_leaves_everything_that_is_older_than_its_last_chunk(
     assert numbers == sorted(set(numbers))
 
 
-def test_what_is_said_while_the_flight_log_is_prepared_is_recorded(
-    join: Join, bus_address: BusAddress, tmp_path: Path
-) -> None:
-    prepared = """
-from rcopterx.bus import channels
-from rcopterx.bus.messages import Pose
-from rcopterx.bus.session import Session
-def prepared():
-    with Session(bus) as sender:
-        early = Pose(epoch=1, frame=7, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
-        sender.publish(channels.POSE, "h1", early)
-    return flight
-print("ready", flush=True)
-"""
-    code = RECORDER_CODE.replace('print("ready", flush=True)\n', prepared.lstrip()).replace(
-        "lambda: flight", "prepared"
-    )
-    arguments = (bus_address.endpoints[0], bus_address.fleet, str(bus_address.namespace), str(tmp_path))
-    process = Child(code, *arguments)
-    sender = join()
+def test_the_recorder_listens_before_it_prepares_its_flight_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard_from: list[tuple[str, ...]] = []
 
-    def on_disk() -> list[LoggedMessage]:
-        sender.publish(channels.POSE, "h2", pose(1))
-        return recorded(tmp_path)
+    class Listening:
+        def __enter__(self) -> "Listening":
+            return self
 
-    try:
-        wait_for(lambda: any(m.topic == "h1/pose" for m in on_disk()), "what was said early is lost")
-    finally:
-        process.end(signal.SIGTERM)
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def tap(self, _store: object, *words: str) -> None:
+            heard_from.append(words)
+
+    class PreparedError(Exception):
+        pass
+
+    def prepare() -> FlightSettings:
+        raise PreparedError
+
+    monkeypatch.setattr("rcopterx.flight_log.recorder.Session", lambda _: Listening())
+    monkeypatch.setattr("rcopterx.flight_log.recorder.signal.signal", lambda *_: None)
+    with pytest.raises(PreparedError):
+        run_recorder(RecorderSettings(BusAddress((), "lab", ""), "main", prepare, 0), print)
+    assert heard_from == [(), (channels.KILL.topic, channels.EVERY_FLEET)]
 
 
 def test_a_recorder_that_is_asked_to_end_completes_its_file_and_tells_its_state(
