@@ -4,7 +4,8 @@ A leader that flies at its own limits cannot be followed by an equal vehicle in 
 that accelerates less. And what its pitch and roll do together, a follower with another heading may need of
 one stick alone: sticks are limited one by one, so that 0.65 of both are 0.92 of one. So a leader plans with
 0.65 of what the weakest of its followers can do, with four fifths of what that one may plan with if others
-follow it, and no faster than the slowest of them.
+follow it, and no faster than the slowest of them. A leader's heading turns with 0.92 of the yaw rate that its
+followers may have: one that has fallen behind could not catch up, and would fly along its bound.
 """
 
 from collections.abc import Mapping
@@ -21,10 +22,14 @@ LEADER_LIMIT_SCALE = 0.65
 """Share of its followers' accelerations a leader plans with."""
 NEXT_LIMIT_SCALE = 0.8
 """Share of what a follower plans with, as it leads others itself, that its own leader plans with."""
+YAW_RATE_SHARE = 0.92
+"""Share of the yaw rate that its followers may have that a leader plans with."""
 ARM_SPEED_SHARE = 0.8
 ARM_ACCELERATION_SHARE = 0.5
 """Shares of what a follower can do that a turn of its leader may ask of it; the rest is for all else."""
 SHORTEST_ARM_M = 0.02
+
+_RATES_OF_LEADERS = np.array([1.0, 1.0, 1.0, YAW_RATE_SHARE])
 
 
 def limit_scale_of(links: FormationGraph, models: Mapping[str, Model], name: str) -> LimitScale:
@@ -51,7 +56,7 @@ def _scale(links: FormationGraph, models: Mapping[str, Model], name: str, levels
         weaker, slower = _compared(models.get(other), models.get(name))
         planned = np.minimum(LEADER_LIMIT_SCALE, NEXT_LIMIT_SCALE * np.array(below.inputs))
         inputs = np.minimum(inputs, weaker * planned)
-        rates = np.minimum(rates, slower * below.rates)
+        rates = np.minimum(rates, slower * np.array(below.rates) * _RATES_OF_LEADERS)
     return LimitScale(tuple(inputs.tolist()), tuple(rates.tolist()))
 
 
@@ -76,7 +81,7 @@ def turn_limits_of(links: FormationGraph, models: Mapping[str, Model], name: str
         if model is None:
             continue
         speeds = _speeds(model)
-        rate = min(rate, ARM_SPEED_SHARE * float(speeds[0]) / arm_m, float(speeds[3]))
+        rate = min(rate, ARM_SPEED_SHARE * float(speeds[0]) / arm_m, YAW_RATE_SHARE * float(speeds[3]))
         acceleration = min(acceleration, ARM_ACCELERATION_SHARE * float(_accelerations(model)[0]) / arm_m)
     return TurnLimits(rate, acceleration) if np.isfinite(rate) else None
 

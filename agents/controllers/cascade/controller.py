@@ -22,13 +22,14 @@ from rcopterx.agents.controllers.cascade.terms import (
     HorizontalProblem,
     HorizontalTask,
     chain_reference,
+    let_come_back,
     riccati_cost,
     solve_chain,
 )
 from rcopterx.agents.controllers.cascade.tilt_problem import TiltProblem
 from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
 from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget
-from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.controllers.roll_out import lag_poles
 from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
@@ -42,6 +43,8 @@ EffortFactor = Annotated[float, msgspec.Meta(ge=1.0, le=1e4)]
 
 _FREE: Final = 1e9
 """Bound of a heading, which has none."""
+COMING_BACK_S: Final = 0.2
+"""Time constant with which a climb rate or yaw rate beyond its bounds comes back."""
 SLOWING_S: Final = 0.1
 """Time constant with which a cascade of lowered bandwidth takes disturbances in, per root of the factor."""
 _HORIZONTAL: Final = slice(0, 2)
@@ -115,6 +118,7 @@ class CascadeController(BaseController):
         self._horizontal = self._horizontal_problem()
         self._obstacles: tuple[Obstacle, ...] = ()
         self._expired = UNLIMITED.expired
+        self._remaining = np.exp(-period_s / COMING_BACK_S * np.arange(self._horizon))
         # What was estimated while it oscillated is worth nothing, so this begins with none.
         self._taken_in: Array = np.zeros(INPUT_SIZE)
         decay = self._decay[_STEADY]
@@ -207,6 +211,11 @@ class CascadeController(BaseController):
         push[U_THRUST] -= self._model.gravity_m_s2
         clear = self._clearances(estimate, reference)
         first = np.stack((estimate.motion[2:4], estimate.motion[6:8], estimate.actuator[2:4]))
+
+        def bound(target: ChainTarget) -> ChainTarget:
+            kept = target if clear is None else clear.bound_heights(target)
+            return let_come_back(kept, first[1], self._remaining)
+
         steady = solve_chain(
             self._steady,
             first,
@@ -215,7 +224,7 @@ class CascadeController(BaseController):
             self._steady_bounds,
             self._share_of(_STEADY),
             Budget(expired, lambda: self._planned_steady(estimate)),
-            None if clear is None else clear.bound_heights,
+            bound,
         )
         heading, height_m = steady.flat[:, 1], steady.flat[: self._horizon, 0]
         budget = Budget(expired, self._planned_horizontal)

@@ -5,7 +5,7 @@ heading of the vehicle's own yaw plan, so a reference that is another vehicle's 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -93,7 +93,7 @@ def solve_chain(
     bounds: Bounds,
     share: Bounds,
     budget: Budget,
-    clear: Callable[[ChainTarget], ChainTarget] | None = None,
+    change: Callable[[ChainTarget], ChainTarget] | None = None,
 ) -> ChainSolution:
     """Solve one chain.
 
@@ -111,11 +111,11 @@ def solve_chain(
         As in `HorizontalProblem.solve`.
     budget
         What the solve may take.
-    clear
-        Adds separation constraints to the target.
+    change
+        Adds separation constraints to the target, or changes its bounds.
     """
     target = target_within(*reference, bounds, qp.balance(push), share)
-    return qp.solve(first[: qp.levels], push, target if clear is None else clear(target), budget)
+    return qp.solve(first[: qp.levels], push, target if change is None else change(target), budget)
 
 
 def target_within(rows: Array, terminal: Array, bounds: Bounds, balance: Array, share: Bounds) -> ChainTarget:
@@ -133,6 +133,35 @@ def target_within(rows: Array, terminal: Array, bounds: Bounds, balance: Array, 
     """
     lower, upper = cut_to_bounds(rows, *bounds, balance, *share, _NARROWEST)
     return ChainTarget(rows, terminal, lower, upper)
+
+
+def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> ChainTarget:
+    """Let a velocity that is measured beyond its bounds come back to them slowly.
+
+    A vehicle that flies along a bound is beyond it by noise and gusts half of the time. To be back at the
+    next stage would take a stick from stop to stop, and with slew rates and delays that nobody told it would
+    swing around the bound.
+
+    Parameters
+    ----------
+    target
+        Of a chain of m axes.
+    velocity
+        Measured, shape (m,).
+    remaining
+        Share of the excess that is allowed at each stage, shape (N,).
+    """
+    columns = slice(len(velocity), 2 * len(velocity))
+    lowest, highest = np.atleast_2d(target.lower)[0, columns], np.atleast_2d(target.upper)[0, columns]
+    below, above = np.minimum(velocity - lowest, 0.0), np.maximum(velocity - highest, 0.0)
+    if not (below.any() or above.any()):
+        return target
+    stages = len(remaining)
+    lower = np.tile(target.lower, (stages, 1)) if target.lower.ndim == 1 else target.lower.copy()
+    upper = np.tile(target.upper, (stages, 1)) if target.upper.ndim == 1 else target.upper.copy()
+    lower[:, columns] += remaining[:, None] * below
+    upper[:, columns] += remaining[:, None] * above
+    return replace(target, lower=lower, upper=upper)
 
 
 def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0) -> Array:

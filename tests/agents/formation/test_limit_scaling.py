@@ -9,6 +9,7 @@ from rcopterx.agents.formation.limit_scaling import (
     ARM_SPEED_SHARE,
     LEADER_LIMIT_SCALE,
     NEXT_LIMIT_SCALE,
+    YAW_RATE_SHARE,
     LimitScaling,
     arms_of,
     limit_scale_of,
@@ -41,7 +42,8 @@ class Sharing(NotedController):
 def test_every_level_of_followers_below_takes_a_share() -> None:
     for models in ({}, dict.fromkeys(TREE, COAXIAL_LAG), dict.fromkeys(TREE, QUADROTOR)):
         shares = {name: limit_scale_of(TREE, models, name) for name in TREE}
-        assert {name: share.rates for name, share in shares.items()} == dict.fromkeys(TREE, 4 * (1.0,))
+        for name, levels in (("h1", 2), ("h2", 1), ("h3", 0), ("h4", 0)):
+            assert shares[name].rates == pytest.approx((1.0, 1.0, 1.0, YAW_RATE_SHARE**levels))
         inputs = {name: share.inputs for name, share in shares.items()}
         steps = {"h1": NEXT_LIMIT_SCALE * LEADER_LIMIT_SCALE, "h2": LEADER_LIMIT_SCALE, "h3": 1.0, "h4": 1.0}
         assert inputs == {name: pytest.approx(4 * (share,)) for name, share in steps.items()}
@@ -126,6 +128,10 @@ def test_the_longest_arm_and_the_weakest_follower_limit_a_turn() -> None:
     assert limits is not None
     assert limits.rate_rad_s == pytest.approx(ARM_SPEED_SHARE * 1.0 / 0.6)
     assert limits.acceleration_rad_s2 == pytest.approx(ARM_ACCELERATION_SHARE * 2.0 / 0.6)
+    short = {"h1": (), "h2": (LeaderLink(leader="h1", offset_m=(0.1, 0.0, 0.0), frame="heading"),)}
+    turning = turn_limits_of(short, models, "h1")
+    assert turning is not None
+    assert turning.rate_rad_s == pytest.approx(YAW_RATE_SHARE * COAXIAL_LAG.state_max[6])
     stronger = turn_limits_of(links, models | {"h3": QUADROTOR}, "h1")
     assert stronger is not None
     assert stronger.acceleration_rad_s2 > limits.acceleration_rad_s2
