@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from rcopterx.experiments.family import Flown, Programme, distribution, fly_member
-from rcopterx.experiments.rig import Progress, RigOptions
+from rcopterx.experiments.rig import GUARDED, Progress, RigOptions
 from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
@@ -25,8 +25,6 @@ from rcopterx.vehicles.types import COAXIAL_LAG
 PROGRAMME: Final = Programme(settled_s=4.0, hover_s=11.0, slot_s=3.5, rest_s=1.0)
 QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=5.0, slot_s=1.0, rest_s=0.5)
 FIGURES: Final = ("hover_mm", "height_mm", "yaw_mrad", "eight_max_mm")
-
-GUARDED: Final = RigOptions(guard=True)
 
 Change = Callable[[HelicopterParameters], HelicopterParameters]
 

@@ -17,7 +17,7 @@ from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.family_figure import draw_family
 from rcopterx.experiments.knowledge import Knowledge
 from rcopterx.experiments.record import VehicleRecord, rms
-from rcopterx.experiments.rig import SAME_FRAME, Progress, Rig, RigOptions
+from rcopterx.experiments.rig import GUARDED, Progress, Rig, RigOptions
 from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
@@ -161,7 +161,7 @@ def fly_member(
     progress: Progress | None = None,
     particulars: Particulars | None = None,
     plant_type: Model | None = None,
-    options: RigOptions = SAME_FRAME,
+    options: RigOptions = GUARDED,
 ) -> Flown:
     """Fly one vehicle through the whole programme.
 

@@ -15,7 +15,7 @@ import numpy as np
 from rcopterx.experiments.formation import FOLLOWERS, SETTLED_S, SLOT_S, events, formation, sequence
 from rcopterx.experiments.knowledge import Knowledge
 from rcopterx.experiments.record import rms, total_fallbacks
-from rcopterx.experiments.rig import Progress, Rig
+from rcopterx.experiments.rig import GUARDED, Progress, Rig
 from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
@@ -45,7 +45,7 @@ def fly_fleet(
     """Fly the whole sequence with one fleet."""
     slots = sequence(quick)
     vehicles = formation(CASCADE.knowing(knowledge), conditions, seed)
-    record = Rig(vehicles, conditions, seed).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
+    record = Rig(vehicles, conditions, seed, GUARDED).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
     errors_m = record.formation_error_m(SETTLED_S)
     ends_m = [float(record[name].formation_error_m()[-1]) for name in FOLLOWERS]
     return Flown(

@@ -95,6 +95,8 @@ class RigOptions:
 
 
 SAME_FRAME: Final = RigOptions()
+GUARDED: Final = RigOptions(guard=True)
+"""As agents fly."""
 
 
 class RigError(ValueError):
@@ -223,7 +225,9 @@ class Rig:
                 progress(flown / frames)
         return FlightRecord(
             {
-                name: recorder.record(self.pilots[name].fallbacks, self._laboratory.plant(name))
+                name: recorder.record(
+                    self.pilots[name].fallbacks + self.guards[name].events, self._laboratory.plant(name)
+                )
                 for name, recorder in recorders.items()
             }
         )

@@ -10,10 +10,11 @@ from rcopterx.agents.references.path_shapes import figure_eight
 from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, OSCILLATION, effort_factors
 from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.record import VehicleRecord
-from rcopterx.experiments.rig import Rig, RigOptions, RigVehicle
+from rcopterx.experiments.rig import GUARDED, Rig, RigVehicle
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.state import YAW_RATE
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 LAG_ONLY = replace(COAXIAL_LAG, kind=COAXIAL.kind)
@@ -22,9 +23,11 @@ GAIN_A_FIFTH = replace(COAXIAL, input_gain=(0.4, 0.42, 18.0, 111.0), uncertainty
 """Claims to be identified, and the sticks do five times as much as it says."""
 
 
-def flown(model: Model, seed: int, seconds: float, events: Sequence[Event] = ()) -> tuple[Rig, VehicleRecord]:
+def flown(
+    model: Model, seed: int, seconds: float, events: Sequence[Event] = (), delay_s: float | None = None
+) -> tuple[Rig, VehicleRecord]:
     vehicle = RigVehicle("h1", model, Pose((0.0, 0.0, 1.0)), "cascade", horizon=30)
-    rig = Rig([vehicle], HELICOPTERS, seed, RigOptions(guard=True))
+    rig = Rig([vehicle], replace(HELICOPTERS, transport_delay_s=delay_s), seed, GUARDED)
     return rig, rig.fly(seconds, events)["h1"]
 
 
@@ -55,3 +58,14 @@ def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequ
     rig, record = flown(COAXIAL, seed, 7.0, events)
     assert rig.guards["h1"].events[OSCILLATION] == 0
     assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.3
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_long_turn_at_the_largest_rate_is_calm_although_sticks_act_late(seed: int) -> None:
+    turn = GoTo(1.0, "h1", (0.0, 0.0, 1.0), 3 * np.pi)
+    rig, record = flown(COAXIAL, seed, 6.0, (turn,), delay_s=0.08)
+    assert rig.guards["h1"].events[OSCILLATION] == 0
+    along = (record.time_s > 1.6) & (record.time_s < 4.2)
+    rate = record.motion[along, YAW_RATE]
+    assert rate.std() < 0.4
+    assert rate.mean() == pytest.approx(COAXIAL.state_max[-1], abs=0.3)
