@@ -150,6 +150,6 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
         pacing=pacing,
         solve=solve,
         diagnostics=DiagnosticsCollector(
-            pilot, tuning, pacing, solve, relief, counted, realtime, settings.bus.host
+            pilot, tuning, pacing, solve, relief, guard, counted, realtime, settings.bus.host
         ),
     )

@@ -15,7 +15,7 @@ from rcopterx.agents.pacing import Pacing, SolveTimer
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
-from rcopterx.agents.tuning.guard import effort_factors
+from rcopterx.agents.tuning.guard import OscillationGuard, effort_factors
 from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
 from rcopterx.bus.rounding import all_rounded, rounded
@@ -157,7 +157,7 @@ class DiagnosticsCollector:
 
     Parameters
     ----------
-    pilot, tuning, pacing, solve, relief
+    pilot, tuning, pacing, solve, relief, guard
         The agent's own.
     sources
         All parts of the agent that count what happens to them.
@@ -174,6 +174,7 @@ class DiagnosticsCollector:
         pacing: Pacing,
         solve: SolveTimer,
         relief: LoadRelief,
+        guard: OscillationGuard,
         sources: Sequence[Source],
         realtime: bool,
         host: str,
@@ -184,6 +185,7 @@ class DiagnosticsCollector:
         self._pacing = pacing
         self._solve = solve
         self._relief = relief
+        self._guard = guard
         self._sources = sources
         self._realtime = realtime
 
@@ -217,7 +219,10 @@ class DiagnosticsCollector:
             realtime=self._realtime,
             process=os.getpid(),
             host=self._host,
-            remarks=(*pilot.remarks, *filter(None, (self._tuning.remark, self._relief.remark))),
+            remarks=(
+                *pilot.remarks,
+                *filter(None, (self._tuning.remark, self._relief.remark, self._guard.remark)),
+            ),
             processor_share=self._relief.processor_share(),
         )
 

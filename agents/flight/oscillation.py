@@ -11,7 +11,7 @@ little damping of its own rings after a step: so one counts only if it is about 
 
 import math
 from enum import IntEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -60,6 +60,25 @@ _LOOPS: Final = (
     Loop.HORIZONTAL,
 )
 """Of the pitch, roll, thrust and yaw stick and of both components of the tilt."""
+_SIGNALS: Final = ("pitch stick", "roll stick", "thrust stick", "yaw stick", "tilt to x", "tilt to y")
+
+
+class Swing(NamedTuple):
+    """An oscillation as it was seen last.
+
+    Attributes
+    ----------
+    signal
+        What swings, for people.
+    frequency_hz
+        By the last two half-waves.
+    size
+        Larger of both, smoothed, as a share of the stick's range to a side of rest or of the largest tilt.
+    """
+
+    signal: str
+    frequency_hz: float
+    size: float
 
 
 class OscillationDetector:
@@ -76,6 +95,9 @@ class OscillationDetector:
         tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / model.gravity_m_s2
         rests = [*model.hover_input.tolist(), 0.0, 0.0]
         ranges = [*reach.tolist(), tilt, tilt]
+        self._ranges = ranges
+        self.swings: dict[Loop, Swing] = {}
+        """Of every loop that was found to oscillate."""
         self._channels, self._faint = (
             [
                 _Channel(rest, threshold * largest, needed, again)
@@ -130,14 +152,19 @@ class OscillationDetector:
             for channel in self._faint:
                 channel.forget()
         # All of them, also after one that oscillates.
-        found = [
-            channel.observe(value, near, period_s)
-            for channel, value in zip(self._channels, values, strict=True)
-        ]
+        found = {
+            index: channel
+            for index, (channel, value) in enumerate(zip(self._channels, values, strict=True))
+            if channel.observe(value, near, period_s)
+        }
         if resting:
             for index, (channel, value) in enumerate(zip(self._faint, values, strict=True)):
-                found[index] |= channel.observe(value, near, period_s)
-        return frozenset(loop for loop, swings in zip(_LOOPS, found, strict=True) if swings)
+                if channel.observe(value, near, period_s):
+                    found.setdefault(index, channel)
+        for index, channel in found.items():
+            frequency_hz, size = channel.wave
+            self.swings[_LOOPS[index]] = Swing(_SIGNALS[index], frequency_hz, size / self._ranges[index])
+        return frozenset(_LOOPS[index] for index in found)
 
 
 class _Channel:
@@ -176,6 +203,12 @@ class _Channel:
         if not near:
             self._count_near = 0
         return begins and (self._count_near >= self._needed_near or self._count >= self._needed)
+
+    @property
+    def wave(self) -> tuple[float, float]:
+        """Frequency [Hz] and size of the last two half-waves of an oscillation."""
+        halves = [half for half in (self._older, self._last) if half is not None]
+        return 0.5 * len(halves) / sum(lasted_s for lasted_s, _ in halves), max(size for _, size in halves)
 
     def _begin(self, side: int) -> None:
         """Count a half-wave that begins, and thereby the one before it that ends."""

@@ -66,8 +66,15 @@ class OscillationGuard:
         self._swinging: frozenset[Loop] = frozenset()
         """Loops that have been seen to oscillate since the last step."""
         self._reference: Array | None = None
+        self._seen = ""
         self.events: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
+
+    @property
+    def remark(self) -> str:
+        """What was seen when the bandwidth was lowered last; empty where it is as somebody wants it."""
+        lowered = max(effort_factors(self._tuning.configuration)) > 1.0
+        return self._seen if lowered else ""
 
     def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
         """Take in the control period that was just flown, and lower the bandwidth if need be.
@@ -117,4 +124,9 @@ class OscillationGuard:
         self._since_step_s = 0.0
         self._detector.changed(swinging)
         self.events[BANDWIDTH_LOWERED] += 1
+        swings = [self._detector.swings[loop] for loop in sorted(swinging)]
+        self._seen = "bandwidth lowered: " + ", ".join(
+            f"{swing.signal} oscillated at {swing.frequency_hz:.1f} Hz by {swing.size:.2f} of its range"
+            for swing in swings
+        )
         self._tuning.begin(present.changed(None, {EFFORT_FACTORS: factors}, None, {}))

@@ -164,6 +164,20 @@ def test_gusts_at_rest_are_no_oscillation() -> None:
     assert first_s(lambda time_s: gusts[round(time_s / PERIOD_S)], seconds=1200.0, resting=True) is None
 
 
+@pytest.mark.parametrize(("frequency_hz", "share"), [(1.0, 0.9), (2.7, 0.6)])
+def test_frequency_and_size_of_an_oscillation_are_told(frequency_hz: float, share: float) -> None:
+    detector, reach = OscillationDetector(COAXIAL), COAXIAL.u_max[YAW]
+    for k in range(300):
+        stick = COAXIAL.hover_input.copy()
+        stick[YAW] += reach * wave(frequency_hz, share)(k * PERIOD_S)
+        detector.observe(stick, None, AT_REFERENCE, PERIOD_S)
+    swing = detector.swings[Loop.YAW]
+    assert swing.signal == "yaw stick"
+    assert swing.frequency_hz == pytest.approx(frequency_hz, rel=0.15)
+    assert swing.size == pytest.approx(share, rel=0.1)
+    assert set(detector.swings) == {Loop.YAW}
+
+
 def test_after_a_change_it_has_to_go_on() -> None:
     detector, found_s = OscillationDetector(COAXIAL), []
     for k in range(300):

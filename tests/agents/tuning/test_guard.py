@@ -71,6 +71,20 @@ def test_only_the_loop_that_oscillates_is_lowered(stick: int, loop: Loop) -> Non
     assert {factor for other, factor in zip(Loop, factors, strict=True) if other is not loop} == {1.0}
 
 
+def test_what_oscillated_is_told_until_somebody_tunes_the_vehicle() -> None:
+    watched = Watched()
+    assert watched.guard.remark == ""
+    watched.swing(1.8, amplitude=0.9, stick_index=1)
+    told = "bandwidth lowered: roll stick oscillated at 2.0 Hz by 0.8"
+    assert watched.guard.remark.startswith(told)
+    watched.swing(3.0, amplitude=0.1)
+    assert watched.guard.remark.startswith(told)
+    watched.flight.tuning.begin(without_guard(watched.flight.tuning.configuration))
+    watched.flight.tuning.wait()
+    watched.flight.tuning.finish()
+    assert watched.guard.remark == ""
+
+
 def test_when_the_oscillation_ends_the_bandwidth_stays_lowered() -> None:
     watched = Watched()
     watched.swing(1.6)
