@@ -1,25 +1,28 @@
 """Checks a fleet in a process that ends: what only agents need stays out of the one that launches them."""
 
-import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.fleet_file.snapshot import encoded
-from rcopterx.deploy.forking import child_environment
+from rcopterx.deploy.fleet_file.snapshot import write_snapshot
+from rcopterx.deploy.forking import ForkServer
 
+MODULE: Final = "rcopterx.deploy.fleet_check"
 EXIT_WRONG: Final = 3
 """Exit code that says that a field of the fleet is wrong."""
 
 
-def check_apart(fleet: FleetFile, directory: Path) -> None:
+def check_apart(fleet: FleetFile, directory: Path, forks: ForkServer) -> None:
     """`fleet_check.check_fleet` in a process of its own.
 
     Parameters
     ----------
     fleet, directory
         The fleet and its run directory.
+    forks
+        Starts the process; what it has imported for the fleet need not be imported for the check.
 
     Raises
     ------
@@ -28,12 +31,12 @@ def check_apart(fleet: FleetFile, directory: Path) -> None:
     OSError
         It cannot be checked; says why.
     """
-    command = [sys.executable, "-m", "rcopterx.deploy.fleet_check", str(directory)]
-    done = subprocess.run(
-        command, input=encoded(fleet), stderr=subprocess.PIPE, env=child_environment(), check=False
-    )
-    told = done.stderr.decode(errors="replace").strip()
-    if done.returncode == EXIT_WRONG:
+    with TemporaryDirectory(prefix="rcopterx-") as place:
+        snapshot, log = Path(place) / "fleet.json", Path(place) / "log"
+        write_snapshot(fleet, snapshot)
+        code = forks.start([sys.executable, "-m", MODULE, str(snapshot), str(directory)], log).process.wait()
+        told = log.read_text(encoding="utf-8", errors="replace").strip()
+    if code == EXIT_WRONG:
         raise FleetError(told)
-    if done.returncode:
-        raise OSError(f"the fleet cannot be checked, exit code {done.returncode}: {told}")
+    if code:
+        raise OSError(f"the fleet cannot be checked, exit code {code}: {told}")

@@ -1,7 +1,6 @@
 """Makes sure that every process of a fleet can be set up before any of them is started.
 
-`python -m rcopterx.deploy.fleet_check DIRECTORY` reads the snapshot of a fleet from its standard input; see
-`checking`.
+`python -m rcopterx.deploy.fleet_check SNAPSHOT DIRECTORY`; see `checking`.
 """
 
 import sys
@@ -9,7 +8,7 @@ from pathlib import Path
 
 from rcopterx.deploy.checking import EXIT_WRONG
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.fleet_file.snapshot import snapshot_of
+from rcopterx.deploy.fleet_file.snapshot import read_snapshot
 from rcopterx.deploy.formation_check import check_formation
 from rcopterx.deploy.roles.agent import check_period, pilot_of
 from rcopterx.deploy.roles.arbiter_limits import limits_of
@@ -39,9 +38,10 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
 
 
 def main() -> int:
-    """Check what the standard input holds; what is wrong goes to the standard error."""
+    """Check a snapshot for a run directory; what is wrong goes to the standard error."""
+    snapshot, directory = map(Path, sys.argv[1:])
     try:
-        check_fleet(snapshot_of(sys.stdin.buffer.read()), Path(sys.argv[1]))
+        check_fleet(read_snapshot(snapshot), directory)
     except FleetError as error:
         print(error, file=sys.stderr)
         return EXIT_WRONG

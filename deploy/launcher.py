@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeVar
@@ -191,7 +191,7 @@ class Launcher(AbstractContextManager["Launcher"]):
     ------
     FleetError
         Something in the file is wrong, an address is in use, no vehicle that takes part has its device;
-        nothing was started.
+        no process of the fleet was started.
     """
 
     def __init__(
@@ -209,9 +209,13 @@ class Launcher(AbstractContextManager["Launcher"]):
         _check_absent(fleet, without)
         # Where processes would wait for it, watchdogs would take it for a failure.
         compile_all()
-        check_apart(fleet, directory)
         check_certificate(fleet, host)
         missing = check_resources(fleet, host, directory, without)
+        forks = ForkServer(modules_of(fleet, specs), Priority.SUPERVISOR.of(fleet))
+        with ExitStack() as unless_sound:
+            unless_sound.callback(forks.close)
+            check_apart(fleet, directory, forks)
+            unless_sound.pop_all()
         self.directory = directory
         absent = {agent_process(name) for name in without}
         guests = [name for name in fleet.agents_on(host) if fleet.vehicles[name].host != host]
@@ -221,7 +225,6 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._idle = idle
         self._snapshot = snapshot_path(host, directory)
         limits = watchdog_limits(fleet) if watchdog else None
-        forks = ForkServer(modules_of(fleet, specs), Priority.SUPERVISOR.of(fleet))
         self.supervisor = Supervisor(
             specs,
             self._snapshot,

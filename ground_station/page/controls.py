@@ -8,7 +8,6 @@ from typing import Any, Final
 import viser
 
 from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.agents.references.path_shapes import through
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.geometry import on_level
@@ -251,6 +250,9 @@ class Waypoints:
 
     def fly(self) -> None:
         """Let the vehicle fly through the waypoints, from where it is."""
+        # Numerical libraries take longer to import than the rest of the page.
+        from rcopterx.agents.references.path_shapes import through
+
         name = self.vehicle.value
         state = self._fleet[name].state
         place = state.position_m

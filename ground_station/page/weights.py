@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Final
 
-from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.vehicle_models import model_of
 
@@ -31,6 +30,9 @@ def weights_of(
     powers
         Of 2, by the names of `GROUPS`: the factors of the default weights.
     """
+    # Compiled kernels take longer to import than the rest of the page.
+    from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
+
     model = model_of(fleet, name)
     states = list(default_state_weights(model))
     for group, indices in _STATES.items():

@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -11,21 +13,30 @@ from rcopterx.deploy import checking
 from rcopterx.deploy.checking import check_apart
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.deploy.forking import ForkServer
 
 
-def test_a_good_fleet_passes_and_a_wrong_field_is_named(tmp_path: Path) -> None:
-    check_apart(parse_fleet(PAIR), tmp_path)
+@pytest.fixture
+def forks() -> Iterator[ForkServer]:
+    with closing(ForkServer(["rcopterx.deploy.roles.agent", "rcopterx.deploy.roles.simulator"])) as server:
+        yield server
+
+
+def test_a_good_fleet_passes_and_a_wrong_field_is_named(tmp_path: Path, forks: ForkServer) -> None:
+    check_apart(parse_fleet(PAIR), tmp_path, forks)
     wrong = parse_fleet(PAIR + 'control = { controller = "x" }')
     with pytest.raises(FleetError, match=r"^vehicles\.h2\.control: no controller is called 'x'"):
-        check_apart(wrong, tmp_path)
+        check_apart(wrong, tmp_path, forks)
+    # Nothing stays behind.
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_check_that_fails_for_another_reason_says_why(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forks: ForkServer
 ) -> None:
-    monkeypatch.setattr(checking.sys, "executable", "/bin/false")
-    with pytest.raises(OSError, match="the fleet cannot be checked, exit code 1"):
-        check_apart(parse_fleet(PAIR), tmp_path)
+    monkeypatch.setattr(checking, "MODULE", "no_such_module")
+    with pytest.raises(OSError, match=r"(?s)the fleet cannot be checked, exit code 1: .*no_such_module"):
+        check_apart(parse_fleet(PAIR), tmp_path, forks)
 
 
 def test_who_launches_needs_none_of_the_libraries_of_agents() -> None:

@@ -239,7 +239,10 @@ def test_a_launcher_watches_unless_it_is_told_not_to(
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     launcher = Launcher(parse_fleet(on_free_ports(PAIR)), "main", watchdog=watchdog)
-    assert launcher.supervisor.watchdog_on is watchdog
+    try:
+        assert launcher.supervisor.watchdog_on is watchdog
+    finally:
+        launcher.supervisor.stop_all()
 
 
 def test_what_is_made_in_real_time_is_made_in_a_thread_of_that_class(monkeypatch: pytest.MonkeyPatch) -> None:
