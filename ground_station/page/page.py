@@ -29,6 +29,25 @@ PLOT_S: Final = 0.5
 NOTICE_S: Final = 6.0
 
 
+class PageFrame:
+    """What browsers show, and load, while the fleet is still coming up; made before the `FleetPage`.
+
+    Parameters
+    ----------
+    server
+        Where browsers connect.
+    name
+        Name of the fleet.
+    """
+
+    def __init__(self, server: viser.ViserServer, name: str) -> None:
+        self.server = server
+        run_in_browsers(server)
+        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        server.gui.set_panel_label(f"rcopterx {name}")
+        self.banner = server.gui.add_html(banner(name, (), ["waiting for the fleet to come up"]))
+
+
 class FleetPage:
     """A fleet in the browser.
 
@@ -36,25 +55,22 @@ class FleetPage:
     ----------
     fleet
         A running fleet.
-    server
-        Where browsers connect.
+    frame
+        What browsers show already.
     steers
         False for a page that only watches.
     """
 
-    def __init__(self, fleet: Fleet, server: viser.ViserServer, steers: bool = True) -> None:
+    def __init__(self, fleet: Fleet, frame: PageFrame, steers: bool = True) -> None:
         self._fleet = fleet
-        self._server = server
+        self._server = server = frame.server
+        self.banner = frame.banner
         self._applied = fleet.session.subscribe_all(channels.APPLIED)
         fleet.watch_latency()
         self.histories = {name: History() for name in fleet.file.vehicles}
         self.timeline = Timeline()
         self.steering = Steering(fleet, self.notify) if steers else None
         self._next_text_s = self._next_plot_s = 0.0
-        run_in_browsers(server)
-        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-        server.gui.set_panel_label(f"rcopterx {fleet.file.name}")
-        self.banner = server.gui.add_html("")
         if self.steering is not None:
             add_fleet_controls(server, self.steering)
         self.scene = FleetScene(fleet, server, self.steering)

@@ -5,7 +5,7 @@ imported before a fleet is wanted.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from glob import escape, glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -126,23 +126,40 @@ def _say(error: Exception) -> None:
         typer.echo(f"error: {line}", err=True)
 
 
+def wanted_fleet(name: str | None) -> tuple["FleetFile", str | None]:
+    """The fleet of a file, or the one that is up and which of its hosts this computer is.
+
+    Raises
+    ------
+    FleetError
+        There is none, or it cannot be used.
+    """
+    from rcopterx.ground_station.joining import fleet_that_is_up
+
+    return fleet_that_is_up() if name is None else (fleet_file(name), None)
+
+
+@contextmanager
+def joined_fleet(
+    file: "FleetFile", host: str | None, name: str | None, router_within_s: float
+) -> Iterator["Fleet"]:
+    """Join a `wanted_fleet`, whose router answers within a time."""
+    from rcopterx.bus.session import BusUnreachableError
+    from rcopterx.ground_station.fleet import Fleet
+
+    try:
+        fleet = Fleet(file, host, router_within_s)
+    except BusUnreachableError as error:
+        raise BusUnreachableError(f"{error}; is the fleet up? {_up_now(name)}") from None
+    with closing(fleet):
+        yield fleet
+
+
 @contextmanager
 def running_fleet(name: str | None, router_within_s: float = ROUTER_S) -> Iterator["Fleet"]:
     """Join the fleet that is up, or the running one of a file, whose router answers within a time."""
-    from rcopterx.bus.session import BusUnreachableError
-    from rcopterx.ground_station.fleet import Fleet
-    from rcopterx.ground_station.joining import fleet_that_is_up
-
-    with user_errors():
-        file, host = fleet_that_is_up() if name is None else (fleet_file(name), None)
-        try:
-            fleet = Fleet(file, host, router_within_s)
-        except BusUnreachableError as error:
-            raise BusUnreachableError(f"{error}; is the fleet up? {_up_now(name)}") from None
-        try:
-            yield fleet
-        finally:
-            fleet.close()
+    with user_errors(), joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
+        yield fleet
 
 
 def _up_now(name: str | None) -> str:

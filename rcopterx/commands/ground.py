@@ -9,16 +9,27 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet
+from rcopterx.commands.fleet_option import (
+    EXIT_FAILED,
+    RunningFleetOption,
+    joined_fleet,
+    user_errors,
+    wanted_fleet,
+)
+
+if TYPE_CHECKING:
+    from rcopterx.ground_station.page.page import FleetPage
 
 UPDATE_S = 0.05
 PORT = 8080
 INSTALL = "pip install 'rcopterx[ground]'"
 END_S = 5.0
+COMES_UP_S = 15.0
+"""How long the page waits for a fleet that is being started."""
 
 
 def ground(
@@ -44,26 +55,34 @@ def ground(
     import viser
 
     from rcopterx.deploy.roles.run import end_with_parent
-    from rcopterx.ground_station.page.page import FleetPage
+    from rcopterx.ground_station.page.page import FleetPage, PageFrame
 
     end_with_parent()
-    with running_fleet(fleet) as running:
-        server = viser.ViserServer("127.0.0.1", port, label=f"rcopterx {running.file.name}", verbose=False)
+    with user_errors():
+        file, host = wanted_fleet(fleet)
+        server = viser.ViserServer("127.0.0.1", port, label=f"rcopterx {file.name}", verbose=False)
         try:
             with suppress(KeyboardInterrupt):
-                page = FleetPage(running, server, steers=not watch_only)
+                # Browsers load the page while a fleet that has just been started comes up.
+                frame = PageFrame(server, file.name)
                 address = f"http://127.0.0.1:{server.get_port()}"
                 typer.echo(f"{address}  (Ctrl-C ends the page, the fleet goes on)")
                 if open_browser:
                     webbrowser.open(address)
-                next_s = time.monotonic()
-                while True:
-                    page.update(time.monotonic())
-                    # A page that comes late does not make up for it.
-                    next_s = max(next_s + UPDATE_S, time.monotonic())
-                    time.sleep(max(0.0, next_s - time.monotonic()))
+                with joined_fleet(file, host, fleet, COMES_UP_S) as running:
+                    _keep(FleetPage(running, frame, steers=not watch_only))
         finally:
             server.stop()
+
+
+def _keep(page: "FleetPage") -> None:
+    """Keep a page up to date, for ever."""
+    next_s = time.monotonic()
+    while True:
+        page.update(time.monotonic())
+        # A page that comes late does not make up for it.
+        next_s = max(next_s + UPDATE_S, time.monotonic())
+        time.sleep(max(0.0, next_s - time.monotonic()))
 
 
 def installed() -> bool:

@@ -164,6 +164,25 @@ def test_the_web_page_is_served_until_ctrl_c(up: str) -> None:
         process.wait()
 
 
+def test_the_web_page_is_served_before_its_fleet_is_up(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text(fleet_file_text(own_address()))
+    process = subprocess.Popen(
+        patient_command("ground", "-f", str(path), "--port", str(free_port())),
+        stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        address = next(line.split()[0] for line in process.stdout if line.startswith("http"))
+        with urllib.request.urlopen(address, timeout=DEADLINE_S) as answer:
+            assert answer.status == 200
+        process.send_signal(signal.SIGINT)
+        assert process.wait(DEADLINE_S) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
 def test_the_page_beside_a_demonstration_tells_its_address_and_ends_with_it(up: str) -> None:
     told: list[str] = []
     with page_of(up, told.append):

@@ -16,7 +16,7 @@ from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
 from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.page.page import FleetPage
+from rcopterx.ground_station.page.page import FleetPage, PageFrame
 
 NEEDED = "pip install playwright pillow"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -56,7 +56,7 @@ def kept_up_to_date(page: FleetPage) -> Iterator[None]:
 def served(fleet: Fleet, port: int) -> Iterator[None]:
     """The page, kept up to date."""
     server = viser.ViserServer("127.0.0.1", port, verbose=False)
-    with kept_up_to_date(FleetPage(fleet, server)):
+    with kept_up_to_date(FleetPage(fleet, PageFrame(server, fleet.file.name))):
         yield
     server.stop()
 

@@ -15,7 +15,7 @@ from support.waiting import wait_for
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import Follow, GoTo, Tune
 from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.page.page import FleetPage
+from rcopterx.ground_station.page.page import FleetPage, PageFrame
 
 Vehicles = dict[str, ScriptedVehicle]
 BY_HAND = SimpleNamespace(client=object())
@@ -31,7 +31,7 @@ def opened(
     monkeypatch.setattr(FleetPage, "notify", lambda page, text, refused: notices.append((text, refused)))
     notices.clear()
     try:
-        yield lambda **options: FleetPage(fleet, server, **options)
+        yield lambda **options: FleetPage(fleet, PageFrame(server, fleet.file.name), **options)
     finally:
         server.stop()
 
@@ -42,6 +42,17 @@ def page(opened: Callable[..., FleetPage]) -> FleetPage:
 
 
 notices: list[tuple[str, bool]] = []
+
+
+def test_browsers_are_told_to_wait_until_the_fleet_is_there(fleet: Fleet) -> None:
+    server = viser.ViserServer("127.0.0.1", free_port(), verbose=False)
+    try:
+        frame = PageFrame(server, fleet.file.name)
+        assert "waiting for the fleet" in frame.banner.content
+        FleetPage(fleet, frame).update(time.monotonic())
+        assert "waiting for the fleet" not in frame.banner.content
+    finally:
+        server.stop()
 
 
 def shown(page: FleetPage, fleet: Fleet, phase: str) -> None:
