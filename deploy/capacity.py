@@ -7,9 +7,9 @@ import threading
 from collections.abc import Callable
 from typing import Final
 
+from rcopterx.deploy.background import begun_behind_others
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.fleet_file.snapshot import encoded
-from rcopterx.deploy.forking import child_environment
 
 WHOLE: Final = 3.5
 """Processor time of all processes per vehicle, in that of its control periods alone: the rest of its agent,
@@ -17,7 +17,7 @@ its part of router, gateways and simulated laboratory (`rcopterx bench cost`).""
 USABLE: Final = 0.8
 """Share of the processors beyond which control periods are missed."""
 LOOK_S: Final = 0.1
-LIMIT_S: Final = 60.0
+LIMIT_S: Final = 120.0
 
 
 def vehicles_flown(control_s: float, period_s: float, processors: int) -> int:
@@ -75,10 +75,7 @@ class CapacityMeasurement:
     def _measured(self) -> int | str | None:
         """The number of vehicles; None if it is not wanted any more."""
         command = [sys.executable, "-m", "rcopterx.deploy.control_time", self._vehicle]
-        pipe = subprocess.PIPE
-        with subprocess.Popen(
-            command, stdin=pipe, stdout=pipe, stderr=pipe, env=child_environment()
-        ) as process:
+        with begun_behind_others(command) as process:
             told = self._told(process)
         if told is None:
             return None

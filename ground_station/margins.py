@@ -22,6 +22,7 @@ from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.loops import loops_of, unknown_loops
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.fleet_file.snapshot import snapshot_of
+from rcopterx.deploy.roles.run import end_with_parent
 from rcopterx.deploy.roles.vehicle_models import model_of
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.vehicles.model import Model
@@ -163,5 +164,6 @@ def _warnings(name: str, model: Model, period_s: float, configuration: Configura
 
 
 if __name__ == "__main__":
+    end_with_parent()
     for warning in configured_warnings(snapshot_of(sys.stdin.buffer.read())):
         print(warning)

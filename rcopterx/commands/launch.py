@@ -109,15 +109,23 @@ def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
 
 
 class Watch:
-    """Shows the fleet while something else happens: a live table, or lines where there is no terminal."""
+    """Shows the fleet while something else happens: a live table, or lines where there is no terminal.
 
-    def __init__(self, fleet: "Fleet", interrupts: Interrupts) -> None:
+    Parameters
+    ----------
+    fleet, interrupts
+        What is shown, and who ends it.
+    said
+        Lines to print; may be filled from any thread.
+    """
+
+    def __init__(self, fleet: "Fleet", interrupts: Interrupts, said: deque[str] | None = None) -> None:
         from rich.console import Console
 
         self._fleet = fleet
         self._interrupts = interrupts
         self._console = Console()
-        self._lines: deque[str] = deque()
+        self._lines: deque[str] = deque() if said is None else said
 
     def until(self, done: Callable[[], bool]) -> None:
         """Show until a condition holds or the user asks to stop."""
@@ -181,10 +189,15 @@ def up(
         user_errors(),
         interruptible(fleet, host, without or (), watchdog=watchdog, record=record) as (running, interrupts),
     ):
-        for line in warnings_apart(running.file):
-            typer.echo(f"warning: {line}", err=True)
+        watch = Watch(running, interrupts)
+
+        def warn() -> None:
+            for line in warnings_apart(running.file):
+                watch.say(f"warning: {line}")
+
+        threading.Thread(target=warn, name="margins", daemon=True).start()
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
-        Watch(running, interrupts).until(lambda: False)
+        watch.until(lambda: False)
 
 
 def _by_daemons(name: str, without: Sequence[str]) -> bool:
@@ -264,10 +277,12 @@ def demo(
 
     with ExitStack() as stack:
         stack.enter_context(user_errors())
-        running, interrupts = stack.enter_context(interruptible(fleet, None, record=record))
-        watch = Watch(running, interrupts)
+        said: deque[str] = deque()
         if browser:
-            stack.enter_context(page_of(fleet, watch.say))
+            # It loads while the fleet comes up.
+            stack.enter_context(page_of(fleet, said.append))
+        running, interrupts = stack.enter_context(interruptible(fleet, None, record=record))
+        watch = Watch(running, interrupts, said)
         demonstration = Demonstration(running, interrupts.wait, watch.say)
         demonstration.start(seconds)
         watch.until(lambda: demonstration.finished)
