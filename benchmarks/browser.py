@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -37,8 +38,29 @@ def browser() -> Iterator["Browser"]:
 
 
 @contextmanager
+def started(fleet: str) -> Iterator[None]:
+    """`rcopterx up` of a fleet, which need not be up yet, until the block is left; without a flight log."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rcopterx", "up", fleet, "--no-record"],
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait()
+
+
+@contextmanager
 def served(fleet: str) -> Iterator[str]:
-    """The process of the page of a fleet that is up, until the block is left; yields its address."""
+    """The process of the page of a fleet, until the block is left; yields its address.
+
+    Raises
+    ------
+    OSError
+        It ended before it had one.
+    """
     process = subprocess.Popen(
         [sys.executable, "-u", "-m", "rcopterx", "ground", "-f", fleet],
         stdout=subprocess.PIPE,
@@ -48,7 +70,10 @@ def served(fleet: str) -> Iterator[str]:
     try:
         assert process.stdout is not None
         # The web server greets its user on the same stream.
-        yield next(line.split()[0] for line in process.stdout if line.startswith("http"))
+        address = next((line.split()[0] for line in process.stdout if line.startswith("http")), None)
+        if address is None:
+            raise OSError(f"the page has ended with exit code {process.wait()}")
+        yield address
     finally:
         process.terminate()
         process.wait()

@@ -1,16 +1,19 @@
-"""From the start of the web page of a fleet that is up until it can be used in a browser."""
+"""From the start of the web page, or of its fleet as well, until the page can be used in a browser."""
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from rcopterx.benchmarks.browser import browser, opened, served
+from rcopterx.benchmarks.browser import browser, opened, served, started
+from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.ground_station.launched import launched
 from rcopterx.ground_station.statistics import percentiles
+from rcopterx.native.cache import compile_all
 
 
-def run(path: Path, runs: int, tell: Callable[[str], None]) -> dict[str, Any]:
+def run(path: Path, runs: int, from_start: bool, tell: Callable[[str], None]) -> dict[str, Any]:
     """Measure on the fleet of a file, on the floor, with a browser that is open already.
 
     Parameters
@@ -19,29 +22,39 @@ def run(path: Path, runs: int, tell: Callable[[str], None]) -> dict[str, Any]:
         Fleet file.
     runs
         How often the page is started.
+    from_start
+        Whether `rcopterx up` is started together with the page, each time; otherwise the fleet is up.
     tell
         Told what is going on.
 
     Returns
     -------
     dict
-        `vehicles`, `runs`, and percentiles [s]: `served_s` until the page has an address, `usable_s` until
-        KILL is connected and the first vehicle is shown.
+        `vehicles`, `runs`, `from_start`, and percentiles [s]: `served_s` until the page has an address,
+        `usable_s` until KILL is connected and the first vehicle is shown.
     """
     served_s, usable_s = [], []
-    with launched(path, record=False) as fleet, browser() as chromium:
+    # Once on a computer, and not what is measured.
+    compile_all()
+    with ExitStack() as stack:
+        if not from_start:
+            stack.enter_context(launched(path, record=False))
+        chromium = stack.enter_context(browser())
         for number in range(runs):
             tell(f"page {number + 1} of {runs}")
             began_s = time.monotonic()
-            with served(str(path)) as address:
+            with ExitStack() as one:
+                if from_start:
+                    one.enter_context(started(str(path)))
+                address = one.enter_context(served(str(path)))
                 served_s.append(time.monotonic() - began_s)
                 window = opened(chromium, address)
                 usable_s.append(time.monotonic() - began_s)
                 window.close()
-        vehicles = len(fleet.file.vehicles)
     return {
-        "vehicles": vehicles,
+        "vehicles": len(load_fleet(path).vehicles),
         "runs": runs,
+        "from_start": from_start,
         "served_s": percentiles(served_s),
         "usable_s": percentiles(usable_s),
     }

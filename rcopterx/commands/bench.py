@@ -274,6 +274,9 @@ def kill(
 def page(
     as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
     runs: Annotated[int, typer.Option(metavar="N", min=1, help="How often the page is started.")] = 5,
+    from_start: Annotated[
+        bool, typer.Option("--from-start", help="Start the fleet together with the page, each time.")
+    ] = False,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """From the start of the web page of a fleet that is up until it can be used in a browser."""
@@ -285,7 +288,9 @@ def page(
         typer.echo(f"error: this needs {NEEDED}", err=True)
         raise typer.Exit(EXIT_FAILED)
     with user_errors():
-        document = run(fleet_path(fleet), runs, lambda text: typer.echo(f"bench page: {text}", err=True))
+        document = run(
+            fleet_path(fleet), runs, from_start, lambda text: typer.echo(f"bench page: {text}", err=True)
+        )
     if as_json:
         typer.echo(json.dumps(document, indent=2))
         return
