@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from support.bus import asked
 from support.statuses import flying_status
-from support.waiting import wait_for
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LauncherStatus
@@ -104,13 +105,13 @@ def test_a_host_is_started_and_stopped_by_request(
     daemon: MembershipService, supervisor: Supervisor, begun: list[str], join: Join
 ) -> None:
     session = join()
-    reply = session.request("main", StartHost(without=("h2",)))
+    reply = asked(session, "main", StartHost(without=("h2",)))
     assert (reply.accepted, reply.reason) == (True, "main is started")
     assert (wanted(supervisor), begun) == ({"router", "agent-h1"}, ["flight"])
-    again = session.request("main", StartHost())
+    again = asked(session, "main", StartHost())
     assert (again.accepted, again.reason) == (True, "main runs already")
     assert (wanted(supervisor), begun) == ({"router", "agent-h1"}, ["flight"])
-    assert session.request("main", StopHost()).accepted
+    assert asked(session, "main", StopHost()).accepted
     assert wanted(supervisor) == {"router"}
 
 
@@ -118,11 +119,11 @@ def test_a_host_does_not_stop_while_vehicles_are_in_the_air(
     daemon: MembershipService, supervisor: Supervisor, join: Join
 ) -> None:
     session = join()
-    session.request("main", StartHost())
+    asked(session, "main", StartHost())
     session.publish(channels.AGENT_STATUS, "h7", flying_status())
 
     def refused() -> bool:
-        reply = session.request("main", StopHost())
+        reply = asked(session, "main", StopHost())
         return not reply.accepted and reply.reason == "h7 in the air; land first"
 
     wait_for(refused, "the host stops although h7, an agent of another host, flies")
@@ -134,28 +135,28 @@ def test_the_logs_of_a_host_are_read_by_request_and_not_recorded(
     (tmp_path / "agent-h1.log").write_text("2026-11-22T03:00:01.000Z INFO started\n")
     session = join()
     answered = session.subscribe(channels.ANSWERED, "main", depth=8)
-    reply = session.request("main", ReadLogs(names=("h1",)))
+    reply = asked(session, "main", ReadLogs(names=("h1",)))
     assert isinstance(reply, ReadLogsReply)
     assert [(line.process, line.text) for line in reply.lines] == [("agent-h1", "INFO started")]
-    session.request("main", StartVehicle(vehicle="h1"))
+    asked(session, "main", StartVehicle(vehicle="h1"))
     wait_for(lambda: len(answered.drain()) == 1, "the later request is not recorded, or the first one is")
 
 
 def test_a_host_without_a_daemon_is_not_started_by_request(membership: MembershipService, join: Join) -> None:
     with pytest.raises(NobodyServesError):
-        join().request("main", StartHost())
+        join().request("main", StartHost(), timeout_s=DEADLINE_S)
 
 
 def test_a_vehicle_takes_part_and_leaves_by_request(
     membership: MembershipService, supervisor: Supervisor, join: Join
 ) -> None:
     session = join()
-    reply = session.request("main", StartVehicle(vehicle="h2"), patience_s=10.0)
+    reply = asked(session, "main", StartVehicle(vehicle="h2"))
     assert (reply.accepted, reply.reason) == (True, "h2 is started")
     assert supervisor.children["agent-h2"].wanted
     assert told(session, lambda status: not status.absent).running == ("h1", "h2")
-    assert session.request("main", StartVehicle(vehicle="h2")).reason == "h2 takes part already"
-    reply = session.request("main", StopVehicle(vehicle="h2"))
+    assert asked(session, "main", StartVehicle(vehicle="h2")).reason == "h2 takes part already"
+    reply = asked(session, "main", StopVehicle(vehicle="h2"))
     assert (reply.accepted, reply.reason) == (True, "h2 leaves")
     assert not supervisor.children["agent-h2"].wanted
     told(session, lambda status: status.absent == ("h2",))
@@ -169,7 +170,7 @@ def test_a_vehicle_in_the_air_keeps_its_agent(
     def refused() -> bool:
         session.publish(channels.AGENT_STATUS, "h1", flying_status())
         supervisor.children["agent-h1"].wanted = True
-        reply = session.request("main", StopVehicle(vehicle="h1"), patience_s=10.0)
+        reply = asked(session, "main", StopVehicle(vehicle="h1"))
         return reply.reason == "h1 is in the air, its phase is flying; land it first"
 
     wait_for(refused, "it may leave")
@@ -197,12 +198,12 @@ def test_an_agent_is_taken_over_by_request_and_only_where_the_fleet_file_lets_it
     spare_host: MembershipService, supervisor: Supervisor, join: Join
 ) -> None:
     session, child = join(), supervisor.children["agent-h2"]
-    reply = session.request("main", TakeVehicle(vehicle="h2"), patience_s=10.0)
+    reply = asked(session, "main", TakeVehicle(vehicle="h2"))
     assert (reply.accepted, reply.reason) == (True, "the agent of h2 starts on main")
     assert (child.wanted, child.take_over) == (True, True)
-    reply = session.request("main", TakeVehicle(vehicle="h2"))
+    reply = asked(session, "main", TakeVehicle(vehicle="h2"))
     assert (reply.accepted, reply.reason) == (True, "the agent of h2 runs on main already")
-    reply = session.request("main", TakeVehicle(vehicle="h7"))
+    reply = asked(session, "main", TakeVehicle(vehicle="h7"))
     assert not reply.accepted
     assert reply.reason == "the fleet file does not let the agent of h7 run on main"
 
@@ -215,7 +216,7 @@ def test_an_agent_that_does_not_fly_its_vehicle_may_be_stopped_in_flight(
     def stopped() -> bool:
         session.publish(channels.AGENT_STATUS, "h2", flying_status(host="second"))
         child.wanted = True
-        return session.request("main", StopVehicle(vehicle="h2"), patience_s=10.0).accepted
+        return asked(session, "main", StopVehicle(vehicle="h2")).accepted
 
     wait_for(stopped, "it is not stopped")
     assert not child.wanted

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from support.waiting import wait_for
+from support.bus import asked
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.intent import Intent
@@ -32,7 +33,7 @@ def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
     agent = join()
 
     def recalled() -> RecallReply:
-        reply = agent.request("main", Recall(vehicle="h1"), patience_s=10.0)
+        reply = asked(agent, "main", Recall(vehicle="h1"))
         assert isinstance(reply, RecallReply)
         return reply
 
@@ -49,9 +50,9 @@ def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
         wait_for(remembered, "the intent is not remembered")
         reply = recalled()
         assert reply.intent == INTENT
-        assert 0 <= reply.age_s < 10
+        assert 0 <= reply.age_s < DEADLINE_S
         assert reply.quick_deaths == 2
-        other = agent.request("main", Recall(vehicle="h2"))
+        other = asked(agent, "main", Recall(vehicle="h2"))
         assert not other.accepted
     finally:
         service.close()
@@ -79,7 +80,7 @@ def test_kill_is_recalled_although_it_could_not_be_written_and_a_reset_ends_it(
     gateway = join()
 
     def recalled() -> RecallTransmitterReply:
-        reply = gateway.request("h1", RecallTransmitter(), patience_s=10.0)
+        reply = asked(gateway, "h1", RecallTransmitter())
         assert isinstance(reply, RecallTransmitterReply)
         return reply
 

@@ -10,6 +10,7 @@ from click.testing import Result
 from hypothesis import given
 from hypothesis import strategies as st
 from support.tracker import running_tracker
+from support.waiting import DEADLINE_S
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
@@ -44,8 +45,9 @@ def ports(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 def test_subjects_and_adapters_are_offered_and_return_takes_them(
-    tmp_path: Path, ports: Callable[..., None]
+    tmp_path: Path, ports: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("rcopterx.commands.new_lab.LOOK_S", DEADLINE_S)
     ports(serial_port("/dev/ttyUSB1"), serial_port("/dev/ttyUSB0"), serial_port("/dev/ttyS0", vid=None))
     with running_tracker("heli1", "heli2") as server:
         address = f"{server.address[0]}:{server.address[1]}"

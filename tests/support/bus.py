@@ -128,6 +128,11 @@ def answering(server: Session, reply: Callable[[Request], Reply]) -> Iterator[No
         thread.join()
 
 
+def asked(session: Session, unit: str, request: Request) -> Reply:
+    """The answer of somebody who serves the request, or is just about to."""
+    return session.request(unit, request, timeout_s=DEADLINE_S, patience_s=DEADLINE_S)
+
+
 def raw_put(address: BusAddress, key: str, payload: bytes) -> None:
     """Put bytes on any key, as a faulty or foreign program would."""
     with raw_session(address) as session:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from support.tracker import running_tracker
 from support.waiting import wait_for
+from tracker_bench import PATIENT
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
@@ -29,7 +30,7 @@ class Running:
 
     def __init__(self, join: Callable[..., Session], address: tuple[str, int], sink: Sink | None, path: Path):
         session = join()
-        self.client = DataStreamClient(*address, record_raw=sink)
+        self.client = DataStreamClient(*address, limits=PATIENT, record_raw=sink)
         settings = TrackerSettings(session.address, *address, SUBJECTS)
         self.gateway = TrackerGateway(settings, self.client, session, False, path)
         listener = join()
