@@ -9,8 +9,8 @@ not fed back: through that delay it makes the swinging worse.
 A vehicle that becomes faster and faster under this law does not obey its sticks. Where what one of them asked
 for and what the vehicle did show that it acts the wrong way round, it is turned round, and the vehicle
 brakes. Where that is not it, or does not help, the swash plate is left level, which drives the vehicle no
-further. A stick that has long asked for much without any effect is left at rest. A vehicle with a stick that
-is given up comes down faster; height and yaw go on.
+further. A stick that has long asked for much without any effect is left at rest. A vehicle that has become
+faster under the law, or has a stick that is given up, comes down faster; height and yaw go on.
 """
 
 from __future__ import annotations
@@ -33,10 +33,14 @@ CLIMB_CHANGE_M_S2 = 0.5
 """How fast the climb rate that is asked for changes; a step would overshoot."""
 CUSHION_M = 0.05
 """So near the floor the ground carries part of the weight: who sinks slowly there, floats."""
-ASTRAY_M_S = 0.4
-"""A vehicle that has gained so much speed since it was slowest under the law does not obey its sticks..."""
-ASTRAY_S = 0.2
+FASTER_M_S = 0.2
+"""A vehicle that has gained so much speed since it was slowest under the law is not braked..."""
+FASTER_S = 0.1
 """...if it lasts so long; a pose that jumps is no speed."""
+ASTRAY_M_S = 0.4
+"""A vehicle that has gained so much speed does not obey its sticks..."""
+ASTRAY_S = 0.2
+"""...if it lasts so long."""
 RESPONSE_S = 0.15
 """From a stick to the velocity that is measured: pose to air, tilt of the rotor, filter of the velocity."""
 REMEMBERED_S = 1.0
@@ -47,7 +51,7 @@ USELESS = 0.2
 ENOUGH_EFFORT = 1.4
 """once it has asked for so much: the integral of its acceleration squared [m^2/s^3]."""
 HURRY = 2.0
-"""A vehicle that does not obey descends so many times as fast, to so many times the height of the flare..."""
+"""A vehicle that is not braked descends so many times as fast, to so many times the height of the flare..."""
 HURRIED_CHANGE_M_S2 = 1.5
 """...and its climb rate changes so fast."""
 YAW_GAIN_PER_S = 1.0
@@ -78,14 +82,15 @@ class LandingLaw:
         self._climb_m_s = 0.0
         self._climb_integral_m_s2 = 0.0
         self._slowest_m_s = math.inf
-        self._astray_s = 0.0
+        self._faster_s = self._astray_s = 0.0
+        self._faster = False
         self._effects = (StickEffect(), StickEffect())
 
     def release(self) -> None:
         """Forget the place, but not what the sticks do; the next step begins where the vehicle is then."""
         self._place = None
         self._slowest_m_s = math.inf
-        self._astray_s = 0.0
+        self._faster_s = self._astray_s = 0.0
         for effect in self._effects:
             effect.pause()
         self._climb_m_s = 0.0
@@ -94,12 +99,18 @@ class LandingLaw:
     def renew(self) -> None:
         """Forget everything: somebody else has flown the vehicle, or it has not flown."""
         self.release()
+        self._faster = False
         self._effects = (StickEffect(), StickEffect())
 
     @property
     def obeyed(self) -> bool:
         """Whether no stick of the swash plate had to be given up since the law began."""
         return all(effect.sense for effect in self._effects)
+
+    @property
+    def brakes(self) -> bool:
+        """Whether the vehicle has not become faster since the law began, nor had a stick given up."""
+        return self.obeyed and not self._faster
 
     def step(self, motion: Motion, climb_m_s: float, hover_thrust: float, elapsed_s: float) -> Input:
         """Inputs that hold the place at a climb rate.
@@ -126,7 +137,7 @@ class LandingLaw:
         limits, gain = self._limits, self._limits.input_gain
         cyclic = self._cyclic(motion, self._place)
         step_s = min(elapsed_s, LONGEST_STEP_S)
-        change_m_s2 = CLIMB_CHANGE_M_S2 if self.obeyed else HURRIED_CHANGE_M_S2
+        change_m_s2 = CLIMB_CHANGE_M_S2 if self.brakes else HURRIED_CHANGE_M_S2
         self._climb_m_s += _limited(climb_m_s - self._climb_m_s, change_m_s2 * step_s)
         climb_error = self._climb_m_s - motion.velocity_m_s[2]
         integral = self._climb_integral_m_s2 + CLIMB_INTEGRAL_PER_S2 * climb_error * step_s
@@ -143,8 +154,10 @@ class LandingLaw:
         """Notice that the vehicle runs away; one that has is not trusted again."""
         speed_m_s = math.hypot(motion.velocity_m_s[0], motion.velocity_m_s[1])
         self._slowest_m_s = min(self._slowest_m_s, speed_m_s)
-        astray = speed_m_s > self._slowest_m_s + ASTRAY_M_S
-        self._astray_s = self._astray_s + elapsed_s if astray else 0.0
+        gained_m_s = speed_m_s - self._slowest_m_s
+        self._faster_s = self._faster_s + elapsed_s if gained_m_s > FASTER_M_S else 0.0
+        self._faster = self._faster or self._faster_s > FASTER_S
+        self._astray_s = self._astray_s + elapsed_s if gained_m_s > ASTRAY_M_S else 0.0
         speeds_m_s = _along_heading(*motion.velocity_m_s[:2], motion.yaw_rad)
         for effect, along_m_s in zip(self._effects, speeds_m_s, strict=True):
             effect.note(along_m_s, elapsed_s)
@@ -231,7 +244,7 @@ def _along_heading(x: float, y: float, yaw_rad: float) -> tuple[float, float]:
 
 
 def climb_rate_m_s(
-    motion: Motion, floor_m: float, landing_s: float, limits: LandingLimits, *, obeyed: bool = True
+    motion: Motion, floor_m: float, landing_s: float, limits: LandingLimits, *, brakes: bool = True
 ) -> float:
     """Climb rate of a landing: none while the vehicle brakes, then down, slowly just above the floor.
 
@@ -245,14 +258,14 @@ def climb_rate_m_s(
         Time since the landing began [s].
     limits : LandingLimits
         Speeds.
-    obeyed : bool
-        Whether the vehicle obeys its sticks; one that does not is not waited for, and comes down faster.
+    brakes : bool
+        Whether the vehicle does not become faster; one that does is not waited for, and comes down faster.
     """
     speed_m_s = math.hypot(motion.velocity_m_s[0], motion.velocity_m_s[1])
-    if obeyed and speed_m_s > limits.braked_m_s and landing_s < limits.braking_s:
+    if brakes and speed_m_s > limits.braked_m_s and landing_s < limits.braking_s:
         return 0.0
     height_m = motion.position_m[2] - floor_m
-    if not obeyed and height_m > HURRY * limits.flare_m:
+    if not brakes and height_m > HURRY * limits.flare_m:
         return -HURRY * limits.descent_m_s
     return -limits.touchdown_m_s if CUSHION_M < height_m < limits.flare_m else -limits.descent_m_s
 

@@ -100,8 +100,8 @@ class Shaping:
         landing_s, elapsed_s : float
             Time since the landing and since the last step [s].
         """
-        limits, obeyed = self._limits.landing, self.obeyed
-        self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, obeyed=obeyed), elapsed_s)
+        limits, brakes = self._limits.landing, self._law.brakes
+        self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, brakes=brakes), elapsed_s)
 
     def descend(self, elapsed_s: float) -> None:
         """Come down without poses: level, the thrust falls to a little less than that of a hover."""

@@ -54,6 +54,8 @@ class Options:
     """Of pitch, roll and the thrust's difference from hover, over the nominal one."""
     pitch_acts: float = 1.0
     """Factor on pitch from the moment the commands end: -1 the wrong way round, 0 not at all."""
+    pitch_stuck_at: float | None = None
+    """Where the pitch stick is stuck from half a second before the commands end; None if it is not."""
     push: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Pitch, roll and additional thrust commanded for half a second before the commands end."""
     limits: ArbiterLimits = ArbiterLimits()  # noqa: RUF009 - frozen
@@ -97,6 +99,7 @@ class Flight:
         self.pilot = LandingLaw(limits.landing)
         self.hover = HoverThrust(options.model.hover_thrust, 0.2, 0.1)
         self.pitch_acts = 1.0
+        self.pitch_stuck_at: float | None = None
 
     def measure(self) -> None:
         pose = self.laboratory.measured_pose("h1")
@@ -104,7 +107,7 @@ class Flight:
 
     def act(self, u: Input) -> None:
         gain, hover = self.options.gain, self.true_hover
-        pitch = self.pitch_acts * gain * u[0]
+        pitch = self.pitch_acts * gain * u[0] if self.pitch_stuck_at is None else self.pitch_stuck_at
         self.laboratory.set_input("h1", (pitch, gain * u[1], hover + gain * (u[2] - hover), u[3]))
 
     def fly(self, seconds: float, add: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
@@ -157,6 +160,7 @@ def landing(conditions: Conditions, seed: int, options: Options | None = None) -
     """Hover, perhaps a push, then silence until the vehicle stands."""
     flight = Flight(conditions, seed, options or Options())
     flight.fly(HOVER_S)
-    if any(flight.options.push):
+    flight.pitch_stuck_at = flight.options.pitch_stuck_at
+    if any(flight.options.push) or flight.pitch_stuck_at is not None:
         flight.fly(0.5, flight.options.push)
     return flight.end_commands()

@@ -160,8 +160,8 @@ def test_figures_of_the_law_are_those_it_was_flown_with() -> None:
     for n in range(100):
         step_at_speed(runaway, 0.02 * n)
     assert runaway.step(at(), -0.8, HOVER, STEP_S)[2] == pytest.approx(HOVER - 0.00606)
-    assert climb_rate_m_s(at((0.0, 0.0, 0.41)), 0.0, 0.0, LIMITS, obeyed=False) == -0.8
-    assert climb_rate_m_s(at((0.0, 0.0, 0.40)), 0.0, 0.0, LIMITS, obeyed=False) == -0.4
+    assert climb_rate_m_s(at((0.0, 0.0, 0.41)), 0.0, 0.0, LIMITS, brakes=False) == -0.8
+    assert climb_rate_m_s(at((0.0, 0.0, 0.40)), 0.0, 0.0, LIMITS, brakes=False) == -0.4
 
 
 def test_effect_of_a_stick_is_expected_with_its_lag_and_forgotten_in_a_second() -> None:
@@ -213,6 +213,37 @@ def test_vehicle_that_is_driven_away_by_something_else_is_left_level() -> None:
         pitch = step_at_speed(law, 0.02 * n)
     assert not law.obeyed
     assert pitch == 0.0
+
+
+def speeds(law: LandingLaw, *speeds_m_s: float) -> bool:
+    """Whether a vehicle brakes that has moved at these speeds for a step each."""
+    for speed_m_s in speeds_m_s:
+        step_at_speed(law, speed_m_s)
+    return law.brakes
+
+
+def test_vehicle_that_has_become_faster_for_a_tenth_of_a_second_is_not_waited_for() -> None:
+    law = held()
+    assert speeds(law, *10 * [0.19])
+    assert speeds(law, *5 * [0.21])
+    assert speeds(law, 0.1, *5 * [0.3])
+    assert not speeds(law, 0.3)
+    assert law.obeyed
+    assert not speeds(law, 0.0)
+    law.release()
+    assert not law.brakes
+    law.renew()
+    assert law.brakes
+
+
+def test_climb_rate_of_a_vehicle_that_has_become_faster_changes_faster() -> None:
+    braked, faster = held(), held()
+    for _ in range(10):
+        step_at_speed(braked, 0.19)
+        step_at_speed(faster, 0.21)
+    assert (braked.brakes, faster.brakes) == (True, False)
+    thrusts = [law.step(at(), -0.8, HOVER, STEP_S)[2] for law in (braked, faster)]
+    assert thrusts[1] - HOVER == pytest.approx(3.0 * (thrusts[0] - HOVER))
 
 
 def test_stick_is_turned_round_once_only() -> None:
@@ -393,13 +424,13 @@ def test_descent_waits_until_the_vehicle_has_braked_but_not_for_ever(speed: tupl
 
 def test_vehicle_that_does_not_obey_is_not_waited_for_and_comes_down_faster() -> None:
     motion = at((5.0, 5.0, 1.0), (1.0, 0.0, -0.5))
-    assert climb_rate_m_s(motion, 0.0, 0.0, LIMITS, obeyed=False) == -HURRY * LIMITS.descent_m_s
+    assert climb_rate_m_s(motion, 0.0, 0.0, LIMITS, brakes=False) == -HURRY * LIMITS.descent_m_s
     for height_m, climb_m_s in (
         (HURRY * LIMITS.flare_m, -LIMITS.descent_m_s),
         (LIMITS.flare_m - 0.01, -LIMITS.touchdown_m_s),
     ):
         motion = at((5.0, 5.0, height_m), (1.0, 0.0, -0.5))
-        assert climb_rate_m_s(motion, 0.0, 0.0, LIMITS, obeyed=False) == climb_m_s
+        assert climb_rate_m_s(motion, 0.0, 0.0, LIMITS, brakes=False) == climb_m_s
 
 
 @pytest.mark.parametrize("field", ["cyclic", "thrust", "descent_m_s", "longest_s", "pose_age_s"])
