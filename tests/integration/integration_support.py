@@ -51,7 +51,7 @@ class Flying:
     def wait_for_spare(self, process: str) -> None:
         """Wait until a warm process could replace this one."""
         supervisor = self.launcher_of(process).supervisor
-        self.fleet.wait_until(lambda: supervisor.spare_ready, 20, "no spare process")
+        self.fleet.wait_until(lambda: supervisor.spare_ready, 60, "no spare process")
 
     def kill(self, process: str) -> int:
         """SIGKILL a process of the fleet; returns the pid it had."""
@@ -159,9 +159,9 @@ def fleets(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
             path.write_text(text)
             file = load_fleet(path)
             launchers = {host: stack.enter_context(Launcher(file, host, without)) for host in file.hosts}
-            fleet = Fleet(file, timeout_s=10)
+            fleet = Fleet(file, timeout_s=30)
             stack.callback(cut, fleet)
-            fleet.wait_ready(timeout_s=30)
+            fleet.wait_ready(timeout_s=60)
             return Flying(path, fleet, launchers)
 
         yield start
@@ -219,7 +219,7 @@ def land_gently(flying: Flying, truth: Truth) -> None:
     flying.fleet.land()
     flying.fleet.wait_until(
         lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "disarmed"),
-        5,
+        30,
         "not landed",
         NAMES,
     )
@@ -302,8 +302,8 @@ def fly_to(flying: Flying, truth: Truth, position_m: tuple[float, float, float])
         return at(truth, "h1", position_m)
 
     leader.go_to(position_m)
-    flying.fleet.wait_until(there, 20, f"h1 is not at {position_m}", ["h1"])
-    flying.fleet.wait_until(lambda: in_formation(flying, truth), 15, "no formation", NAMES)
+    flying.fleet.wait_until(there, 40, f"h1 is not at {position_m}", ["h1"])
+    flying.fleet.wait_until(lambda: in_formation(flying, truth), 40, "no formation", NAMES)
 
 
 def fallbacks(flying: Flying, name: str, kind: str) -> int:
@@ -322,7 +322,7 @@ def flown_by(flying: Flying, name: str) -> int | None:
 def wait_for_successor(flying: Flying, name: str, process: int) -> None:
     """Wait until another process than this one flies a vehicle."""
     flying.fleet.wait_until(
-        lambda: flown_by(flying, name) not in (None, process), 15, f"{name} is not flown again", [name]
+        lambda: flown_by(flying, name) not in (None, process), 40, f"{name} is not flown again", [name]
     )
 
 

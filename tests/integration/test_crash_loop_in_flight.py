@@ -61,7 +61,7 @@ def wait_flown_by(flying: Flying, controller: str, remark: str) -> None:
             and (status.phase, status.diagnostics.controller) == ("flying", controller)
         )
 
-    flying.fleet.wait_until(flown, 20, f"not flown by {controller}: {remark}")
+    flying.fleet.wait_until(flown, 30, f"not flown by {controller}: {remark}")
 
 
 def wait_stable(flying: Flying) -> None:

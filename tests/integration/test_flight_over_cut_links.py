@@ -42,7 +42,7 @@ def cut_for(net: Network, host: str, seconds: float) -> tuple[float, float]:
 def flown_again_s(flying: Flying, obeyed: Obeyed, restored_s: float) -> float:
     """How long after a moment everybody is commanded by an agent again; formation is reached then."""
     flying.fleet.wait_until(
-        lambda: all(obeyed.since(name, restored_s) for name in NAMES), 10, "agents are not obeyed again"
+        lambda: all(obeyed.since(name, restored_s) for name in NAMES), 30, "agents are not obeyed again"
     )
     flying.fleet.wait_for_formation()
     return max((obeyed.since(name, restored_s) or 0.0) - restored_s for name in NAMES)

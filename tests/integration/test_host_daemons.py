@@ -76,5 +76,5 @@ def test_a_fleet_flies_on_when_the_program_that_started_it_is_killed(
         assert daemons.start() == ["main runs already", "second runs already"]
         assert any("in the air; land first" in line for line in daemons.stop())
         fleet.land()
-        fleet.wait_until(lambda: daemons.stop() == [], 10, "the daemons do not stop")
-        fleet.wait_until(lambda: fleet.present() == [], 10, "agents are still there")
+        fleet.wait_until(lambda: daemons.stop() == [], 30, "the daemons do not stop")
+        fleet.wait_until(lambda: fleet.present() == [], 30, "agents are still there")

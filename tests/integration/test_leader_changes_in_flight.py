@@ -33,7 +33,7 @@ def flying(flown: tuple[Flying, Truth]) -> Flying:
     if not flying.fleet.state_of("h1").airborne:
         flying.fleet.take_off(height_m=0.8, timeout_s=40)
     flying.fleet["h1"].go_to(HOME_M)
-    flying.fleet.wait_until(lambda: at(truth, "h1", HOME_M, 0.02), 15, "h1 is not at home", ["h1"])
+    flying.fleet.wait_until(lambda: at(truth, "h1", HOME_M, 0.02), 30, "h1 is not at home", ["h1"])
     flying.fleet.wait_for_formation()
     settled(flying, truth)
     truth.start_watch()
@@ -77,7 +77,7 @@ def settled(flying: Flying, truth: Truth) -> None:
             vehicle is not None and np.linalg.norm(vehicle.velocity_m_s) < 0.01 for vehicle in vehicles
         ) and all(flying.fleet[name].state.phase == "flying" for name in NAMES)
 
-    flying.fleet.wait_until(still, 20, "the formation does not come to rest", NAMES)
+    flying.fleet.wait_until(still, 30, "the formation does not come to rest", NAMES)
 
 
 def places(truth: Truth) -> dict[str, np.ndarray]:
@@ -97,7 +97,7 @@ def wait_for_frames(flying: Flying, name: str, count: int) -> None:
         plan = flying.fleet[name].plan
         return plan is not None and plan.frame >= first.frame + count
 
-    flying.fleet.wait_until(passed, 10, f"fewer than {count} frames")
+    flying.fleet.wait_until(passed, 30, f"fewer than {count} frames")
 
 
 def test_new_leader_is_followed_soon_and_without_a_bump(flying: Flying, truth: Truth) -> None:
@@ -151,7 +151,7 @@ def test_promoted_follower_leads_and_everybody_keeps_its_place(flying: Flying, t
             np.linalg.norm(place - before[name] - [0.3, -0.2, 0.0]) < PLACE_M
             for name, place in places(truth).items()
         ),
-        20,
+        30,
         "the formation does not follow its new leader",
     )
     assert sorted(flying.fleet.swap("h1", "h2")) == ["h1 leads", "h2 follows h1", "h3 follows h1"]

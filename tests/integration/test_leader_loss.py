@@ -49,7 +49,7 @@ def start(launch: Launch, then: dict[str, str]) -> tuple[Flying, Truth]:
     flying.fleet.take_off(height_m=0.8, timeout_s=40)
     wait_for_stances(flying, {"h2": "follow", "h3": "follow"})
     flying.fleet.wait_until(
-        lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",), 5, "no leader"
+        lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",), 30, "no leader"
     )
     return flying, truth
 
@@ -111,7 +111,7 @@ def place(truth: Truth, name: str) -> np.ndarray:
 def wait_until_down(flying: Flying, name: str) -> None:
     """Its transmitter gateway brings a vehicle without commands down and switches it off."""
     flying.fleet.wait_until(
-        lambda: transmitter_state(flying, name) in ("cut", "disarmed"), 15, "not brought down", [name]
+        lambda: transmitter_state(flying, name) in ("cut", "disarmed"), 30, "not brought down", [name]
     )
 
 
@@ -119,14 +119,14 @@ def recover(flying: Flying, names: tuple[str, ...]) -> None:
     """The lost leader stands on the floor by now; it takes off again."""
     flying.fleet.wait_until(
         lambda: all(flying.fleet.state_of(name).phase in ("ground", "armed") for name in names),
-        20,
+        30,
         "not down",
         names,
     )
     flying.fleet.take_off(names, height_m=0.8, timeout_s=40)
     flying.fleet.wait_until(
         lambda: followed(flying, "h2") == followed(flying, "h3") == ("h1",),
-        10,
+        30,
         "the leader is not taken back",
     )
     wait_for_stances(flying, {"h2": "follow", "h3": "follow"})
@@ -137,7 +137,9 @@ def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_bac
     before = {name: place(truth, name) for name in ("h2", "h3")}
     with cut_off(flying, "h1"):
         wait_for_stances(flying, {"h2": "lead", "h3": "follow_successor"})
-        flying.fleet.wait_until(lambda: followed(flying, "h3") == ("h2",), 5, "the successor is not followed")
+        flying.fleet.wait_until(
+            lambda: followed(flying, "h3") == ("h2",), 30, "the successor is not followed"
+        )
         for name, where in before.items():
             assert np.linalg.norm(place(truth, name) - where) < PLACE_M
         assert counted(flying, "h2", "leader_lost_lead") == 1
@@ -145,7 +147,7 @@ def test_followers_of_a_lost_leader_agree_on_a_successor_and_take_the_leader_bac
         flying.fleet["h2"].go_to((x + 0.2, y, z + 0.2))
         flying.fleet.wait_until(
             lambda: np.linalg.norm(place(truth, "h3") - before["h3"] - [0.2, 0.0, 0.2]) < PLACE_M,
-            10,
+            30,
             "the formation does not follow its successor",
         )
         wait_until_down(flying, "h1")
@@ -160,7 +162,7 @@ def test_one_follower_of_a_lost_leader_holds_and_another_one_lands_as_the_file_s
     with gone(flying, "h1"):
         wait_for_stances(flying, {"h2": "hold"})
         flying.fleet.wait_until(
-            lambda: flying.fleet.state_of("h3").phase in ("armed", "ground"), 15, "h3 does not land", ["h3"]
+            lambda: flying.fleet.state_of("h3").phase in ("armed", "ground"), 30, "h3 does not land", ["h3"]
         )
         assert np.linalg.norm(place(truth, "h2") - before) < PLACE_M
         assert flying.fleet.state_of("h2").phase == "flying"

@@ -15,7 +15,7 @@ def test_a_fleet_flies_without_a_vehicle_whose_radio_is_missing(launch: Callable
     flying.kill("transmitters")
     flying.fleet.wait_until(
         lambda: any("h3: transmitter not ready" in line for line in flying.fleet.problems()),
-        10,
+        30,
         "h3 is ready",
     )
     behind = flying.fleet.take_off(height_m=0.8, timeout_s=40)

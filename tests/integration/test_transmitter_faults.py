@@ -67,7 +67,7 @@ def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
     for name, place in places.items():
         flying.fleet[name].go_to(place)
     flying.fleet.wait_until(
-        lambda: all(at(truth, name, place) for name, place in places.items()), 15, "not all have arrived"
+        lambda: all(at(truth, name, place) for name, place in places.items()), 30, "not all have arrived"
     )
     truth.assert_nobody_touched_down()
     land_gently(flying, truth)
@@ -110,17 +110,17 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
     flying.fleet.take_off(["h1", "h3"], height_m=0.8, timeout_s=40)
     flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M, timeout_s=40)
     truth.start_watch()
-    flying.fleet.wait_until(Still(truth, "h2"), 20, "h2 does not hang still")
+    flying.fleet.wait_until(Still(truth, "h2"), 30, "h2 does not hang still")
     inject_faults(flying.fleet.session, BreakRadio("h2", condition))
 
     def told() -> bool:
         status = flying.fleet.state_of("h2").transmitter
         return status is not None and not status.ready and reported in status.module
 
-    flying.fleet.wait_until(told, 10, f"{reported!r} is not reported")
-    flying.fleet.wait_until(lambda: landed_gently(truth, "h2"), 10, "h2 did not come down gently")
+    flying.fleet.wait_until(told, 30, f"{reported!r} is not reported")
+    flying.fleet.wait_until(lambda: landed_gently(truth, "h2"), 30, "h2 did not come down gently")
     flying.fleet.wait_until(
-        lambda: transmitter_state(flying, "h2") in ("disarmed", "cut"), 10, "h2 is not disarmed"
+        lambda: transmitter_state(flying, "h2") in ("disarmed", "cut"), 30, "h2 is not disarmed"
     )
     for name in ("h1", "h3"):
         vehicle = truth(name)
@@ -128,15 +128,15 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
         assert not vehicle.on_floor
         assert counter(flying, name, "entered DESCEND") == 0
     flying.fleet.wait_until(
-        lambda: all(flown_by(flying, name) is not None for name in ("h1", "h3")), 5, "others do not fly on"
+        lambda: all(flown_by(flying, name) is not None for name in ("h1", "h3")), 30, "others do not fly on"
     )
     inject_faults(flying.fleet.session, Recover())
     flying.fleet.wait_until(
         lambda: (status := flying.fleet.state_of("h2").transmitter) is not None and status.ready,
-        10,
+        30,
         "the radio is not found again",
     )
-    flying.fleet.wait_until(lambda: flying.fleet.state_of("h2").phase == "ground", 10, "agent unaware")
+    flying.fleet.wait_until(lambda: flying.fleet.state_of("h2").phase == "ground", 30, "agent unaware")
     flying.fleet.take_off(["h2"], height_m=0.5, timeout_s=40)
 
 

@@ -142,9 +142,9 @@ def restore(flying: Flying) -> None:
     for launcher in flying.launchers.values():
         for child in launcher.supervisor.children.values():
             child.wanted = True
-    fleet.wait_until(lambda: fleet.present() == list(NAMES), 10, "not everybody takes part", NAMES)
+    fleet.wait_until(lambda: fleet.present() == list(NAMES), 30, "not everybody takes part", NAMES)
     for name in NAMES:
-        fleet.wait_until(lambda name=name: not_killed(flying, name), 15, "not reset", [name])  # type: ignore[misc]
+        fleet.wait_until(lambda name=name: not_killed(flying, name), 30, "not reset", [name])  # type: ignore[misc]
     fleet.wait_ready(timeout_s=30)
     fleet.wait_until(lambda: all(settled(flying, name) for name in NAMES), 30, "not settled", NAMES)
 
@@ -160,7 +160,7 @@ def bring_up(flying: Flying, truth: Truth) -> None:
     fleet.wait_for_arrival(["h1"], timeout_s=30)
     fleet.wait_for_formation()
     truth.start_watch()
-    fleet.wait_until(truth.rested, 20, "no rest", NAMES)
+    fleet.wait_until(truth.rested, 30, "no rest", NAMES)
 
 
 def settled(flying: Flying, name: str) -> bool:

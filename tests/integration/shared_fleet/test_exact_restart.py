@@ -56,14 +56,14 @@ def flown_to_its_end(flying: Flying) -> bool:
     fleet = flying.fleet
     flying.wait_for_spare("agent-h1")
     fleet["h1"].fly(circle((0.0, 0.0, 0.9), 0.2, 4.5), wait=False)
-    fleet.wait_until(lambda: path_left_s(fleet.state_of("h1")) > 0.0, 5, "it does not begin")
+    fleet.wait_until(lambda: path_left_s(fleet.state_of("h1")) > 0.0, 30, "it does not begin")
     held = counter(flying, "h1", "entered HOLD")
     begun_left_s, begun_s = path_left_s(fleet.state_of("h1")), fleet.session.clock()
-    fleet.wait_until(lambda: path_left_s(fleet.state_of("h1")) < begun_left_s - 2.5, 15, "it does not go on")
+    fleet.wait_until(lambda: path_left_s(fleet.state_of("h1")) < begun_left_s - 2.5, 30, "it does not go on")
     wait_for_successor(flying, "h1", flying.kill("agent-h1"))
     left_s = begun_left_s - (fleet.session.clock() - begun_s)
     after_s = path_left_s(fleet.state_of("h1"))
-    fleet.wait_until(lambda: path_left_s(fleet.state_of("h1")) == 0.0, 20, "it does not end")
+    fleet.wait_until(lambda: path_left_s(fleet.state_of("h1")) == 0.0, 30, "it does not end")
     if counter(flying, "h1", "entered HOLD") > held:
         return False
     # Begun anew, it would take two and a half seconds longer.

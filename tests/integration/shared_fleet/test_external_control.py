@@ -75,12 +75,12 @@ def flies_until_silent(flying: Flying, truth: Truth, command: list[str], name: s
 
     with subprocess.Popen(command, cwd=EXAMPLE) as client:
         try:
-            fleet.wait_until(flown_from_outside, 20, "nobody flies h1 from outside")
+            fleet.wait_until(flown_from_outside, 30, "nobody flies h1 from outside")
             with pytest.raises(RefusedError, match=f"{name} flies it from outside"):
                 fleet["h1"].tune(horizon=20)
             fleet["h1"].go_to(place_m)
             fleet.wait_until(
-                lambda: at(truth, "h1", place_m, 0.15), 15, "the program does not fly h1 to its set point"
+                lambda: at(truth, "h1", place_m, 0.15), 30, "the program does not fly h1 to its set point"
             )
             assert client_of(flying) == name
             truth.assert_nobody_touched_down()
@@ -88,10 +88,10 @@ def flies_until_silent(flying: Flying, truth: Truth, command: list[str], name: s
             client.kill()
     fleet.wait_until(
         lambda: client_of(flying) == "" and fallbacks(flying, "h1", "external_silent") > silences,
-        10,
+        30,
         "h1 does not fly by itself again",
     )
-    fleet.wait_until(lambda: at(truth, "h1", place_m, 0.15), 10, "h1 has left its place")
+    fleet.wait_until(lambda: at(truth, "h1", place_m, 0.15), 30, "h1 has left its place")
     truth.assert_nobody_touched_down()
 
 

@@ -43,7 +43,7 @@ def test_trio_takes_off_flies_in_formation_and_lands(flying: Flying, truth: Trut
 def test_kill_latches_until_it_is_reset_and_nobody_follows_who_is_on_the_floor(flying: Flying) -> None:
     fleet = flying.fleet
     fleet.kill(["h2"])
-    fleet.wait_until(lambda: transmitter_state(flying, "h2") == "killed", 5, "not killed", ["h2"])
+    fleet.wait_until(lambda: transmitter_state(flying, "h2") == "killed", 30, "not killed", ["h2"])
     with pytest.raises(RefusedError):
         fleet["h2"].arm()
     assert [transmitter_state(flying, name) for name in ("h1", "h3")] == ["armed", "armed"]
@@ -52,8 +52,8 @@ def test_kill_latches_until_it_is_reset_and_nobody_follows_who_is_on_the_floor(f
         fleet.swap("h1", "h2")
     with pytest.raises(RefusedError, match="h2 is on the floor, its phase is"):
         fleet["h3"].follow("h2", (0.5, 0.0, 0.0))
-    fleet.wait_until(lambda: not_killed(flying, "h2"), 10, "not reset", ["h2"])
-    fleet.wait_until(lambda: transmitter_state(flying, "h2") == "disarmed", 5, "not reset", ["h2"])
+    fleet.wait_until(lambda: not_killed(flying, "h2"), 30, "not reset", ["h2"])
+    fleet.wait_until(lambda: transmitter_state(flying, "h2") == "disarmed", 30, "not reset", ["h2"])
 
 
 def test_leaders_that_make_no_sense_are_refused_with_the_reason_and_nobody_changes_his(

@@ -21,7 +21,7 @@ def hang(flying: Flying, process: str) -> None:
     os.kill(flying.pid(process), signal.SIGSTOP)
     flying.fleet.wait_until(
         lambda: (children[process].hung, children[process].restarts) == (before[0] + 1, before[1] + 1),
-        10,
+        30,
         f"{process} hangs on",
     )
     plans = [flying.fleet[name].plan for name in NAMES]
@@ -32,7 +32,7 @@ def hang(flying: Flying, process: str) -> None:
             and flying.fleet[name].plan is not plan
             for name, plan in zip(NAMES, plans, strict=True)
         ),
-        15,
+        30,
         f"not flown again after {process} hung",
         NAMES,
     )
@@ -41,7 +41,7 @@ def hang(flying: Flying, process: str) -> None:
 def hang_spare(flying: Flying) -> None:
     """Stop a process that waits to replace others; it is replaced as well."""
     supervisor = flying.launcher_of("router").supervisor
-    flying.fleet.wait_until(lambda: supervisor.spares_complete, 20, "spare processes are missing")
+    flying.fleet.wait_until(lambda: supervisor.spares_complete, 30, "spare processes are missing")
     spare, hung = supervisor.spare_pids[0], supervisor.spares_hung
     os.kill(spare, signal.SIGSTOP)
     flying.fleet.wait_until(
@@ -50,7 +50,7 @@ def hang_spare(flying: Flying) -> None:
             and supervisor.spare_ready
             and spare not in supervisor.spare_pids
         ),
-        15,
+        30,
         "the spare hangs on",
     )
 
@@ -65,6 +65,6 @@ def test_everybody_flies_on_whichever_process_hangs_and_hangs_are_told(flying: F
     assert all(f"{victim}: hung: no progress for" in told for victim in VICTIMS)
     flying.fleet.wait_until(
         lambda: any(re.search(r"agent-h2 \d+ \([1-9]\d* hung\)", note) for note in flying.fleet.notes()),
-        5,
+        30,
         "not in the status",
     )

@@ -15,7 +15,7 @@ def kill_and_wait(flying: Flying, process: str) -> None:
     restarts = flying.restarts(process)
     flying.wait_for_spare(process)
     flying.kill(process)
-    flying.fleet.wait_until(lambda: flying.restarts(process) > restarts, 10, f"no new {process}")
+    flying.fleet.wait_until(lambda: flying.restarts(process) > restarts, 30, f"no new {process}")
     started_s = time.monotonic()
 
     def all_fly() -> bool:
@@ -27,7 +27,7 @@ def kill_and_wait(flying: Flying, process: str) -> None:
             for state in states
         )
 
-    flying.fleet.wait_until(all_fly, 20, "not flying again", NAMES)
+    flying.fleet.wait_until(all_fly, 30, "not flying again", NAMES)
 
 
 @pytest.mark.parametrize("victim", ["router", "tracker"])
@@ -60,16 +60,16 @@ def test_killed_laboratory_is_found_again_and_the_fleet_takes_off_anew(flying: F
     flying.kill("simulator")
     fleet.wait_until(
         lambda: all(transmitter_state(flying, name) in ("disarmed", "cut") for name in NAMES),
-        20,
+        30,
         "transmitters do not notice the lost link",
         NAMES,
     )
-    fleet.wait_until(lambda: tracker_connects(flying) > connects, 20, "the Tracker is not found again")
+    fleet.wait_until(lambda: tracker_connects(flying) > connects, 30, "the Tracker is not found again")
     fleet.wait_until(
-        lambda: all(fleet.state_of(name).phase == "ground" for name in NAMES), 20, "agents unaware", NAMES
+        lambda: all(fleet.state_of(name).phase == "ground" for name in NAMES), 30, "agents unaware", NAMES
     )
     fleet.take_off(height_m=0.6, timeout_s=40)
-    fleet.wait_until(lambda: all(truth.height_m(name) > 0.3 for name in NAMES), 10, "not flying")
+    fleet.wait_until(lambda: all(truth.height_m(name) > 0.3 for name in NAMES), 30, "not flying")
 
 
 def tracker_connects(flying: Flying) -> int:

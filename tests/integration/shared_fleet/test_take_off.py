@@ -20,7 +20,7 @@ def test_a_climb_without_frames_for_a_moment_ends_at_the_height_that_was_asked_f
     interrupted: list[float] = []
 
     def interrupt() -> None:
-        fleet.wait_until(lambda: truth.height_m("h1") > 0.4, 15.0, "h1 does not climb")
+        fleet.wait_until(lambda: truth.height_m("h1") > 0.4, 30, "h1 does not climb")
         interrupted.append(truth.height_m("h1"))
         inject_faults(fleet.session, Silence(duration_s=0.2))
 

@@ -49,7 +49,7 @@ class Laboratory:
     def wait_for_problem(self, words: str) -> None:
         """Wait until the fleet tells of what keeps vehicles on the floor."""
         self.fleet.wait_until(
-            lambda: any(words in line for line in self.fleet.problems()), 5, f"{words} is not reported"
+            lambda: any(words in line for line in self.fleet.problems()), 30, f"{words} is not reported"
         )
 
     def wait_until_landed_gently(self, *names: str) -> None:
@@ -57,7 +57,7 @@ class Laboratory:
             vehicle = self.truth(name)
             return vehicle is not None and vehicle.on_floor and self.state(name) in ("cut", "disarmed")
 
-        self.fleet.wait_until(lambda: all(map(landed, names)), 15, "not landed", names)
+        self.fleet.wait_until(lambda: all(map(landed, names)), 30, "not landed", names)
         for name in names:
             vehicle = self.truth(name)
             assert vehicle is not None
@@ -73,7 +73,7 @@ class Laboratory:
         return math.dist(self.place(name), place)
 
     def assert_flies_on(self, *names: str) -> None:
-        self.fleet.wait_until(lambda: all(map(self.settled, names)), 5, "not settled", names)
+        self.fleet.wait_until(lambda: all(map(self.settled, names)), 30, "not settled", names)
         for name in names:
             vehicle = self.truth(name)
             assert vehicle is not None
@@ -119,7 +119,7 @@ def test_faults_that_are_short_or_harmless_bring_nobody_down(laboratory: Laborat
             lambda before=frames: (
                 laboratory.tracker.state == "up" and laboratory.tracker.counters["frames"] > before + 20
             ),
-            10,
+            30,
             f"no frames after {fault_text(fault)}",
         )
         laboratory.fleet.wait_until(
@@ -134,7 +134,7 @@ def test_formation_flies_on_when_frame_numbers_begin_anew(laboratory: Laboratory
     before = laboratory.tracker
     descents = {name: laboratory.counter(name, "entered DESCEND") for name in NAMES}
     laboratory.inject(faults.ResetFrameId(5))
-    laboratory.fleet.wait_until(lambda: laboratory.tracker.epoch > before.epoch, 5, "no new epoch")
+    laboratory.fleet.wait_until(lambda: laboratory.tracker.epoch > before.epoch, 30, "no new epoch")
     laboratory.fleet["h1"].go_to((0.3, 0.1, 0.9))
     laboratory.fleet.wait_for_arrival(["h1"])
     laboratory.fleet.wait_for_formation()

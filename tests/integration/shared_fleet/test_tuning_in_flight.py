@@ -39,7 +39,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(
             and status.diagnostics.controller_settings.get("input_weights") == WEIGHTS
         )
 
-    fleet.wait_until(restored, 15, "h2 does not fly with what was tuned", ["h2"])
+    fleet.wait_until(restored, 30, "h2 does not fly with what was tuned", ["h2"])
     truth.assert_nobody_touched_down()
     # Another controller takes nothing but the horizon over: weights of the next tests are the usual ones.
     for controller in ("pid", "cascade"):
