@@ -97,7 +97,7 @@ class Still:
 @pytest.mark.parametrize(
     ("condition", "reported"),
     [
-        ("unplugged", "No such file"),
+        ("unplugged", "no such device"),
         pytest.param("off", "module gone", marks=pytest.mark.campaign),
         pytest.param("refusing", "protocol", marks=pytest.mark.campaign),
     ],
