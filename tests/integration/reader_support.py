@@ -26,7 +26,8 @@ DAEMON, PART_OF_A_FLEET = re.compile("^rcopterx host "), re.compile("^rcopterx u
 """Part of a fleet wants no other fleet to be up than the other parts."""
 MAY_END_WITH_1 = re.compile(r"rcopterx replay .*--agent")
 """A step that a busy machine gave up for time cannot be repeated; the command says so and ends with 1."""
-TYPED_S, END_S = 420.0, 40.0
+TYPED_S, READY_S, END_S = 420.0, 180.0, 40.0
+"""Kernels may have to be compiled before the first fleet is ready."""
 
 
 def lines_of(text: str) -> list[str]:
@@ -102,7 +103,7 @@ class Reader:
 
     def _wait_until_ready(self, up: subprocess.Popen[bytes], log: Path) -> None:
         """A reader looks at `check` until nothing blocks take-off."""
-        end_s = time.monotonic() + END_S
+        end_s = time.monotonic() + READY_S
         while True:
             done = subprocess.run(
                 ["rcopterx", "check"],
