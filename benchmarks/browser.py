@@ -2,13 +2,14 @@
 
 import os
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
+
+from rcopterx.benchmarks.programs import running
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -40,16 +41,9 @@ def browser() -> Iterator["Browser"]:
 @contextmanager
 def started(fleet: str) -> Iterator[None]:
     """`rcopterx up` of a fleet, which need not be up yet, until the block is left; without a flight log."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rcopterx", "up", fleet, "--no-record"],
-        stdout=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    try:
+    command = [sys.executable, "-m", "rcopterx", "up", fleet, "--no-record"]
+    with running(command, stdout=subprocess.DEVNULL, start_new_session=True):
         yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait()
 
 
 @contextmanager

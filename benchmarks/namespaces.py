@@ -1,16 +1,15 @@
 """Hosts on one computer: network namespaces of Linux, joined by a bridge. Needs root."""
 
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import IO, Final
 
+from rcopterx.benchmarks.programs import running
+
 NETWORK: Final = "10.213.7"
-STOP_S: Final = 30.0
-"""An interrupted program is killed after it."""
 
 
 class NetworkUnavailableError(RuntimeError):
@@ -88,18 +87,9 @@ class Network:
         output
             Where standard output and error go, as for `subprocess.Popen`.
         """
-        process = subprocess.Popen(
-            self.python(host, *arguments), env=environment, stdout=output, stderr=output
-        )
-        try:
+        command = self.python(host, *arguments)
+        with running(command, env=environment, stdout=output, stderr=output):
             yield
-        finally:
-            process.send_signal(signal.SIGINT)
-            try:
-                process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
 
     def cut(self, host: str) -> None:
         """Cut the link of a host to all others."""
