@@ -9,8 +9,11 @@ from rcopterx.deploy.fleet_file.snapshot import encoded
 
 def warnings_apart(fleet: FleetFile) -> list[str]:
     """`margins.configured_warnings` in a process of its own; a line that says why if it cannot tell them."""
-    with begun_behind_others([sys.executable, "-m", "rcopterx.ground_station.margins"]) as process:
-        output, complaint = process.communicate(encoded(fleet))
+    try:
+        with begun_behind_others([sys.executable, "-m", "rcopterx.ground_station.margins"]) as process:
+            output, complaint = process.communicate(encoded(fleet))
+    except OSError as error:
+        return [f"margins are not known: {error}"]
     if process.returncode:
         return [f"margins are not known: {complaint.decode(errors='replace').strip()}"]
     return output.decode().splitlines()

@@ -94,6 +94,16 @@ def test_margins_that_cannot_be_told_are_not_passed_over(
     assert warning.startswith("margins are not known: ")
 
 
+def test_margins_are_not_known_where_no_process_can_be_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(_: list[str]) -> None:
+        raise OSError("Too many open files")
+
+    monkeypatch.setattr("rcopterx.ground_station.margin_warnings.begun_behind_others", refused)
+    assert warnings_apart(load_fleet(Path(fleet(tmp_path)))) == ["margins are not known: Too many open files"]
+
+
 def test_check_tells_of_weights_that_were_tuned_below_the_rule(
     up: str, vehicles: dict[str, ScriptedVehicle]
 ) -> None:
