@@ -76,8 +76,7 @@ class Clearances:
 
         Where somebody above and somebody below leave no room, the middle is aimed at.
         """
-        stages = len(target.rows)
-        lower, upper = np.tile(target.lower, (stages, 1)), np.tile(target.upper, (stages, 1))
+        lower, upper = target.bounds_of_stages()
         low = np.minimum(np.maximum(lower[:, 0], self.lowest_m), upper[:, 0] - NARROWEST_M)
         high = np.maximum(np.minimum(upper[:, 0], self.highest_m), lower[:, 0] + NARROWEST_M)
         middle, none = 0.5 * (low + high), high - low < NARROWEST_M
@@ -90,11 +89,12 @@ class Clearances:
         stages, least = len(target.rows), self.least(height_m)
         slots = np.zeros((stages, SLOTS))
         slots[:, : least.shape[1]] = least
+        lower, upper = target.bounds_of_stages()
         return replace(
             target,
             rows=np.hstack((target.rows, np.zeros((stages, SLOTS)))),
-            lower=np.hstack((np.tile(target.lower, (stages, 1)), slots)),
-            upper=np.hstack((np.tile(target.upper, (stages, 1)), slots + FAR_M)),
+            lower=np.hstack((lower, slots)),
+            upper=np.hstack((upper, slots + FAR_M)),
         )
 
 

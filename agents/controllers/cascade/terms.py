@@ -156,9 +156,7 @@ def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> Cha
     below, above = np.minimum(velocity - lowest, 0.0), np.maximum(velocity - highest, 0.0)
     if not (below.any() or above.any()):
         return target
-    stages = len(remaining)
-    lower = np.tile(target.lower, (stages, 1)) if target.lower.ndim == 1 else target.lower.copy()
-    upper = np.tile(target.upper, (stages, 1)) if target.upper.ndim == 1 else target.upper.copy()
+    lower, upper = target.bounds_of_stages()
     lower[:, columns] += remaining[:, None] * below
     upper[:, columns] += remaining[:, None] * above
     return replace(target, lower=lower, upper=upper)

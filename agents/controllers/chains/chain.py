@@ -93,6 +93,11 @@ class ChainTarget:
     lower: Array
     upper: Array
 
+    def bounds_of_stages(self) -> tuple[Array, Array]:
+        """Copies of the bounds for each stage, shape (N, 3 m + K), to be changed."""
+        shape = len(self.rows), self.lower.shape[-1]
+        return np.broadcast_to(self.lower, shape).copy(), np.broadcast_to(self.upper, shape).copy()
+
 
 class Chain:
     """Rows, cost and banded Hessian of one chain.
