@@ -28,6 +28,8 @@ from rcopterx.ground_station.waiting import NotReachedError
 SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
 HORIZON: Final = 30
 SECONDS: Final = 60.0
+RATE_HZ: Final = 50.0
+"""Frames of the motion capture; control periods stay 20 ms."""
 SETTLE_S: Final = 3.0
 """Pause after the formation is reached: what taking off and its solver times leave behind is not measured."""
 LEG_S: Final = 4.0
@@ -43,7 +45,7 @@ ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
 Tell = Callable[[str], None]
 
 
-def fleet_text(vehicles: int, horizon: int) -> str:
+def fleet_text(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> str:
     """Fleet file with so many vehicles.
 
     Parameters
@@ -52,6 +54,8 @@ def fleet_text(vehicles: int, horizon: int) -> str:
         At least one.
     horizon
         Stages N of every controller.
+    rate_hz
+        Frame rate of the simulated Tracker.
     """
     room_m = RING_M * _ring(vehicles - 1)[0] + MARGIN_M
     head = f"""
@@ -65,7 +69,7 @@ max_m = [{room_m}, {room_m}, 2.0]
 address = "127.0.0.1:18801"
 
 [simulator]
-rate_hz = 50
+rate_hz = {rate_hz:g}
 
 [defaults.control]
 controller = "cascade"
@@ -98,7 +102,9 @@ def _ring(number: int) -> tuple[int, int]:
     return ring, place
 
 
-def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
+def run(
+    sizes: Sequence[int], horizon: int, seconds: float, tell: Tell, rate_hz: float = RATE_HZ
+) -> dict[str, Any]:
     """Fly fleets of growing size; returns the JSON document of `rcopterx bench scale`.
 
     Parameters
@@ -111,6 +117,8 @@ def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[
         How long each fleet is measured.
     tell
         Told what is going on.
+    rate_hz
+        Frame rate of the simulated Tracker.
 
     Returns
     -------
@@ -120,7 +128,7 @@ def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[
     """
     runs = []
     for vehicles in sorted(sizes):
-        runs.append(_measured_or_failed(vehicles, horizon, seconds, tell))
+        runs.append(_measured_or_failed(vehicles, horizon, seconds, tell, rate_hz))
         if "problem" in runs[-1]:
             break
     largest = 0
@@ -128,12 +136,14 @@ def run(sizes: Sequence[int], horizon: int, seconds: float, tell: Tell) -> dict[
         if row["missed_ticks"] != 0:
             break
         largest = row["vehicles"]
-    return {"largest_fleet": largest, "seconds": seconds, "runs": runs}
+    return {"largest_fleet": largest, "seconds": seconds, "rate_hz": rate_hz, "runs": runs}
 
 
-def _measured_or_failed(vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
+def _measured_or_failed(
+    vehicles: int, horizon: int, seconds: float, tell: Tell, rate_hz: float
+) -> dict[str, Any]:
     try:
-        return _measured(vehicles, horizon, seconds, tell)
+        return _measured(vehicles, horizon, seconds, tell, rate_hz)
     except FLIGHT_ERRORS as error:
         tell(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
         return {
@@ -143,7 +153,7 @@ def _measured_or_failed(vehicles: int, horizon: int, seconds: float, tell: Tell)
 
 
 @contextmanager
-def in_formation(vehicles: int, horizon: int) -> Iterator[tuple[Fleet, Launcher]]:
+def in_formation(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
     """A fleet of that size in formation on this computer, and its launcher; at the end it lands.
 
     Raises
@@ -153,7 +163,7 @@ def in_formation(vehicles: int, horizon: int) -> Iterator[tuple[Fleet, Launcher]
     """
     with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
         path = Path(directory) / "scale.toml"
-        path.write_text(fleet_text(vehicles, horizon), encoding="utf-8")
+        path.write_text(fleet_text(vehicles, horizon, rate_hz), encoding="utf-8")
         with launched(path, record=False) as fleet:
             if fleet.launcher is None:
                 raise NotReachedError("the fleet was not started here")
@@ -175,9 +185,9 @@ def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = la
         time.sleep(min(LEG_S, left_s))
 
 
-def _measured(vehicles: int, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
+def _measured(vehicles: int, horizon: int, seconds: float, tell: Tell, rate_hz: float) -> dict[str, Any]:
     tell(f"{vehicles} vehicles: starting")
-    with in_formation(vehicles, horizon) as (fleet, launcher):
+    with in_formation(vehicles, horizon, rate_hz) as (fleet, launcher):
         recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED, channels.AGENT_STATUS))
         cpu_s = cpu_of_roles(launcher)
         began_s = time.monotonic()
@@ -247,7 +257,9 @@ def draw_scale(document: dict[str, Any], figure: Any) -> None:
             place = (row["vehicles"], row["pose_to_command_ms"]["p50"])
             left.annotate(f"{row['missed_ticks']} missed", place, fontsize="small", rotation=60)
     left.set_ylabel("pose to command [ms]")
-    left.set_title(f"N = {rows[0]['horizon']}, 50 Hz, {document['seconds']:g} s each")
+    left.set_title(
+        f"N = {rows[0]['horizon']}, Tracker {document['rate_hz']:g} Hz, {document['seconds']:g} s each"
+    )
     bottom = [0.0] * len(rows)
     for role in ROLES:
         values = [row["cpu_share"][role] for row in rows]

@@ -141,6 +141,12 @@ def scale(
     seconds: Annotated[
         float, typer.Option(metavar="S", min=1, max=3600, help="How long each fleet is measured.")
     ] = 60.0,
+    rate: Annotated[
+        float,
+        typer.Option(
+            metavar="HZ", min=50, max=400, help="Frame rate of the simulated Tracker; control stays 50 Hz."
+        ),
+    ] = 50.0,
     plot: PlotOption = None,
 ) -> None:
     """Fleets of growing size on this computer: missed control periods, pose to command, load."""
@@ -151,7 +157,9 @@ def scale(
     check_plot(plot)
     sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=63)
     with user_errors():
-        document = run(sizes, horizon, seconds, lambda text: typer.echo(f"bench scale: {text}", err=True))
+        document = run(
+            sizes, horizon, seconds, lambda text: typer.echo(f"bench scale: {text}", err=True), rate
+        )
     if plot is not None:
         save_figure(Result(document, partial(draw_scale, document)), plot)
     if as_json:

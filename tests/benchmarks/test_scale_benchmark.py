@@ -32,6 +32,12 @@ def test_fleets_of_every_size_pass_the_checks_of_a_start(
     check_fleet(fleet, tmp_path)
 
 
+def test_the_tracker_has_the_rate_that_was_asked_for() -> None:
+    fleet = parse_fleet(scale.fleet_text(3, 20, rate_hz=200.0))
+    assert fleet.simulator is not None
+    assert fleet.simulator.rate_hz == 200.0
+
+
 def test_the_shipped_fleet_of_ten_passes_the_checks_of_a_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -81,7 +87,7 @@ def test_figure_shows_latency_and_load() -> None:
     from matplotlib.figure import Figure
 
     figure = Figure()
-    scale.draw_scale({"seconds": 60.0, "runs": [row(2, 0), row(4, 7)]}, figure)
+    scale.draw_scale({"seconds": 60.0, "rate_hz": 50.0, "runs": [row(2, 0), row(4, 7)]}, figure)
     assert len(figure.axes) == 2
     assert "7 missed" in [text.get_text() for text in figure.axes[0].texts]
 
