@@ -4,6 +4,7 @@ Whatever is sent has no content, so that whoever receives it rejects and counts 
 """
 
 import threading
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from datetime import datetime
@@ -17,7 +18,7 @@ from zenoh.handlers import Callback
 from rcopterx.bus.access import Seat, asked_keys, published_keys
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import ROOT, request_key
-from rcopterx.bus.session import BusAddress, opened
+from rcopterx.bus.session import SILENT_SHARE, BusAddress, opened
 from rcopterx.deploy.certificates.files import credentials, readable
 from rcopterx.deploy.certificates.issuing import issue, new_authority
 from rcopterx.deploy.certificates.names import host_seats, operator_seats, subjects
@@ -27,6 +28,11 @@ from rcopterx.deploy.fleet_file.schema import FleetFile
 REFUSED_S: Final = 0.5
 """For a connection that must not come about."""
 ANSWER_S: Final = 2.0
+TRIES: Final = 3
+"""How often a request that is neither answered nor refused in time is made."""
+TIMEOUT: Final = b"Timeout"
+"""What Zenoh answers in the place of whoever did not."""
+NOT_KNOWN: Final = "is not known: no answer in time; try again when this computer has less to do"
 
 
 def strangers(fleet: FleetFile, host: str, directory: Path, now: datetime) -> Iterator[Result]:
@@ -94,14 +100,38 @@ def _tried(
 ) -> Iterator[Result]:
     forbidden = _beyond(published_keys(fleet, everybody), published_keys(fleet, own))
     passed = _published(forbidden, rogue, listener)
-    yield from (Result(False, f"{name}: may publish {key}, which is not its own") for key in passed)
-    if not passed:
-        yield Result(True, f"{name}: {len(forbidden)} keys that are not its own refused")
+    if passed is None:
+        yield Result(False, f"{name}: whether it may publish what is not its own {NOT_KNOWN}")
+    else:
+        yield from (Result(False, f"{name}: may publish {key}, which is not its own") for key in passed)
+        if not passed:
+            yield Result(True, f"{name}: {len(forbidden)} keys that are not its own refused")
     forbidden = _beyond(asked_keys(fleet, everybody), asked_keys(fleet, own))
-    answered = [key for key in forbidden if list(rogue.get(key, timeout=ANSWER_S))]
-    yield from (Result(False, f"{name}: may ask {key}, which it must not") for key in answered)
-    if not answered:
+    permitted = {key: _permitted(key, rogue) for key in forbidden}
+    for key, known in permitted.items():
+        if known is None:
+            yield Result(False, f"{name}: whether it may ask {key} {NOT_KNOWN}")
+        elif known:
+            yield Result(False, f"{name}: may ask {key}, which it must not")
+    if not any(known is not False for known in permitted.values()):
         yield Result(True, f"{name}: {len(forbidden)} requests that it must not make refused")
+
+
+def _permitted(key: str, rogue: zenoh.Session) -> bool | None:
+    """Whether a request gets through; None if neither an answer nor a refusal comes in time."""
+    for _ in range(TRIES):
+        asked_s = time.monotonic()
+        replies = list(rogue.get(key, timeout=ANSWER_S))
+        if any(reply.err is None or reply.err.payload.to_bytes() != TIMEOUT for reply in replies):
+            return True
+        if not replies and _in_time(asked_s):
+            return False
+    return None
+
+
+def _in_time(asked_s: float) -> bool:
+    """Whether an end without an answer is no time-out; some of these come without an error."""
+    return time.monotonic() - asked_s < SILENT_SHARE * ANSWER_S
 
 
 def _beyond(keys: Iterable[str], own: Iterable[str]) -> list[str]:
@@ -110,8 +140,8 @@ def _beyond(keys: Iterable[str], own: Iterable[str]) -> list[str]:
     return sorted(key for key in keys if not any(each.includes(zenoh.KeyExpr(key)) for each in covering))
 
 
-def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Session) -> list[str]:
-    """Which of these keys get through."""
+def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Session) -> list[str] | None:
+    """Which of these keys get through; None if routers take too long to tell."""
     heard: set[str] = set()
     lock = threading.Lock()
 
@@ -125,15 +155,19 @@ def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Sessio
     for key in keys:
         rogue.put(key, b"")
     # A router answers after it has passed on what came before; then it answers the listener behind that.
-    _round_trip(rogue)
-    _round_trip(listener)
+    passed_on = _round_trip(rogue) and _round_trip(listener)
     subscriber.undeclare()
+    if not passed_on:
+        return None
     with lock:
         return sorted(heard & set(keys))
 
 
-def _round_trip(session: zenoh.Session) -> None:
+def _round_trip(session: zenoh.Session) -> bool:
+    """Ask every router something; whether all answered or refused in time."""
+    asked_s = time.monotonic()
     list(session.get(request_key("*", "*", "identify"), timeout=ANSWER_S, target=zenoh.QueryTarget.ALL))
+    return _in_time(asked_s)
 
 
 def _refused(endpoint: str, shown: Credentials | None, what: str) -> Result:

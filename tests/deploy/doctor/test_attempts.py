@@ -13,7 +13,7 @@ from support.waiting import DEADLINE_S
 from rcopterx.bus.channels import FLEET_UNIT, KILL, key, request_key
 from rcopterx.bus.keys import probe_key
 from rcopterx.bus.probe import Probe
-from rcopterx.bus.session import BusAddress
+from rcopterx.bus.session import BusAddress, opened
 from rcopterx.deploy.doctor import attempts
 from rcopterx.deploy.fleet_file.schema import HostConfig
 
@@ -26,7 +26,7 @@ def bus() -> Iterator[SecuredBus]:
 
 @pytest.fixture(autouse=True)
 def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a busy machine does not answer in time counts as an answer."""
+    """A busy machine may take longer to answer than a doctor waits."""
     monkeypatch.setattr(attempts, "ANSWER_S", DEADLINE_S)
 
 
@@ -86,3 +86,15 @@ def test_a_router_without_certificates_is_found(bus: SecuredBus, monkeypatch: py
         plain = next(attempts.strangers(fleet, "main", directory, datetime.now(UTC)))
     assert not plain.good
     assert plain.text == "router of main: a connection without encryption is let in"
+
+
+def test_what_is_not_answered_in_time_is_not_known(bus: SecuredBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Nothing in this process answers so fast.
+    monkeypatch.setattr(attempts, "ANSWER_S", 1e-6)
+    monkeypatch.setattr(attempts, "opened", lambda address, _: opened(address, DEADLINE_S))
+    address = BusAddress((bus.socket("main"),), "lab")
+    found = list(attempts.members(bus.fleet, address, "main", bus.directory / "certificates"))
+    assert found
+    for result in found:
+        assert not result.good
+        assert "is not known: no answer in time" in result.text
