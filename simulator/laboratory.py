@@ -148,13 +148,16 @@ class Laboratory:
             plant.advance(duration_s)
         self._time_s += duration_s
 
-    def set_input(self, name: str, inputs: Sequence[float] | Array) -> None:
-        """Give vehicle `name` new stick positions: pitch, roll, thrust, yaw, normalised. Motors run."""
-        self.plant(name).set_input(inputs)
+    def set_input(self, name: str, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
+        """Give vehicle `name` new stick positions, in some time: pitch, roll, thrust, yaw, normalised.
 
-    def stop_motors(self, name: str) -> None:
-        """Cut the motors of vehicle `name` (throttle pulse at its low end)."""
-        self.plant(name).stop_motors()
+        Motors run.
+        """
+        self.plant(name).set_input(inputs, after_s)
+
+    def stop_motors(self, name: str, after_s: float = 0.0) -> None:
+        """Cut the motors of vehicle `name` (throttle pulse at its low end), in some time."""
+        self.plant(name).stop_motors(after_s)
 
     def true_pose(self, name: str) -> Pose:
         """Pose of the body of vehicle `name`, yaw unwrapped."""

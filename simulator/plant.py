@@ -183,27 +183,34 @@ class Plant(ABC):
         used = min(self._hover_seconds_used / self._conditions.battery_endurance_s, 1.0)
         return 1.0 - self._conditions.battery_sag * used
 
-    def set_input(self, inputs: Sequence[float] | Array) -> None:
+    def set_input(self, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
         """Give the sticks new positions; they take effect after the transport delay. Motors run.
 
         Parameters
         ----------
         inputs
             Pitch, roll, thrust, yaw, normalised.
+        after_s
+            When the sticks will be moved, from now on. Commands take effect in the order of the calls.
 
         Raises
         ------
         ValueError
-            If these are not four finite numbers.
+            If these are not four finite numbers, or the time is negative or not finite.
         """
         sticks = four(inputs)
         if not all(map(math.isfinite, sticks)):
             raise ValueError(f"{self._name}: input {sticks} is not finite")
-        self._pending.append((self._time_s + self._delay_s, sticks))
+        self._expect(sticks, after_s)
 
-    def stop_motors(self) -> None:
-        """Cut the motors (throttle pulse at its low end) after the transport delay."""
-        self._pending.append((self._time_s + self._delay_s, None))
+    def stop_motors(self, after_s: float = 0.0) -> None:
+        """Cut the motors (throttle pulse at its low end) after the transport delay; see `set_input`."""
+        self._expect(None, after_s)
+
+    def _expect(self, sticks: Four | None, after_s: float) -> None:
+        if not 0.0 <= after_s < math.inf:
+            raise ValueError(f"{self._name}: cannot be commanded after {after_s} s")
+        self._pending.append((self._time_s + after_s + self._delay_s, sticks))
 
     def advance(self, duration_s: float) -> None:
         """Fly on.

@@ -12,6 +12,7 @@ from rcopterx.bus.requests import Inject, Reply
 from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.simulator.faults import FaultError, fault_text, timed_faults
+from rcopterx.simulator.radio import RadioPty
 from rcopterx.simulator.radio_faults import RadioFaults
 from rcopterx.simulator.room import Room
 from rcopterx.simulator.settings import SimulatedVehicle, SimulatorSettings
@@ -21,7 +22,8 @@ from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
 TRUTH_BITS = 17
 """Truth is told to 2^-17 m, rad and m/s: last bits would take a part of every flight log."""
-STEP_S = 0.004
+LONGEST_STEP_S = 0.02
+"""Requests, timed faults and answers of radio modules wait no longer where frames are rarer."""
 
 
 class Simulator:
@@ -38,23 +40,35 @@ class Simulator:
         self._room = Room(settings.vehicles, settings.conditions, settings.seed, start_s)
         self._frame = 0
         self._frame_at_s = start_s + self._period_s
+        self._step_at_s = start_s
         self._radio_faults = RadioFaults(self._room.radios)
         laboratory = self._room.laboratory
         self._vehicle_faults = VehicleFaults({name: laboratory.plant(name) for name in laboratory.names})
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
+        self._tracker_due_s = start_s
+        self._ports = self._open_ports()
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
-    def wait(self) -> None:
-        """Wait for bytes, for the next integration step or for the next frame."""
-        now_s = self._clock()
-        due_s = min(self._frame_at_s, now_s + STEP_S, self._tracker.next_due_s() or math.inf)
-        radios = [radio.fileno() for radio in self._room.radios.values() if radio.is_open]
-        select.select([self._tracker.fileno(), *radios], [], [], max(0.0, due_s - now_s))
+    def run_once(self) -> None:
+        """Wait for bytes or for what is due next, and do it.
 
-    def step(self) -> None:
-        """Everything that is due now."""
-        self._tracker.poll()
+        Bytes are only received when they arrive, because nothing else tells when that was: modules, vehicles
+        and requests have time until the next frame.
+        """
+        due_s = min(self._step_at_s, self._tracker_due_s)
+        timeout_s = max(0.0, due_s - self._clock())
+        readable, _, _ = select.select([self._tracker.fileno(), *self._ports], [], [], timeout_s)
         now_s = self._clock()
+        for descriptor in readable:
+            if descriptor in self._ports:
+                self._ports[descriptor].receive(now_s)
+        if now_s >= self._tracker_due_s or self._tracker.fileno() in readable:
+            self._tracker.poll()
+            self._look_at_tracker()
+        if now_s >= self._step_at_s:
+            self._step(now_s)
+
+    def _step(self, now_s: float) -> None:
         for incoming in self._session.pending():
             incoming.answer(self._obey(incoming, now_s))
         self._radio_faults.advance(now_s)
@@ -67,6 +81,16 @@ class Simulator:
             )
             self._frame += 1
             self._frame_at_s += self._period_s
+        self._step_at_s = min(self._frame_at_s, now_s + LONGEST_STEP_S)
+        self._look_at_tracker()
+        self._ports = self._open_ports()
+
+    def _look_at_tracker(self) -> None:
+        due_s = self._tracker.next_due_s()
+        self._tracker_due_s = math.inf if due_s is None else due_s
+
+    def _open_ports(self) -> dict[int, RadioPty]:
+        return {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
 
     def _obey(self, incoming: Incoming, now_s: float) -> Reply:
         request = incoming.request
@@ -150,8 +174,7 @@ def run_simulator(settings: SimulatorSettings) -> None:
         try:
             while not stopping:
                 heartbeat.beat()
-                simulator.wait()
-                simulator.step()
+                simulator.run_once()
         finally:
             heartbeat.ending()
             simulator.close()

@@ -7,10 +7,10 @@ import os
 import pty
 import termios
 import tty
-from collections import Counter
+from collections import Counter, deque
 from pathlib import Path
 
-from rcopterx.simulator.radio_module import RadioModule, SerialFrame
+from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, RadioModule, SerialFrame
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverOutput
 
 READ_SIZE = 4096
@@ -31,6 +31,8 @@ class RadioLink:
     def __init__(self, module: RadioModule, receiver: Receiver) -> None:
         self.module = module
         self.receiver = receiver
+        self._outputs: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=FRAME_LOG_LENGTH)
+        self._last: tuple[float, ...] | None = None
 
     def feed(self, data: bytes, now_s: float) -> None:
         """Put bytes on the serial line at `now_s`."""
@@ -42,7 +44,23 @@ class RadioLink:
         for packet in self.module.take_packets():
             if self.receiver.hear(packet):
                 self.module.receiver_answered(packet.time_s)
-        return answers + self.module.advance(now_s)
+                answers += self.module.advance(now_s)
+            self._note(packet.time_s)
+        self._note(now_s)
+        return answers
+
+    def _note(self, time_s: float) -> None:
+        """Remember what the receiver gives the vehicle if that changes."""
+        pulses_us = self.receiver.output(time_s).pulses_us
+        if pulses_us != self._last:
+            self._last = pulses_us
+            self._outputs.append((time_s, pulses_us))
+
+    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
+        """Return and forget when the receiver has given the vehicle other pulse widths, and which [us]."""
+        outputs = list(self._outputs)
+        self._outputs.clear()
+        return outputs
 
     def output(self, now_s: float) -> ReceiverOutput:
         """What the receiver gives the vehicle at `now_s`; call `advance` first."""
@@ -58,7 +76,8 @@ class RadioLink:
 class RadioPty:
     """A `RadioLink` on a pseudo-terminal with a fixed name.
 
-    Call `service` whenever `fileno` is readable and often enough for the module's answers.
+    Call `receive` whenever `fileno` is readable and `live` often enough for the module to answer; `service`
+    is both.
 
     Parameters
     ----------
@@ -78,7 +97,7 @@ class RadioPty:
         self.link = link
         self.counters: Counter[str] = Counter()
         self._master = self._slave = -1
-        self._serviced_s: float | None = None
+        self._received_s: float | None = None
         self._fed_s = 0.0
         self._exclusive_cleared = False
         self._powered = True
@@ -108,21 +127,31 @@ class RadioPty:
 
     def service(self, now_s: float) -> None:
         """Take the bytes written, let the time pass, and write the answers."""
+        self.receive(now_s)
+        self.live(now_s)
+
+    def receive(self, now_s: float) -> None:
+        """Take the bytes written; `live` shows them to the module."""
         if self.is_open:
             self._read(now_s)
+            self._received_s = now_s
+
+    def live(self, now_s: float) -> None:
+        """Let the time pass, and write the answers; what was written until now has been received."""
+        self._received_s = now_s
+        if self.is_open and not self._exclusive_cleared and now_s > self._fed_s + SILENT_S:
+            self._clear_exclusive()
         answers = self.link.advance(now_s) if self._powered else b""
         if answers and self.is_open:
             try:
                 os.write(self._master, answers)
             except BlockingIOError:
                 self.counters["answers nobody read"] += 1
-        self._serviced_s = now_s
 
     def _read(self, now_s: float) -> None:
         try:
             data = os.read(self._master, READ_SIZE)
         except BlockingIOError:
-            self._clear_exclusive(now_s)
             return
         self._fed_s, self._exclusive_cleared = now_s, False
         if not self._powered:
@@ -132,14 +161,14 @@ class RadioPty:
             self.link.feed(frame, start_s)
 
     def _separated(self, data: bytes, now_s: float) -> list[tuple[float, bytes]]:
-        """Give frames that piled up while nobody called `service` their pauses back.
+        """Give frames that piled up while nobody looked their pauses back.
 
         A pseudo-terminal does not tell when bytes were written. Bytes read in one go count as back to back,
-        unless the last call is so long ago that whole frames can have come in one after the other.
+        unless the last look is so long ago that whole frames can have come in one after the other.
         """
         length = self.link.module.frame_length
         count, rest = divmod(len(data), length)
-        waited_s = now_s - self._serviced_s if self._serviced_s is not None else 0.0
+        waited_s = now_s - self._received_s if self._received_s is not None else 0.0
         spacing_s = waited_s / max(count, 1)
         if count < 2 or rest or spacing_s < self.link.module.shortest_spacing_s:
             return [(now_s, data)]
@@ -148,15 +177,14 @@ class RadioPty:
             (now_s - (count - 1 - i) * spacing_s, data[i * length : (i + 1) * length]) for i in range(count)
         ]
 
-    def _clear_exclusive(self, now_s: float) -> None:
+    def _clear_exclusive(self) -> None:
         """Forget the exclusive mark of a writer that may be gone.
 
         A serial adapter forgets it with the last close; a pseudo-terminal keeps it, and a restarted gateway
         could not open the port again.
         """
-        if not self._exclusive_cleared and now_s > self._fed_s + SILENT_S:
-            fcntl.ioctl(self._slave, termios.TIOCNXCL)
-            self._exclusive_cleared = True
+        fcntl.ioctl(self._slave, termios.TIOCNXCL)
+        self._exclusive_cleared = True
 
     def output(self, now_s: float) -> ReceiverOutput:
         """What the receiver gives the vehicle at `now_s`."""

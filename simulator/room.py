@@ -44,27 +44,27 @@ class Room:
             for vehicle in vehicles
         }
         self._now_s = start_s
-        self._pulses: dict[str, tuple[float, ...]] = {}
 
     def advance(self, now_s: float) -> None:
-        """Let radios and vehicles live on until `now_s`."""
+        """Let radios and vehicles live on until `now_s`; sticks move when radio packets are heard.
+
+        What is written to the radios meanwhile has to be received by whoever waits for it.
+        """
         for vehicle in self.vehicles:
             radio = self.radios[vehicle.name]
-            radio.service(now_s)
-            pulses = radio.output(now_s).pulses_us
-            if pulses != self._pulses.get(vehicle.name):
-                self._pulses[vehicle.name] = pulses
-                self._drive(vehicle, pulses)
+            radio.live(now_s)
+            for heard_s, pulses_us in radio.link.take_outputs():
+                self._drive(vehicle, pulses_us, max(0.0, heard_s - self._now_s))
         if now_s > self._now_s:
             self.laboratory.advance(now_s - self._now_s)
             self._now_s = now_s
 
-    def _drive(self, vehicle: SimulatedVehicle, pulses_us: tuple[float, ...]) -> None:
+    def _drive(self, vehicle: SimulatedVehicle, pulses_us: tuple[float, ...], after_s: float) -> None:
         throttle = vehicle.calibration.throttle
         if pulses_us[throttle.index] < throttle.low_us + MOTOR_START_US:
-            self.laboratory.stop_motors(vehicle.name)
+            self.laboratory.stop_motors(vehicle.name, after_s)
         else:
-            self.laboratory.set_input(vehicle.name, vehicle.calibration.inputs(pulses_us))
+            self.laboratory.set_input(vehicle.name, vehicle.calibration.inputs(pulses_us), after_s)
 
     def capture(self, frame: int) -> TrackerFrame:
         """What the Tracker sees now."""

@@ -109,6 +109,39 @@ def test_without_a_stated_delay_the_delay_of_the_model_acts() -> None:
     assert plant.motion[4] > 0.0
 
 
+@settings(max_examples=25, deadline=None)
+@given(inputs=sticks, after_s=st.floats(0.0, 0.02))
+def test_sticks_moved_later_act_as_if_they_were_moved_then(inputs: tuple[float, ...], after_s: float) -> None:
+    told, waited = flying(height_m=50.0), flying(height_m=50.0)
+    told.set_input(inputs, after_s)
+    told.advance(0.04)
+    waited.advance(after_s)
+    waited.set_input(inputs)
+    waited.advance(0.04 - after_s)
+    assert told.motion == pytest.approx(waited.motion, abs=1e-5)
+
+
+def test_motors_stop_and_start_when_they_are_told_to() -> None:
+    plant = flying(height_m=50.0)
+    plant.stop_motors(0.01)
+    plant.set_input(HOVER, 0.02)
+    plant.advance(0.005)
+    assert plant.motors_running
+    plant.advance(0.01)
+    assert not plant.motors_running
+    plant.advance(0.01)
+    assert plant.motors_running
+
+
+@pytest.mark.parametrize("after_s", [-0.001, math.nan, math.inf])
+def test_sticks_cannot_be_moved_in_the_past_or_never(after_s: float) -> None:
+    plant = flying()
+    with pytest.raises(ValueError, match="cannot be commanded after"):
+        plant.set_input(HOVER, after_s)
+    with pytest.raises(ValueError, match="cannot be commanded after"):
+        plant.stop_motors(after_s)
+
+
 def test_actuator_lag_can_be_switched_off() -> None:
     lagging, prompt = flying(), flying(conditions=replace(PROMPT, actuator_lag=False))
     for plant in (lagging, prompt):
