@@ -88,14 +88,6 @@ class Estimate:
     disturbance: Array
     tilt: TiltEstimate | None = None
 
-    @property
-    def is_finite(self) -> bool:
-        """Whether every number is."""
-        parts = [self.motion, self.actuator, self.disturbance]
-        if self.tilt is not None:
-            parts += [self.tilt.core, self.tilt.servo, self.tilt.wind_m_s2, self.tilt.trim]
-        return bool(np.isfinite(np.concatenate(parts)).all())
-
 
 class Estimator(Protocol):
     """Turns poses and applied inputs into an estimate."""

@@ -7,7 +7,7 @@ the motion capture is one call of `observe`; every control period is one call of
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
@@ -188,18 +188,23 @@ class Pilot:
         pending = self.clock.frames_until(frame.epoch, frame.frame, frame.period_s)
         if pending < 0:
             return False
+        acted: list[tuple[Array, float]] = []
         for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
-            self._pass_period()
+            start_s = self.clock.time_s
+            self.clock.pass_period()
+            acted += self._acted_since(start_s)
         if frame.measurement is None:
+            self._predict(acted)
             self._blind_s += frame.period_s
             self._unseen_s += frame.period_s
             self.fallbacks["occluded"] += 1
             return True
         unseen_s, self._unseen_s = self._unseen_s, 0.0
         if first or self._standing or unseen_s >= BLIND_LIMIT_S:
+            self._predict(acted)
             self._reset_estimator(frame.measurement)
             self._blind_s = 0.0
-        elif self.estimator.correct(frame.measurement):
+        elif self.estimator.correct(frame.measurement, acted):
             self._blind_s = 0.0
         else:
             # However long it goes on: when refused poses are to be believed is the estimator's decision.
@@ -224,7 +229,7 @@ class Pilot:
             return False
         start_s = self.clock.time_s
         self.clock.coast()
-        self._predict(start_s)
+        self._predict(self._acted_since(start_s))
         self._blind_s += self.clock.period_s
         self._unseen_s += self.clock.period_s
         self.fallbacks["pose_extrapolated"] += 1
@@ -419,15 +424,14 @@ class Pilot:
         plan = resting(self.estimate, self.controller.period_s, self.controller.horizon)
         return ControlOutput(command, np.zeros((0, INPUT_SIZE)), plan, self.model.delay_s, None)
 
-    def _pass_period(self) -> None:
-        start_s = self.clock.time_s
-        self.clock.pass_period()
-        self._predict(start_s)
-
-    def _predict(self, start_s: float) -> None:
+    def _acted_since(self, start_s: float) -> list[tuple[Array, float]]:
+        """Inputs that acted from then until now, each with its duration [s]; none on the floor."""
         if self._standing:
-            return  # The model knows no floor: it would fall.
-        for value, duration_s in self.input_history.between(start_s, self.clock.time_s):
+            return []  # The model knows no floor: it would fall.
+        return self.input_history.between(start_s, self.clock.time_s)
+
+    def _predict(self, acted: Iterable[tuple[Array, float]]) -> None:
+        for value, duration_s in acted:
             self.estimator.predict(value, duration_s)
 
     def _compensated(self, time_s: float) -> Estimate:

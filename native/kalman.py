@@ -112,39 +112,46 @@ def joseph(covariance: Array, gain: Array, spread: Array, observed: Array, varia
     return result
 
 
-@compiled(VECTOR, MATRIX, ANY_MATRIX, ANY_MATRIX, MATRIX, ANY_MATRIX, ANY_VECTOR, NUMBER, COUNT)
+@compiled(VECTOR, MATRIX, ANY_MATRIX, ANY_MATRIX, MATRIX, ANY_VECTOR, NUMBER, ANY_VECTOR, NUMBER, COUNT)
 def predict_tilt(
     state: Array,
     covariance: Array,
     transition: Array,
     demand: Array,
     process: Array,
-    turned: Array,
+    gain: Array,
+    yaw_rad: float,
     stick: Array,
     pole: float,
     moving: int,
-) -> tuple[Array, Array]:
+) -> None:
     """Move the tilt filter on by a period: x = F x + G stick, P = F P F' + Q.
 
     The states are the `moving` first ones of the lateral system, servo, wind, and beyond the system trim and
-    offset. In the system the servo is a demand; here it is a stick, which `turned` makes a demand.
+    offset. In the system the servo is a demand; here it is a stick, which heading and gain make a demand.
 
     Parameters
     ----------
     state, covariance
-        Shapes (n + 4,) and (n + 4, n + 4).
+        Shapes (n + 4,) and (n + 4, n + 4), changed in place.
     transition, demand
         Of the lateral system, shapes (n, n) and (n, 2).
     process
         Q, shape (n + 4, n + 4).
-    turned
-        Demand per stick at this heading, shape (2, 2).
+    gain
+        Demand per stick, of which the first two are those of pitch and roll.
+    yaw_rad
+        Heading during the period.
     stick
-        What acted, shape (2,).
+        What acted, the first two are pitch and roll.
     pole
         Of the servo.
     """
     size = transition.shape[0]
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    turned = np.empty((2, 2))
+    turned[0, 0], turned[0, 1] = c * gain[0], -s * gain[1]
+    turned[1, 0], turned[1, 1] = s * gain[0], c * gain[1]
     whole = np.eye(size + 4)
     whole[:size, :size] = transition
     pushed = np.empty((moving, 2))
@@ -165,7 +172,8 @@ def predict_tilt(
         predicted[row] += pushed[row, 0] * stick[0] + pushed[row, 1] * stick[1]
     for axis in range(2):
         predicted[moving + axis] += (1.0 - pole) * stick[axis]
-    return predicted, propagated(whole, covariance, process)
+    state[:] = predicted
+    covariance[:] = propagated(whole, covariance, process)
 
 
 @compiled(VECTOR, MATRIX, ANY_VECTOR, ANY_VECTOR, FLAG, COUNT, NUMBER, VECTOR, VECTOR, NUMBER)
@@ -180,7 +188,7 @@ def correct_tilt(
     variances: Array,
     limit: Array,
     gate: float,
-) -> tuple[Array, Array, bool, bool]:
+) -> tuple[bool, bool]:
     """Take a position and perhaps a tilt into the tilt filter.
 
     Measured are the first two states, and the states from `tilted` on with the offset (the last two states)
@@ -189,9 +197,9 @@ def correct_tilt(
     Parameters
     ----------
     state, covariance
-        Shapes (n,) and (n, n).
+        Shapes (n,) and (n, n), changed in place.
     position_m, tilt
-        Shape (2,); a tilt counts only if it is `measured`.
+        The first two entries count, those of a tilt only if it is `measured`.
     variances
         Of position and tilt, shape (4,).
     limit
@@ -202,8 +210,8 @@ def correct_tilt(
     Returns
     -------
     tuple
-        State, covariance, whether the tilt was taken in, and whether the innovation is definite: if not,
-        state and covariance are the given ones.
+        Whether the tilt was taken in, and whether the innovation is definite: if not, state and covariance
+        stay what they are.
     """
     size = len(state)
     observed = np.zeros((4, size))
@@ -235,16 +243,16 @@ def correct_tilt(
                     innovation[number, other] += spread[number, inner] * observed[other, inner]
         innovation[number, number] += variances[number]
     if not factorized(innovation):
-        return state, covariance, measured, False
+        return measured, False
     gain = spread.copy()
     solve_factorized(innovation, gain)
-    corrected = state.copy()
     for number in range(count):
         for row in range(size):
-            corrected[row] += gain[number, row] * surprise[number]
+            state[row] += gain[number, row] * surprise[number]
     for row in range(size):
-        corrected[row] = min(max(corrected[row], -limit[row]), limit[row])
-    return corrected, joseph(covariance, gain, spread, observed, variances), measured, True
+        state[row] = min(max(state[row], -limit[row]), limit[row])
+    covariance[:] = joseph(covariance, gain, spread, observed, variances)
+    return measured, True
 
 
 @compiled(MATRIX, ANY_VECTOR, ANY_VECTOR)
@@ -283,7 +291,7 @@ def lag_jacobian(constant: Array, start: Array, end: Array) -> Array:
     return jacobian
 
 
-@compiled(VECTOR, *4 * [ANY_VECTOR], NUMBER, COUNT, *3 * [MATRIX])
+@compiled(VECTOR, *4 * [ANY_VECTOR], NUMBER, COUNT, *3 * [MATRIX], VECTOR, VECTOR)
 def predict_lags(
     vehicle: Array,
     motion: Array,
@@ -295,7 +303,9 @@ def predict_lags(
     constant: Array,
     covariance: Array,
     process: Array,
-) -> tuple[Array, Array, Array]:
+    moved: Array,
+    held: Array,
+) -> None:
     """Move the filter on first-order lags on by a period.
 
     Parameters
@@ -305,46 +315,63 @@ def predict_lags(
     constant
         See `lag_jacobian`.
     covariance, process
-        P and Q, shapes (n, n).
-
-    Returns
-    -------
-    tuple
-        Motion, actuators and covariance after the period.
+        P and Q, shapes (n, n); P is changed in place.
+    moved, held
+        Set to motion and actuators after the period.
     """
-    moved, held = predict_motion(vehicle, motion, actuator, sticks, disturbance, step_s, steps)
-    return moved, held, propagated(lag_jacobian(constant, motion, moved), covariance, process)
+    predict_motion(vehicle, motion, actuator, sticks, disturbance, step_s, steps, moved, held)
+    covariance[:] = propagated(lag_jacobian(constant, motion, moved), covariance, process)
 
 
-@compiled(MATRIX, ANY_VECTOR, VECTOR)
-def correct_first(covariance: Array, innovation: Array, variance: Array) -> tuple[Array, Array, bool]:
-    """Correct by a measurement of the first states.
+@compiled(MATRIX, ANY_VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
+def correct_lags(
+    covariance: Array,
+    innovation: Array,
+    variance: Array,
+    motion: Array,
+    actuator: Array,
+    disturbance: Array,
+    limit: Array,
+) -> bool:
+    """Take a pose into the filter on first-order lags.
 
     Parameters
     ----------
     covariance
-        P, shape (n, n).
+        P, shape (16, 16).
     innovation, variance
-        Measured minus predicted, and the variance of the measurement, shape (m,).
+        Measured minus predicted pose, and the variance of what is measured, shape (4,).
+    motion, actuator, disturbance
+        The state, shapes (8,), (4,) and (4,).
+    limit
+        Disturbances stay within plus and minus these, shape (4,).
 
     Returns
     -------
-    tuple
-        Change of the state, covariance, and whether the innovation's covariance is definite.
+    bool
+        Whether the covariance of the innovation is definite. If so, covariance and state have been changed in
+        place, else not.
     """
-    size, count = covariance.shape[0], len(innovation)
-    observed = np.zeros((count, size))
+    count = len(innovation)
+    observed = np.zeros((count, covariance.shape[0]))
     spread = covariance[:count].copy()
     whole = covariance[:count, :count].copy()
     for number in range(count):
         observed[number, number] = 1.0
         whole[number, number] += variance[number]
-    change = np.zeros(size)
     if not factorized(whole):
-        return change, covariance, False
+        return False
     gain = spread.copy()
     solve_factorized(whole, gain)
+    change = np.zeros(covariance.shape[0])
     for number in range(count):
-        for row in range(size):
+        for row in range(covariance.shape[0]):
             change[row] += gain[number, row] * innovation[number]
-    return change, joseph(covariance, gain, spread, observed, variance), True
+    for row in range(8):
+        motion[row] += change[row]
+    for axis in range(4):
+        actuator[axis] += change[8 + axis]
+        pushed = disturbance[axis] + change[12 + axis]
+        disturbance[axis] = min(max(pushed, -limit[axis]), limit[axis])
+    covariance[:] = joseph(covariance, gain, spread, observed, variance)
+    return True

@@ -74,7 +74,7 @@ def derivative(vehicle: Array, motion: Array, actuator: Array, disturbance: Arra
     return rates
 
 
-@compiled(VECTOR, ANY_VECTOR, ANY_VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, COUNT)
+@compiled(VECTOR, *4 * [ANY_VECTOR], NUMBER, COUNT, VECTOR, VECTOR)
 def predict_motion(
     vehicle: Array,
     motion: Array,
@@ -83,7 +83,9 @@ def predict_motion(
     disturbance: Array,
     step_s: float,
     steps: int,
-) -> tuple[Array, Array]:
+    moved: Array,
+    held: Array,
+) -> None:
     """Motion and actuators after some steps of classical Runge-Kutta.
 
     Parameters
@@ -94,20 +96,24 @@ def predict_motion(
         At the start; shapes (8,), (4,), (4,), (4,).
     step_s, steps
         Length of a step, and how many.
+    moved, held
+        Set to motion and actuators afterwards.
     """
-    at, held, given, pushed = motion.copy(), actuator.copy(), sticks.copy(), disturbance.copy()
+    at, holding, given, pushed = motion.copy(), actuator.copy(), sticks.copy(), disturbance.copy()
     for _ in range(steps):
-        now = after_lag(vehicle, held, followed(vehicle, at[7], held, given, pushed[3], 0.0), 0.0)
         half_s = 0.5 * step_s
-        middle = after_lag(vehicle, held, followed(vehicle, at[7], held, given, pushed[3], half_s), half_s)
-        end = after_lag(vehicle, held, followed(vehicle, at[7], held, given, pushed[3], step_s), step_s)
+        now = after_lag(vehicle, holding, followed(vehicle, at[7], holding, given, pushed[3], 0.0), 0.0)
+        target = followed(vehicle, at[7], holding, given, pushed[3], half_s)
+        middle = after_lag(vehicle, holding, target, half_s)
+        end = after_lag(vehicle, holding, followed(vehicle, at[7], holding, given, pushed[3], step_s), step_s)
         f1 = derivative(vehicle, at, now, pushed)
         f2 = derivative(vehicle, at + half_s * f1, middle, pushed)
         f3 = derivative(vehicle, at + half_s * f2, middle, pushed)
         f4 = derivative(vehicle, at + step_s * f3, end, pushed)
         at = at + step_s / 6 * (f1 + 2 * f2 + 2 * f3 + f4)
-        held = end
-    return at, held
+        holding = end
+    moved[:] = at
+    held[:] = holding
 
 
 @compiled(VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)
@@ -119,10 +125,9 @@ def follow_lags(vehicle: Array, actuator: Array, sticks: Array, yaw_rate: float,
     return after_lag(vehicle, actuator.copy(), target, period_s)
 
 
-@compiled(*8 * [ANY_VECTOR], ANY_MATRIX, ANY_MATRIX, NUMBER)
+@compiled(*7 * [ANY_VECTOR], ANY_MATRIX, ANY_MATRIX, NUMBER, VECTOR, VECTOR)
 def predict_with_tilt(
     motion: Array,
-    after: Array,
     core: Array,
     servo: Array,
     wind: Array,
@@ -132,33 +137,35 @@ def predict_with_tilt(
     transition: Array,
     demand: Array,
     pole: float,
-) -> tuple[Array, Array, Array, Array]:
+    moved: Array,
+    tilted: Array,
+) -> None:
     """Horizontal motion of a vehicle with a tilt model after a period, x = F x + G e.
 
     Parameters
     ----------
-    motion, after
-        Motion state before and after the period, whose height and heading are kept, shape (8,).
+    motion
+        Motion state before the period, shape (8,).
     core, servo, wind, trim
         Of the tilt model, shapes (k,), (2,), (2,), (2,).
     sticks
         What acts, its first two are pitch and roll.
     gain
-        Demand per stick, shape (2,).
+        Demand per stick, of which the first two are those of pitch and roll.
     transition, demand
         F and G, shapes (n, n) and (n, 2), n = k + 8.
     pole
         Of the servo.
-
-    Returns
-    -------
-    tuple
-        Motion, core, servo and wind after the period.
+    moved
+        Motion state after the period, whose height and heading are kept and whose horizontal motion is set,
+        shape (8,).
+    tilted
+        Set to core, servo and wind after the period, shape (k + 4,).
     """
     cores = len(core)
     size = cores + 8
     state = np.empty(size)
-    yaw, end = motion[3], after[3]
+    yaw, end = motion[3], moved[3]
     c, s = math.cos(yaw), math.sin(yaw)
     state[:2] = motion[:2]
     state[2] = c * motion[4] - s * motion[5]
@@ -172,18 +179,29 @@ def predict_with_tilt(
     state[6 + cores], state[7 + cores] = wind[0], wind[1]
     demand_x = c * gain[0] * stick_x - s * gain[1] * stick_y
     demand_y = s * gain[0] * stick_x + c * gain[1] * stick_y
-    moved = np.empty(size)
+    after = np.empty(size)
     for row in range(size):
         total = demand[row, 0] * demand_x + demand[row, 1] * demand_y
         for column in range(size):
             total += transition[row, column] * state[column]
-        moved[row] = total
-    result = after.copy()
-    result[:2] = moved[:2]
+        after[row] = total
+    moved[:2] = after[:2]
     c, s = math.cos(end), math.sin(end)
-    result[4] = c * moved[2] + s * moved[3]
-    result[5] = c * moved[3] - s * moved[2]
-    followed_servo = np.empty(2)
-    followed_servo[0] = stick_x + pole * (servo[0] - stick_x)
-    followed_servo[1] = stick_y + pole * (servo[1] - stick_y)
-    return result, moved[4 : 4 + cores].copy(), followed_servo, moved[6 + cores :].copy()
+    moved[4] = c * after[2] + s * after[3]
+    moved[5] = c * after[3] - s * after[2]
+    tilted[:cores] = after[4 : 4 + cores]
+    tilted[cores] = stick_x + pole * (servo[0] - stick_x)
+    tilted[cores + 1] = stick_y + pole * (servo[1] - stick_y)
+    tilted[cores + 2 :] = after[6 + cores :]
+
+
+@compiled(*7 * [ANY_VECTOR])
+def all_finite(
+    motion: Array, actuator: Array, disturbance: Array, core: Array, servo: Array, wind: Array, trim: Array
+) -> bool:
+    """Whether all numbers of an estimate are finite."""
+    for numbers in (motion, actuator, disturbance, core, servo, wind, trim):
+        for number in numbers:
+            if not math.isfinite(number):
+                return False
+    return True

@@ -2,29 +2,27 @@
 
 import math
 
-import numpy as np
-
-from rcopterx.native.compiled import ANY_VECTOR, NUMBER, Array, compiled
+from rcopterx.native.compiled import ANY_VECTOR, NUMBER, VECTOR, Array, compiled
 
 
-@compiled(*5 * [ANY_VECTOR], NUMBER, NUMBER)
-def noise_mean(
+@compiled(*4 * [ANY_VECTOR], VECTOR, NUMBER, NUMBER)
+def update_noise_mean(
     first: Array, second: Array, third: Array, fourth: Array, mean: Array, outlier: float, share: float
-) -> Array:
-    """Moving mean of the size of third differences of what was measured four times, shape (c,).
+) -> None:
+    """Move on the mean size of third differences of what was measured four times.
 
     Parameters
     ----------
+    first, second, third, fourth
+        Measured, shape (c,).
     mean
-        The mean before.
+        The mean, changed in place, shape (c,).
     outlier
         A size counts at most as so many times the mean.
     share
         Of the new size in the mean.
     """
-    result = np.empty(len(mean))
     for channel in range(len(mean)):
         size = abs(fourth[channel] - first[channel] + 3.0 * (second[channel] - third[channel]))
         size = min(size, outlier * mean[channel]) if math.isfinite(outlier) else size
-        result[channel] = mean[channel] + share * (size - mean[channel])
-    return result
+        mean[channel] += share * (size - mean[channel])

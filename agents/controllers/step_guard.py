@@ -16,6 +16,7 @@ import numpy as np
 
 from rcopterx.agents.controllers.hovering import hovering_input
 from rcopterx.agents.controllers.roll_out import one_stage_on, predict
+from rcopterx.agents.flight.finite import is_finite
 from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
 from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
@@ -101,7 +102,7 @@ class StepGuard:
         self.calls.begin()
         self._inputs = self._plan = self._set_point = None
         self._default_flies = False
-        self._to_start = not estimate.is_finite
+        self._to_start = not is_finite(estimate)
         if not self._to_start:
             self._start(controller, _capped(estimate), last_input)
 
@@ -118,7 +119,7 @@ class StepGuard:
         """
         estimate = _capped(estimate)
         aim = self._finite(reference, estimate, controller)
-        step = self._asked(controller, estimate, aim, last_input) if estimate.is_finite else None
+        step = self._asked(controller, estimate, aim, last_input) if is_finite(estimate) else None
         if step is not None:
             self._failed_for_s = self._without_s = 0.0
             self._default_flies = False
@@ -221,7 +222,7 @@ class StepGuard:
         self, failed: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
     ) -> ControlStep:
         default = self.default
-        if default is not None and default is not failed and estimate.is_finite:
+        if default is not None and default is not failed and is_finite(estimate):
             if not self._default_flies:
                 self._start(default, estimate, last_input)
             step = self._attempt(default, estimate, reference, last_input)
@@ -230,7 +231,7 @@ class StepGuard:
                 self._plan = step.plan
                 return ControlStep(step.inputs, step.plan, DEFAULT_CONTROLLER, step.iterations)
         inputs = np.tile(self._model.hover_input, (failed.horizon - 1, 1))
-        if estimate.is_finite:
+        if is_finite(estimate):
             inputs[0] = hovering_input(self._model, estimate.motion, reference.samples[0, :4])
         else:
             inputs[:, U_THRUST] = self._model.hover_thrust
@@ -242,7 +243,7 @@ class StepGuard:
     ) -> ControlStep:
         """Inputs and where they lead; where the vehicle is not known, the previous plan goes on."""
         stages = len(inputs) + 1
-        plan = predict(self._model, estimate, inputs, period_s) if estimate.is_finite else None
+        plan = predict(self._model, estimate, inputs, period_s) if is_finite(estimate) else None
         if plan is None or not np.isfinite(plan.samples).all():
             known = reference if self._plan is None else self._plan
             plan = known.resampled(0.0 if self._plan is None else period_s, period_s, stages)

@@ -132,8 +132,10 @@ class PoseEstimator(ABC):
         if not self._yaw_known:
             self.reset(measurement)
             return True
-        pose = np.array([*measurement.position_m, self._unwrapped(measurement.yaw_rad)])
-        innovation = pose - self.estimate.motion[:INPUT_SIZE]
+        predicted = self._predicted_pose()
+        yaw_rad = nearest_heading(measurement.yaw_rad, float(predicted[YAW]))
+        pose = np.array((*measurement.position_m.tolist(), yaw_rad))
+        innovation = pose - predicted
         deviation = self._deviation()
         if self._gate.passes(innovation, deviation):
             self._gate.open()
@@ -163,6 +165,10 @@ class PoseEstimator(ABC):
     @abstractmethod
     def _move(self, applied_input: Array, period_s: float) -> None:
         """Predict one period."""
+
+    def _predicted_pose(self) -> Array:
+        """Position and yaw that the next pose is compared with, shape (4,)."""
+        return self.estimate.motion[:INPUT_SIZE]
 
     @abstractmethod
     def _deviation(self) -> Array:
@@ -201,5 +207,6 @@ def _inertial_rates(motion: Array) -> Array:
 
 def _readable(measurement: Measurement) -> bool:
     # Written so that a comparison with nan refuses.
-    inside = all(abs(place_m) <= _FARTHEST_M for place_m in measurement.position_m.tolist())
+    x, y, z = measurement.position_m.tolist()
+    inside = abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M and abs(z) <= _FARTHEST_M
     return inside and abs(measurement.yaw_rad) <= _MOST_TURNED_RAD

@@ -5,11 +5,12 @@ time, its state cannot be trusted any more: the default estimator goes on from t
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, TypeVar
 
 import numpy as np
 
+from rcopterx.agents.flight.finite import is_finite
 from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import TimeLimit
 from rcopterx.agents.interfaces import Estimate, Estimator, Measurement, TellsUncertainty
@@ -110,9 +111,23 @@ class EstimatorGuard:
         """See `Estimator.predict`."""
         self._ask(lambda asked: asked.predict(applied_input, period_s), None)
 
-    def correct(self, measurement: Measurement) -> bool:
-        """See `Estimator.correct`."""
-        return bool(self._ask(lambda asked: asked.correct(measurement), False))
+    def correct(self, measurement: Measurement, after: Sequence[tuple[Array, float]] = ()) -> bool:
+        """Take in a pose (`Estimator.correct`), in one call with the predictions up to it.
+
+        Parameters
+        ----------
+        measurement
+            The pose.
+        after
+            Inputs that acted since the last call, and for how long each [s].
+        """
+
+        def follow(asked: Estimator) -> bool:
+            for applied_input, duration_s in after:
+                asked.predict(applied_input, duration_s)
+            return asked.correct(measurement)
+
+        return bool(self._ask(follow, False))
 
     def _ask(self, question: Callable[[Estimator], T], otherwise: T) -> T:
         """Ask the estimator, and the default one if that fails; `otherwise` if nobody knows."""
@@ -152,7 +167,7 @@ def _problem(told: tuple[T, Estimate]) -> str | None:
     shapes = estimate.motion.shape, estimate.actuator.shape, estimate.disturbance.shape
     if shapes != ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) or not _is_of_floats(estimate):
         return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"
-    return None if estimate.is_finite else "the estimate is not finite"
+    return None if is_finite(estimate) else "the estimate is not finite"
 
 
 def _deviation_problem(deviation: Array) -> str | None:
@@ -166,4 +181,5 @@ def _is_of_floats(estimate: Estimate) -> bool:
     parts = [estimate.motion, estimate.actuator, estimate.disturbance]
     if estimate.tilt is not None:
         parts += [estimate.tilt.core, estimate.tilt.servo, estimate.tilt.wind_m_s2, estimate.tilt.trim]
-    return all(part.dtype == _FLOAT64 for part in parts)
+    types = [part.dtype for part in parts]
+    return types.count(_FLOAT64) == len(types)

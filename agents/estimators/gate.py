@@ -9,7 +9,7 @@ import numpy as np
 
 from rcopterx.agents.estimators.settings import EstimatorSettings
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import Array
 
 _DEVIATIONS: Final = 5.0
 _SUDDEN_M: Final = 0.02
@@ -84,12 +84,13 @@ class InnovationGate:
 
     def __init__(self, model: Model, settings: EstimatorSettings) -> None:
         position_m, yaw_rad = settings.position_gate_m, settings.yaw_gate_rad
+        self._position_m, self._yaw_rad = position_m, yaw_rad
         self._margin = np.array([position_m, position_m, position_m, yaw_rad])
         speed_m_s = _SPEED_FACTOR * math.hypot(*model.state_max[3:6])
         self._fastest = np.array([speed_m_s] * 3 + [_SPEED_FACTOR * model.state_max[6]])
         self._limit_s = settings.gate_limit_s
         self._run: _Run | None = None
-        self._last_sudden: list[float] | None = None
+        self._last_sudden: tuple[float, float, float] | None = None
         self._left_out = 0
         """Innovation of the last pose that was left out as a sudden one, and how many were in a row."""
         self.rejected = 0
@@ -115,12 +116,15 @@ class InnovationGate:
         bool
             True if the vehicle can be there.
         """
-        # Plain floats: arrays of four take longer than the arithmetic on them.
-        return all(
-            abs(error) <= margin + _DEVIATIONS * spread
-            for error, margin, spread in zip(
-                innovation.tolist(), self._margin.tolist(), deviation.tolist(), strict=True
-            )
+        # Plain floats, one by one: arrays and loops take longer than the arithmetic on them.
+        errors: list[float] = innovation.tolist()
+        spreads: list[float] = deviation.tolist()
+        (x, y, z, yaw), (near_x, near_y, near_z, near_yaw) = errors, spreads
+        return (
+            abs(x) <= self._position_m + _DEVIATIONS * near_x
+            and abs(y) <= self._position_m + _DEVIATIONS * near_y
+            and abs(z) <= self._position_m + _DEVIATIONS * near_z
+            and abs(yaw) <= self._yaw_rad + _DEVIATIONS * near_yaw
         )
 
     def sudden(self, innovation: Array, deviation: Array) -> Sudden:
@@ -131,12 +135,18 @@ class InnovationGate:
         innovation, deviation
             See `passes`.
         """
-        near = [_SUDDEN_M + _DEVIATIONS * spread for spread in deviation[:YAW].tolist()]
-        away: list[float] = innovation[:YAW].tolist()
+        spread_x, spread_y, spread_z, _ = deviation.tolist()
+        near = (
+            _SUDDEN_M + _DEVIATIONS * spread_x,
+            _SUDDEN_M + _DEVIATIONS * spread_y,
+            _SUDDEN_M + _DEVIATIONS * spread_z,
+        )
+        x, y, z, _ = innovation.tolist()
         before, left_out = self._last_sudden, self._left_out
         self._last_sudden, self._left_out = None, 0
-        if all(abs(gap) <= limit for gap, limit in zip(away, near, strict=True)):
+        if abs(x) <= near[0] and abs(y) <= near[1] and abs(z) <= near[2]:
             return Sudden.NOT
+        away = x, y, z
         if before is not None and all(
             abs(gap - last) <= limit for gap, last, limit in zip(away, before, near, strict=True)
         ):

@@ -9,16 +9,16 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.estimators.base import PoseEstimator, body_motion
-from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, Linearization
+from rcopterx.agents.estimators.linearization import Linearization
 from rcopterx.agents.estimators.model_noise import model_noise
 from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
 from rcopterx.agents.flight.linear import prepared_period
 from rcopterx.agents.flight.prediction import actuator_response, parameters, split
 from rcopterx.agents.interfaces import Estimate
-from rcopterx.native.kalman import correct_first, predict_lags
+from rcopterx.native.kalman import correct_lags, predict_lags
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, U_THRUST, YAW, Array
 
 _LIFTING_FRACTION: Final = 0.9
 """Modelled thrust over weight from which a standing vehicle may lift."""
@@ -167,11 +167,9 @@ class LagKalmanEstimator(PoseEstimator):
         self._since_pose_s = 0.0
         measured = self._noise.deviation
         if measured is not None:
-            # Plain floats: arrays of four take longer than the arithmetic on them.
-            *noise_m, noise_rad = measured.tolist()
+            *noise_m, noise_rad = measured
             least_m, least_rad = self._least_noise
-            expected_m = max(*noise_m, least_m)
-            self._expect_noise(expected_m, max(noise_rad, least_rad))
+            self._expect_noise(max(*noise_m, least_m), max(noise_rad, least_rad))
 
     def _move(self, applied_input: Array, period_s: float) -> None:
         self._since_pose_s += period_s
@@ -180,7 +178,9 @@ class LagKalmanEstimator(PoseEstimator):
             self._standing = not self._thrust_carries()
             return
         linearization, process = self._prepared(period_s)
-        self._motion, self._actuator, self._covariance = predict_lags(
+        # Estimates keep the arrays that they were given.
+        motion, actuator = np.empty(MOTION_SIZE), np.empty(INPUT_SIZE)
+        predict_lags(
             parameters(self._model),
             self._motion,
             self._actuator,
@@ -190,7 +190,10 @@ class LagKalmanEstimator(PoseEstimator):
             linearization.constant,
             self._covariance,
             process,
+            motion,
+            actuator,
         )
+        self._motion, self._actuator = motion, actuator
 
     def _deviation(self) -> Array:
         variance = self._covariance.diagonal()[:INPUT_SIZE] + self._measurement_variance
@@ -203,14 +206,18 @@ class LagKalmanEstimator(PoseEstimator):
             self._motion[:INPUT_SIZE] += innovation
             self._standing = bool((np.abs(self._motion[:YAW] - self._stood_at_m) < _MOVED_M).all())
             return
-        change, self._covariance, definite = correct_first(
-            self._covariance, innovation, self._measurement_variance
-        )
-        if not definite:
+        motion, actuator = self._motion.copy(), self._actuator.copy()
+        disturbance, limit = self._disturbance.copy(), self._limit
+        if not correct_lags(
+            self._covariance,
+            innovation,
+            self._measurement_variance,
+            motion,
+            actuator,
+            disturbance,
+            limit,
+        ):
             raise np.linalg.LinAlgError("the covariance of the filter is not positive definite")
-        self._motion = self._motion + change[:ACTUATOR]
-        self._actuator = self._actuator + change[ACTUATOR:DISTURBANCE]
-        disturbance = self._disturbance + change[DISTURBANCE:]
-        self._disturbance = np.minimum(np.maximum(disturbance, -self._limit), self._limit)
-        if disturbance[U_THRUST] >= self._limit[U_THRUST] and not self._thrust_carries():
+        self._motion, self._actuator, self._disturbance = motion, actuator, disturbance
+        if disturbance[U_THRUST] >= limit[U_THRUST] and not self._thrust_carries():
             self._start(self._motion[:INPUT_SIZE], np.zeros(INPUT_SIZE))

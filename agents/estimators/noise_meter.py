@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.noise import noise_mean
+from rcopterx.native.noise import update_noise_mean
 from rcopterx.vehicles.state import Array
 
 WINDOW_S: Final = 2.0
@@ -42,9 +42,11 @@ class NoiseMeter:
         self._seen = 0
 
     @property
-    def deviation(self) -> Array | None:
-        """Standard deviation of the channels' noise; None as long as it cannot be told."""
-        return None if self._seen < SMALLEST_WINDOW else _DEVIATION_OF_MEAN * self._mean
+    def deviation(self) -> tuple[float, ...] | None:
+        """Standard deviation of the noise of each channel; None as long as it cannot be told."""
+        if self._seen < SMALLEST_WINDOW:
+            return None
+        return tuple([_DEVIATION_OF_MEAN * mean for mean in self._mean.tolist()])
 
     def observe(self, values: Array, period_s: float) -> None:
         """Take in what was measured.
@@ -66,4 +68,4 @@ class NoiseMeter:
         share = max(1.0 / self._seen, min(period_s / WINDOW_S, 1.0))
         outlier = OUTLIER if self._seen > SMALLEST_WINDOW else math.inf
         first, second, third, fourth = self._last
-        self._mean = noise_mean(first, second, third, fourth, self._mean, outlier, share)
+        update_noise_mean(first, second, third, fourth, self._mean, outlier, share)

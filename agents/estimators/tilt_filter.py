@@ -18,7 +18,6 @@ from rcopterx.agents.flight.lateral import (
     VELOCITY,
     WIND_CORRELATION_S,
     LateralSystem,
-    demand_matrix,
     lateral_system,
 )
 from rcopterx.agents.interfaces import TiltEstimate
@@ -99,9 +98,9 @@ class TiltFilter:
         return self._state[POSITION]
 
     @property
-    def velocity_m_s(self) -> Array:
-        """Estimated velocity, inertial frame, shape (2,)."""
-        return self._state[VELOCITY]
+    def horizontal(self) -> Array:
+        """Estimated position and velocity, inertial frame, shape (4,)."""
+        return self._state[: VELOCITY.stop]
 
     @property
     def tilt(self) -> Array:
@@ -199,29 +198,30 @@ class TiltFilter:
         Parameters
         ----------
         stick
-            Pitch and roll stick that acted, shape (2,).
+            What acted, the first two are pitch and roll.
         yaw_rad
             Heading in the middle of the period.
         period_s
             Its length.
         """
         system = lateral_system(self._model, period_s)
-        self._state, self._covariance = predict_tilt(
+        predict_tilt(
             self._state,
             self._covariance,
             system.transition,
             system.demand,
             self.process_noise(system),
-            demand_matrix(self._model, yaw_rad),
+            self._model.b,
+            yaw_rad,
             stick,
             system.servo_pole,
             self._core.stop,
         )
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
-        """Take in what was measured; arguments of `start`."""
+        """Take in what was measured; arguments of `start`, of which the first two entries count."""
         measured = tilt is not None
-        self._state, self._covariance, taken_in, definite = correct_tilt(
+        taken_in, definite = correct_tilt(
             self._state,
             self._covariance,
             position_m,

@@ -26,6 +26,8 @@ from rcopterx.vehicles.state import INPUT_SIZE, YAW, YAW_RATE, Array
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
 
+_NO_NOISE: Final = (0.0, 0.0)
+
 
 def tilt_filter_of(model: Model, settings: ExtendedKalmanSettings) -> TiltFilter:
     """The horizontal filter of a vehicle with a tilt model."""
@@ -69,7 +71,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         if self._present is None:
             # Plain floats: arrays of two take longer than the arithmetic on them.
             found = self.tilt_filter
-            (x, y), (vx, vy) = found.position_m.tolist(), found.velocity_m_s.tolist()
+            x, y, vx, vy = found.horizontal.tolist()
             _, _, z, yaw, _, _, zd, yaw_rate = self._motion.tolist()
             c, s = math.cos(yaw), math.sin(yaw)
             motion = np.array((x, y, z, yaw, c * vx + s * vy, c * vy - s * vx, zd, yaw_rate))
@@ -153,7 +155,12 @@ class TiltKalmanEstimator(LagKalmanEstimator):
             if standing:
                 tilt_filter.rest(applied_input[:2], period_s)
             else:
-                tilt_filter.predict(applied_input[:2], middle_rad, period_s)
+                tilt_filter.predict(applied_input, middle_rad, period_s)
+
+    def _predicted_pose(self) -> Array:
+        pose = self._motion[:INPUT_SIZE].copy()
+        pose[:2] = self.tilt_filter.position_m
+        return pose
 
     def _take_in(self, innovation: Array) -> None:
         since_pose_s = self._since_pose_s
@@ -162,34 +169,34 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         standing = self.standing
         super()._take_in(pose - self._motion[:INPUT_SIZE])
         yaw_rad = float(pose[YAW])
-        self._pass_noise_on(since_pose_s)
+        tilt_noise = self._measure_tilt_noise(since_pose_s)
         if not standing:
-            self._judge(yaw_rad, since_pose_s)
+            self._judge(yaw_rad, since_pose_s, tilt_noise)
         for tilt_filter, tilt in self._filters():
             if standing:
                 tilt_filter.stand(pose[:2], tilt, yaw_rad)
             else:
-                tilt_filter.correct(pose[:2], tilt, yaw_rad)
+                tilt_filter.correct(pose, tilt, yaw_rad)
 
-    def _pass_noise_on(self, since_pose_s: float) -> None:
-        """Tell the horizontal filters what noise their measurements have."""
+    def _measure_tilt_noise(self, since_pose_s: float) -> tuple[float, ...]:
+        """Tell the horizontal filters what noise their measurements have; that of both tilts is returned."""
         if self._measured_tilt is not None:
             self._tilt_meter.observe(self._measured_tilt, since_pose_s)
-        measured = self._tilt_meter.deviation
-        tilt_noise = 0.0 if measured is None else float(measured.max())
+        tilt_noise = self._tilt_meter.deviation or _NO_NOISE
         for tilt_filter, _ in self._filters():
-            tilt_filter.expect_noise(math.sqrt(self._measurement_variance[0]), tilt_noise)
+            tilt_filter.expect_noise(math.sqrt(self._measurement_variance[0]), max(tilt_noise))
+        return tilt_noise
 
-    def _judge(self, yaw_rad: float, since_pose_s: float) -> None:
+    def _judge(self, yaw_rad: float, since_pose_s: float, tilt_noise: tuple[float, ...]) -> None:
         """Compare the measured tilt with the one that positions let expect."""
         if self._measured_tilt is None:
             return
-        noise = self._tilt_meter.deviation
+        noise_x, noise_y = tilt_noise
         if not self._trust.observe(
             _in_heading(self._measured_tilt, yaw_rad),
             _in_heading(self._positions_only.tilt, yaw_rad),
             since_pose_s,
-            0.0 if noise is None else float(noise @ noise),
+            noise_x * noise_x + noise_y * noise_y,
         ):
             return
         if self._trust.trusted:

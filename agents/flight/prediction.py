@@ -13,7 +13,7 @@ from rcopterx.agents.flight.lateral import lateral_system
 from rcopterx.agents.interfaces import Estimate, TiltEstimate
 from rcopterx.native.motion import follow_lags, predict_motion, predict_with_tilt
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, U_YAW, Array
 
 _LONGEST_STEP_S: Final = 0.0201
 """Beyond one 50 Hz period Runge-Kutta steps are split, which keeps positions exact to micrometres."""
@@ -43,39 +43,49 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     Estimate
         At the end of the period; the disturbance is the given one.
     """
-    motion, actuator = predict_motion(
+    # Kernels write into arrays that are given: to return one takes longer than to make it here.
+    motion, actuator = np.empty(MOTION_SIZE), np.empty(INPUT_SIZE)
+    predict_motion(
         parameters(model),
         estimate.motion,
         estimate.actuator,
         applied_input,
         estimate.disturbance,
         *split(period_s),
+        motion,
+        actuator,
     )
-    predicted = Estimate(motion, actuator, estimate.disturbance)
-    if estimate.tilt is None or model.tilt is None:
-        return predicted
-    return _with_tilt(model, estimate, estimate.tilt, predicted, applied_input, period_s)
+    tilt = estimate.tilt
+    if tilt is not None and model.tilt is not None:
+        tilt = _predict_tilt(model, estimate.motion, tilt, motion, applied_input, period_s)
+    else:
+        tilt = None
+    return Estimate(motion, actuator, estimate.disturbance, tilt)
 
 
-def _with_tilt(
-    model: Model, start: Estimate, tilt: TiltEstimate, end: Estimate, applied_input: Array, period_s: float
-) -> Estimate:
-    """The horizontal part of a prediction by the tilt model; heading and height are those of `end`."""
+def _predict_tilt(
+    model: Model, start: Array, tilt: TiltEstimate, end: Array, applied_input: Array, period_s: float
+) -> TiltEstimate:
+    """Tilt after a period; the horizontal motion is set in `end`, whose heading and height are kept."""
     system = lateral_system(model, period_s)
-    motion, core, servo, wind = predict_with_tilt(
-        start.motion,
-        end.motion,
+    cores = len(tilt.core)
+    predicted = np.empty(cores + 4)
+    predict_with_tilt(
+        start,
         tilt.core,
         tilt.servo,
         tilt.wind_m_s2,
         tilt.trim,
         applied_input,
-        parameters(model)[:2],
+        parameters(model),
         system.transition,
         system.demand,
         system.servo_pole,
+        end,
+        predicted,
     )
-    return Estimate(motion, end.actuator, end.disturbance, TiltEstimate(core, servo, wind, tilt.trim))
+    servo, wind = predicted[cores : cores + 2], predicted[cores + 2 :]
+    return TiltEstimate(predicted[:cores], servo, wind, tilt.trim)
 
 
 def actuator_response(

@@ -11,6 +11,7 @@ from support.failing import BrokenError
 from support.flight import ExactEstimator, still
 
 from rcopterx.agents.estimators.estimator_guard import FIRST_CALLS, LATE, RAISED, UNUSABLE, EstimatorGuard
+from rcopterx.agents.flight.finite import is_finite
 from rcopterx.agents.flight.time_limit import NoTimeLimit
 from rcopterx.agents.interfaces import Estimate, Measurement
 from rcopterx.vehicles.state import Array
@@ -65,21 +66,26 @@ class FailingEstimator(ExactEstimator):
         return super().estimate
 
 
-def fly(guard: EstimatorGuard, periods: int = 20) -> None:
+def fly(guard: EstimatorGuard, periods: int = 20, together: bool = True) -> None:
     guard.reset(PLACE)
     for _ in range(periods):
-        guard.predict(HOVER, 0.02)
-        guard.correct(PLACE)
+        if together:
+            guard.correct(PLACE, [(HOVER, 0.01), (HOVER, 0.01)])
+        else:
+            guard.predict(HOVER, 0.02)
+            guard.correct(PLACE)
     guard.take_over(guard.estimate)
 
 
-@given(st.sampled_from(METHODS), st.integers(0, 30))
+@given(st.sampled_from(METHODS), st.integers(0, 30), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_the_default_estimator_goes_on_from_the_last_good_estimate(method: str, sound_calls: int) -> None:
+def test_the_default_estimator_goes_on_from_the_last_good_estimate(
+    method: str, sound_calls: int, together: bool
+) -> None:
     sound = EstimatorGuard(ExactEstimator())
     guard = EstimatorGuard(FailingEstimator(method, sound_calls), ExactEstimator())
-    fly(sound)
-    fly(guard)
+    fly(sound, together=together)
+    fly(guard, together=together)
     assert np.allclose(guard.estimate.motion, sound.estimate.motion)
     assert np.allclose(guard.estimate.actuator, sound.estimate.actuator)
     assert guard.replaced == (guard.calls.failures[RAISED] > 0)
@@ -92,7 +98,7 @@ def test_the_default_estimator_goes_on_from_the_last_good_estimate(method: str, 
 def test_without_another_estimator_the_last_good_estimate_stays(method: str) -> None:
     guard = EstimatorGuard(FailingEstimator(method))
     fly(guard)
-    assert guard.estimate.is_finite
+    assert is_finite(guard.estimate)
     assert guard.calls.failures[RAISED] > 0
 
 
