@@ -22,7 +22,7 @@ from typing import Final
 
 COMPLETE: Final = "complete"
 """File in the directory of the kernels from when on all of them are there."""
-MODULES: Final = ("bounds", "cascade", "chain", "kalman", "lateral", "motion", "noise", "plans")
+MODULES: Final = ("bounds", "cascade", "chain", "helicopter", "kalman", "lateral", "motion", "noise", "plans")
 """Modules of kernels."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
 """Environment variable with the directory to keep kernels in, instead of the user's cache."""

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rcopterx.simulator.helicopter_dynamics import STATE_SIZE, HelicopterDynamics, State, level_state
+from rcopterx.native.helicopter import STATE_SIZE
+from rcopterx.simulator.helicopter_dynamics import HelicopterDynamics, State, level_state
 from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
 from rcopterx.vehicles.state import GRAVITY_M_S2, Array
 
