@@ -9,17 +9,15 @@ import numpy as np
 from rcopterx.native.compiled import BLOCKS, COUNT, MATRIX, NUMBER, Array, compiled
 
 
-@compiled(MATRIX, MATRIX, MATRIX)
-def pull_of(values: Array, rows: Array, weights: Array) -> Array:
-    """Derivative of the cost by the rows where no bound presses."""
-    pull = np.empty(values.shape)
+@compiled(*4 * [MATRIX])
+def pull_of(values: Array, rows: Array, weights: Array, pull: Array) -> None:
+    """Set the derivative of the cost by the rows where no bound presses, shape (N, r)."""
     for stage in range(values.shape[0]):
         for row in range(values.shape[1]):
             pull[stage, row] = weights[stage, row] * (values[stage, row] - rows[stage, row])
-    return pull
 
 
-@compiled(*8 * [MATRIX], COUNT)
+@compiled(*8 * [MATRIX], COUNT, MATRIX, MATRIX)
 def pressed_pull(
     values: Array,
     rows: Array,
@@ -30,7 +28,9 @@ def pressed_pull(
     lower: Array,
     upper: Array,
     first: int,
-) -> tuple[Array, Array]:
+    pull: Array,
+    total: Array,
+) -> None:
     """Derivative of the augmented Lagrangian by the rows, and weights of the rows with the active penalties.
 
     Parameters
@@ -43,9 +43,11 @@ def pressed_pull(
         -1 or 1 where the lower or upper bound is active.
     multipliers
         Of the inputs, shape (N, m).
+    pull, total
+        Set to derivative and weights.
     """
     stages, count = values.shape
-    pull, total = np.empty((stages, count)), weights.copy()
+    total[:] = weights
     last = first + multipliers.shape[1]
     for stage in range(stages):
         at = stage if len(lower) > 1 else 0
@@ -58,10 +60,9 @@ def pressed_pull(
                 if first <= row < last:
                     pulled += multipliers[stage, row - first]
             pull[stage, row] = pulled
-    return pull, total
 
 
-@compiled(*6 * [MATRIX], COUNT, NUMBER)
+@compiled(*6 * [MATRIX], COUNT, NUMBER, MATRIX)
 def pressed_side(
     values: Array,
     bounded: Array,
@@ -71,7 +72,8 @@ def pressed_side(
     upper: Array,
     first: int,
     penalty: float,
-) -> tuple[Array, bool, bool]:
+    side: Array,
+) -> tuple[bool, bool]:
     """Which bound each row presses on.
 
     Parameters
@@ -82,15 +84,17 @@ def pressed_side(
         Of the inputs, shape (N, m); inputs press by them over the penalty beyond their value.
     before
         What was found the last time.
+    side
+        Set to -1, 0 or 1.
 
     Returns
     -------
     tuple
-        -1, 0 or 1, whether any row presses, and whether all is as `before`.
+        Whether any row presses, and whether all is as `before`.
     """
     stages, count = values.shape
     last = first + multipliers.shape[1]
-    side = np.zeros((stages, count))
+    side[:] = 0.0
     presses, same = False, True
     for stage in range(stages):
         at = stage if len(lower) > 1 else 0
@@ -107,7 +111,7 @@ def pressed_side(
                 presses = True
             if side[stage, row] != before[stage, row]:
                 same = False
-    return side, presses, same
+    return presses, same
 
 
 @compiled(*4 * [MATRIX], COUNT, NUMBER)

@@ -7,7 +7,7 @@ import numpy as np
 from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
-    COUNT,
+    BLOCKS,
     FLAG,
     MATRIX,
     NUMBER,
@@ -26,10 +26,18 @@ def write_turn(turn: Array, stage: int, cosine: float, sine: float) -> None:
     turn[stage, 0, 1] = -sine
 
 
-@compiled(ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, NUMBER, FLAG)
+@compiled(ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, NUMBER, FLAG, BLOCKS, BLOCKS, MATRIX)
 def lateral_reference(
-    samples: Array, heading: Array, gain: Array, drag: float, lead: float, feed_forward: bool
-) -> tuple[Array, Array, Array]:
+    samples: Array,
+    heading: Array,
+    gain: Array,
+    drag: float,
+    lead: float,
+    feed_forward: bool,
+    turn: Array,
+    middle_turn: Array,
+    rows: Array,
+) -> None:
     """Reference of the horizontal problem of a vehicle with a tilt model, along a planned heading.
 
     Parameters
@@ -46,16 +54,13 @@ def lateral_reference(
         Stages by which demands are ahead of the accelerations that they make.
     feed_forward
         Whether sticks are those that fly the reference, or none.
-
-    Returns
-    -------
-    tuple
-        R(psi) of the stages and in the middle of the periods, shapes (N, 2, 2) and (N - 1, 2, 2), and rows of
-        position (inertial), velocity (body) and stick, shape (N, 6).
+    turn, middle_turn
+        Set to R(psi) of the stages and in the middle of the periods, shapes (N, 2, 2) and (N - 1, 2, 2).
+    rows
+        Set to position (inertial), velocity (body) and stick, shape (N, 6).
     """
     stages = len(samples)
-    rows = np.zeros((stages, 6))
-    turn, middle_turn = np.empty((stages, 2, 2)), np.empty((stages - 1, 2, 2))
+    rows[:, 4:] = 0.0
     for stage in range(stages):
         c, s = math.cos(heading[stage]), math.sin(heading[stage])
         write_turn(turn, stage, c, s)
@@ -77,10 +82,9 @@ def lateral_reference(
                 needed[axis] = earlier * (1.0 - share) + later * share
             rows[stage, 4] = (c * needed[0] + s * needed[1]) / gain[0]
             rows[stage, 5] = (c * needed[1] - s * needed[0]) / gain[1]
-    return turn, middle_turn, rows
 
 
-@compiled(*4 * [ANY_MATRIX], VECTOR, VECTOR, VECTOR, FLAG)
+@compiled(*4 * [ANY_MATRIX], VECTOR, VECTOR, VECTOR, FLAG, MATRIX, VECTOR)
 def chain_rows(
     position: Array,
     velocity: Array,
@@ -90,7 +94,9 @@ def chain_rows(
     pole: Array,
     feedback: Array,
     lagged: bool,
-) -> tuple[Array, Array]:
+    rows: Array,
+    terminal: Array,
+) -> None:
     """Reference of a chain with the inputs that fly it.
 
     The actuator makes the velocity `after` a stage of the `carried` one, and the input makes the next
@@ -104,15 +110,13 @@ def chain_rows(
         Velocity per actuator and stage, pole of the lag, and stick per velocity, shape (m,).
     lagged
         Whether there is a lag.
-
-    Returns
-    -------
-    tuple
-        Rows (position, velocity, input), shape (N, 3 m), and (position, velocity[, actuator]) at the end.
+    rows
+        Set to position, velocity and input, shape (N, 3 m).
+    terminal
+        Set to position, velocity[, actuator] at the end, shape (levels m,).
     """
     stages, axes = position.shape
-    rows = np.zeros((stages, 3 * axes))
-    terminal = np.empty((3 if lagged else 2) * axes)
+    rows[stages - 1, 2 * axes :] = 0.0
     for axis in range(axes):
         actuator = 0.0
         for stage in range(stages):
@@ -127,10 +131,9 @@ def chain_rows(
         terminal[axis], terminal[axes + axis] = position[stages - 1, axis], velocity[stages - 1, axis]
         if lagged:
             terminal[2 * axes + axis] = actuator
-    return rows, terminal
 
 
-@compiled(MATRIX, *5 * [ANY_VECTOR], NUMBER)
+@compiled(MATRIX, *5 * [ANY_VECTOR], NUMBER, VECTOR, VECTOR)
 def cut_to_bounds(
     rows: Array,
     lower: Array,
@@ -139,7 +142,9 @@ def cut_to_bounds(
     least: Array,
     most: Array,
     narrowest: float,
-) -> tuple[Array, Array]:
+    low: Array,
+    high: Array,
+) -> None:
     """Bounds of two axes' rows whose inputs balance what pushes; inputs among the rows are cut to them.
 
     Parameters
@@ -153,29 +158,29 @@ def cut_to_bounds(
     least, most
         Share of the range to plan with, shape (2,); where the balance leaves no more than `narrowest` of it,
         the whole range counts.
+    low, high
+        Set to the bounds, shape (6,).
     """
-    low, high = lower.copy(), upper.copy()
+    low[:], high[:] = lower, upper
     for axis in range(2):
         at = 4 + axis
-        low[at] += balance[axis]
-        high[at] += balance[axis]
-        if min(high[at], most[axis]) - max(low[at], least[axis]) > narrowest:
-            low[at], high[at] = max(low[at], least[axis]), min(high[at], most[axis])
+        below, above = lower[at] + balance[axis], upper[at] + balance[axis]
+        if min(above, most[axis]) - max(below, least[axis]) > narrowest:
+            below, above = max(below, least[axis]), min(above, most[axis])
+        low[at], high[at] = below, above
         for stage in range(len(rows)):
-            rows[stage, at] = min(max(rows[stage, at], low[at]), high[at])
-    return low, high
+            rows[stage, at] = min(max(rows[stage, at], below), above)
 
 
-@compiled(ANY_MATRIX, COUNT, NUMBER)
-def plan_samples(flat: Array, stages: int, period_s: float) -> Array:
-    """Trajectory whose velocities and accelerations are the differences of positions, shape (N, 12).
+@compiled(ANY_MATRIX, NUMBER, MATRIX)
+def plan_samples(flat: Array, period_s: float, samples: Array) -> None:
+    """Set a trajectory, shape (N, 12), whose velocities and accelerations are differences of positions.
 
     Stages whose acceleration would need positions beyond the given ones, shape (at least N + 1, 4),
     accelerate like the last one that needs none.
     """
-    samples = np.empty((stages, 12))
     last = len(flat) - 3
-    for stage in range(stages):
+    for stage in range(len(samples)):
         for axis in range(4):
             samples[stage, axis] = flat[stage, axis]
             samples[stage, 4 + axis] = (flat[stage + 1, axis] - flat[stage, axis]) / period_s
@@ -183,7 +188,6 @@ def plan_samples(flat: Array, stages: int, period_s: float) -> Array:
             ahead = (flat[at + 2, axis] - flat[at + 1, axis]) / period_s
             here = (flat[at + 1, axis] - flat[at, axis]) / period_s
             samples[stage, 8 + axis] = (ahead - here) / period_s
-    return samples
 
 
 @compiled(NUMBER, NUMBER, ANY_VECTOR)

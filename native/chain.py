@@ -4,12 +4,22 @@ import math
 
 import numpy as np
 
-from rcopterx.native.compiled import BLOCKS, COUNT, MATRIX, VECTOR, Array, compiled
+from rcopterx.native.compiled import (
+    ANY_MATRIX,
+    ANY_VECTOR,
+    BLOCKS,
+    COUNT,
+    MATRIX,
+    NUMBER,
+    VECTOR,
+    Array,
+    compiled,
+)
 
 
-@compiled(BLOCKS, VECTOR, COUNT)
-def chain_values(rows: Array, flat: Array, axes: int) -> Array:
-    """Rows of the stages times the windows of the positions, shape (N, r).
+@compiled(BLOCKS, VECTOR, COUNT, MATRIX)
+def chain_values(rows: Array, flat: Array, axes: int, values: Array) -> None:
+    """Rows of the stages times the windows of the positions.
 
     Parameters
     ----------
@@ -19,9 +29,10 @@ def chain_values(rows: Array, flat: Array, axes: int) -> Array:
         Positions, stage by stage, shape (at least (N - 1) m + w,).
     axes
         m.
+    values
+        Set to them, shape (N, r).
     """
     stages, count, width = rows.shape
-    values = np.empty((stages, count))
     for stage in range(stages):
         begin = stage * axes
         for row in range(count):
@@ -29,14 +40,13 @@ def chain_values(rows: Array, flat: Array, axes: int) -> Array:
             for place in range(width):
                 total += rows[stage, row, place] * flat[begin + place]
             values[stage, row] = total
-    return values
 
 
-@compiled(BLOCKS, MATRIX, COUNT)
-def chain_gradient(rows: Array, pull: Array, axes: int) -> Array:
-    """Derivative of sum(pull * rows) with respect to all positions, shape ((N - 1) m + w,)."""
+@compiled(BLOCKS, MATRIX, COUNT, VECTOR)
+def chain_gradient(rows: Array, pull: Array, axes: int, gradient: Array) -> None:
+    """Set the derivative of sum(pull * rows) with respect to all positions, shape ((N - 1) m + w,)."""
     stages, count, width = rows.shape
-    gradient = np.zeros((stages - 1) * axes + width)
+    gradient[:] = 0.0
     for stage in range(stages):
         begin = stage * axes
         for row in range(count):
@@ -44,7 +54,80 @@ def chain_gradient(rows: Array, pull: Array, axes: int) -> Array:
             if factor != 0.0:
                 for place in range(width):
                     gradient[begin + place] += factor * rows[stage, row, place]
-    return gradient
+
+
+@compiled(VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, COUNT)
+def add_terminal_gradient(
+    gradient: Array, flat: Array, terminal_map: Array, cost: Array, terminal: Array, begin: int
+) -> None:
+    """Add what the terminal cost pulls at the positions.
+
+    Parameters
+    ----------
+    gradient
+        Derivative by the positions, changed in place.
+    flat
+        Positions, stage by stage.
+    terminal_map, cost
+        State at the last stage per position from `begin` on, and its cost, shape (t, t).
+    terminal
+        The state that costs nothing, shape (t,).
+    """
+    size = len(terminal)
+    error, pull = np.empty(size), np.zeros(size)
+    for row in range(size):
+        error[row] = -terminal[row]
+        for place in range(size):
+            error[row] += terminal_map[row, place] * flat[begin + place]
+    for row in range(size):
+        for inner in range(size):
+            pull[row] += cost[row, inner] * error[inner]
+    for row in range(size):
+        for place in range(size):
+            gradient[begin + place] += pull[row] * terminal_map[row, place]
+
+
+@compiled(VECTOR, ANY_MATRIX, ANY_VECTOR, BLOCKS, MATRIX, VECTOR, NUMBER)
+def chain_start(
+    flat: Array,
+    first_state: Array,
+    disturbance: Array,
+    turns: Array,
+    transition: Array,
+    push: Array,
+    period_s: float,
+) -> None:
+    """Set the positions that a measured state determines.
+
+    Parameters
+    ----------
+    flat
+        Positions, stage by stage, of which the first levels are set.
+    first_state
+        Position, velocity[, actuator] of stage 1, shape (levels, m).
+    disturbance
+        Acceleration, shape (m,).
+    turns, transition
+        E of the first two stages, shape (2, m, m), and F of the first one, shape (m, m).
+    push
+        Velocity per actuator and stage, shape (m,).
+    """
+    levels, axes = first_state.shape
+    moved = first_state[1].copy()
+    for level in range(levels):
+        for axis in range(axes):
+            at = level * axes + axis
+            if level == 0:
+                flat[at] = first_state[0, axis]
+                continue
+            flat[at] = flat[at - axes]
+            for other in range(axes):
+                flat[at] += period_s * turns[level - 1, axis, other] * moved[other]
+        if level == 1 and levels == 3:
+            for axis in range(axes):
+                moved[axis] = push[axis] * first_state[2, axis] + period_s * disturbance[axis]
+                for other in range(axes):
+                    moved[axis] += transition[axis, other] * first_state[1, other]
 
 
 @compiled(BLOCKS, MATRIX, MATRIX, COUNT, COUNT)
@@ -105,10 +188,9 @@ def chain_factor(rows: Array, weights: Array, terminal: Array, axes: int, fixed:
 
 
 @compiled(MATRIX, VECTOR)
-def chain_solve(factor: Array, right_side: Array) -> Array:
-    """Solve with a factor of `chain_factor`, shape (free,)."""
+def chain_solve(factor: Array, solution: Array) -> None:
+    """Replace a right side, shape (free,), by the solution with a factor of `chain_factor`."""
     size, width = factor.shape
-    solution = right_side.copy()
     for column in range(size):
         value = solution[column] / factor[column, 0]
         solution[column] = value
@@ -119,7 +201,6 @@ def chain_solve(factor: Array, right_side: Array) -> Array:
         for place in range(1, min(width, size - column)):
             value -= factor[column, place] * solution[column + place]
         solution[column] = value / factor[column, 0]
-    return solution
 
 
 @compiled(BLOCKS, MATRIX, VECTOR, COUNT, COUNT)

@@ -3,16 +3,20 @@
 Rows of a stage are position (inertial), velocity (body), stick, clearances: shape (N, 6 + K).
 """
 
-import numpy as np
-
 from rcopterx.native.compiled import ANY_BLOCKS, COUNT, MATRIX, VECTOR, Array, compiled
 
 
-@compiled(VECTOR, VECTOR, ANY_BLOCKS, ANY_BLOCKS, VECTOR, ANY_BLOCKS)
+@compiled(VECTOR, VECTOR, ANY_BLOCKS, ANY_BLOCKS, VECTOR, ANY_BLOCKS, MATRIX)
 def lateral_rows(
-    moved: Array, demands: Array, turn: Array, demand_turn: Array, gain: Array, directions: Array
-) -> Array:
-    """Rows of the stages.
+    moved: Array,
+    demands: Array,
+    turn: Array,
+    demand_turn: Array,
+    gain: Array,
+    directions: Array,
+    rows: Array,
+) -> None:
+    """Set the rows of the stages, shape (N, 6 + K).
 
     Parameters
     ----------
@@ -28,7 +32,6 @@ def lateral_rows(
         Of the clearances, shape (N, K, 2).
     """
     stages, slots = len(turn), directions.shape[1]
-    rows = np.empty((stages, 6 + slots))
     for stage in range(stages):
         x, y = moved[2 * stage], moved[2 * stage + 1]
         rows[stage, 0], rows[stage, 1] = x, y
@@ -42,13 +45,18 @@ def lateral_rows(
             rows[stage, 4], rows[stage, 5] = (c * e_x + s * e_y) / gain[0], (c * e_y - s * e_x) / gain[1]
         for slot in range(slots):
             rows[stage, 6 + slot] = directions[stage, slot, 0] * x + directions[stage, slot, 1] * y
-    return rows
 
 
-@compiled(MATRIX, ANY_BLOCKS, ANY_BLOCKS, VECTOR, ANY_BLOCKS, VECTOR)
+@compiled(MATRIX, ANY_BLOCKS, ANY_BLOCKS, VECTOR, ANY_BLOCKS, VECTOR, VECTOR)
 def lateral_pull(
-    pull: Array, turn: Array, demand_turn: Array, gain: Array, directions: Array, moved: Array
-) -> Array:
+    pull: Array,
+    turn: Array,
+    demand_turn: Array,
+    gain: Array,
+    directions: Array,
+    moved: Array,
+    demands: Array,
+) -> None:
     """Transpose of `lateral_rows`.
 
     Parameters
@@ -57,14 +65,10 @@ def lateral_pull(
         Derivative by the rows.
     moved
         Set to the derivative by the positions, then velocities, but for entries beyond these.
-
-    Returns
-    -------
-    Array
-        Derivative by the demands as far as they are sticks, shape (2 (N - 1),).
+    demands
+        Set to the derivative by the demands as far as they are sticks, shape (2 (N - 1),).
     """
     stages = len(turn)
-    demands = np.empty(2 * (stages - 1))
     for stage in range(stages):
         x, y = pull[stage, 0], pull[stage, 1]
         for slot in range(directions.shape[1]):
@@ -79,7 +83,6 @@ def lateral_pull(
             forward, left = pull[stage, 4] / gain[0], pull[stage, 5] / gain[1]
             c, s = demand_turn[stage, 0, 0], demand_turn[stage, 1, 0]
             demands[2 * stage], demands[2 * stage + 1] = c * forward - s * left, s * forward + c * left
-    return demands
 
 
 @compiled(MATRIX, MATRIX, ANY_BLOCKS, VECTOR, COUNT)

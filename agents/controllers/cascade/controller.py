@@ -34,7 +34,7 @@ from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.controllers.roll_out import lag_poles
 from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
-from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
 from rcopterx.native.cascade import first_order, plan_samples
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, Array
@@ -317,4 +317,6 @@ class CascadeController(BaseController):
 
     def _plan(self, flat: Array) -> Trajectory:
         """Trajectory whose velocities and accelerations are the differences of its positions."""
-        return Trajectory(plan_samples(flat, self._horizon, self._period_s), self._period_s)
+        samples = np.empty((self._horizon, COLUMNS))
+        plan_samples(flat, self._period_s, samples)
+        return Trajectory(samples, self._period_s)

@@ -131,7 +131,8 @@ def target_within(rows: Array, terminal: Array, bounds: Bounds, balance: Array, 
     balance
         Commands beyond the sticks, which balance disturbance or trim, shape (2,).
     """
-    lower, upper = cut_to_bounds(rows, *bounds, balance, *share, _NARROWEST)
+    lower, upper = np.empty(rows.shape[1]), np.empty(rows.shape[1])
+    cut_to_bounds(rows, *bounds, balance, *share, _NARROWEST, lower, upper)
     return ChainTarget(rows, terminal, lower, upper)
 
 
@@ -153,9 +154,10 @@ def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> Cha
     """
     columns = slice(len(velocity), 2 * len(velocity))
     lowest, highest = np.atleast_2d(target.lower)[0, columns], np.atleast_2d(target.upper)[0, columns]
-    below, above = np.minimum(velocity - lowest, 0.0), np.maximum(velocity - highest, 0.0)
-    if not (below.any() or above.any()):
+    within = zip(lowest.tolist(), velocity.tolist(), highest.tolist(), strict=True)
+    if all(low <= measured <= high for low, measured, high in within):
         return target
+    below, above = np.minimum(velocity - lowest, 0.0), np.maximum(velocity - highest, 0.0)
     lower, upper = target.bounds_of_stages()
     lower[:, columns] += remaining[:, None] * below
     upper[:, columns] += remaining[:, None] * above
@@ -261,9 +263,11 @@ def chain_reference(
     lagged = parameters.pole is not None
     pole = parameters.gain if parameters.pole is None else parameters.pole
     push = parameters.period_s * parameters.gain
-    return chain_rows(
-        position, velocity, next_velocity, carried, push, pole, parameters.rate_feedback, lagged
-    )
+    rows = np.empty((parameters.stages, 3 * parameters.axes))
+    terminal = np.empty(parameters.levels * parameters.axes)
+    feedback = parameters.rate_feedback
+    chain_rows(position, velocity, next_velocity, carried, push, pole, feedback, lagged, rows, terminal)
+    return rows, terminal
 
 
 def to_body(cosine: Array, sine: Array, inertial: Array) -> Array:

@@ -77,11 +77,22 @@ class TiltProblem:
         The push of the task counts only where the estimator does not tell the wind.
         """
         tilt = self._tilt(task)
-        turn, demand_turn, rows = lateral_reference(
-            task.reference.samples, task.heading, self._gain, self._drag, self._lead, self._feed_forward
+        samples, stages = task.reference.samples, self._parameters.stages
+        turn, demand_turn = np.empty((stages, 2, 2)), np.empty((stages - 1, 2, 2))
+        rows = np.empty((stages, 6))
+        lateral_reference(
+            samples,
+            task.heading,
+            self._gain,
+            self._drag,
+            self._lead,
+            self._feed_forward,
+            turn,
+            demand_turn,
+            rows,
         )
         terminal = np.zeros(self._system.size)
-        terminal[POSITION], terminal[VELOCITY] = rows[-1, :2], task.reference.samples[-1, 4:6]
+        terminal[POSITION], terminal[VELOCITY] = rows[-1, :2], samples[-1, 4:6]
         target = target_within(rows, terminal, bounds, tilt.trim, share)
         if task.clear is None:
             self._crowded.forget()

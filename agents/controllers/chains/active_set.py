@@ -134,6 +134,8 @@ class ActiveSetQP:
         self._factor_side: Array | None = None
         self._warm = False
         self._expired: Callable[[], bool] = _never
+        self._bounds: tuple[Array, Array] = self._penalty, self._penalty
+        """Of the present problem, shape (1, 3 m + K) or (N, 3 m + K)."""
         self._values: Array = chain.values()
         """Rows at the point that solves the problem."""
 
@@ -171,6 +173,7 @@ class ActiveSetQP:
         """
         chain = self._chain
         self._expired = budget.expired
+        self._bounds = np.atleast_2d(target.lower), np.atleast_2d(target.upper)
         if self._warm:
             chain.shift()
         start()
@@ -194,7 +197,7 @@ class ActiveSetQP:
     def _best(self, known: list[Array], target: ChainTarget) -> Array:
         """Go to the least costly of these inputs, cut to their bounds."""
         chain = self._chain
-        within = [np.clip(inputs, *self._input_bounds(target)) for inputs in known]
+        within = [np.clip(inputs, *self._input_bounds()) for inputs in known]
         costs = []
         for inputs in within:
             chain.roll_out(inputs)
@@ -248,9 +251,9 @@ class ActiveSetQP:
                 return False, iteration
             chain.move(step)
             values = chain.values()
-            side, settled = self._pressed_side(values, target)
+            side, settled = self._pressed_side(values)
             active.side = side
-            if settled and self._update_multipliers(values, target):
+            if settled and self._update_multipliers(values):
                 self._values = values
                 return True, iteration
             changes += not settled
@@ -260,21 +263,23 @@ class ActiveSetQP:
 
     def _newton_step(self, values: Array, target: ChainTarget) -> Array | None:
         """Step to the minimum with the present side's bounds active; None if there is none."""
-        chain, side = self._chain, self._active.side
+        chain, side, pull = self._chain, self._active.side, np.empty(values.shape)
         if side is None:
             weights = chain.weights
-            pull = pull_of(values, target.rows, weights)
+            pull_of(values, target.rows, weights, pull)
         else:
-            pull, weights = pressed_pull(
+            weights = np.empty(values.shape)
+            pressed_pull(
                 values,
                 target.rows,
                 chain.weights,
                 self._penalty,
                 side,
                 self._active.multipliers,
-                np.atleast_2d(target.lower),
-                np.atleast_2d(target.upper),
+                *self._bounds,
                 chain.inputs.start,
+                pull,
+                weights,
             )
         if self._factor is None or not _same(side, self._factor_side):
             self._factor, self._factor_side = chain.factorize(weights), side
@@ -282,28 +287,28 @@ class ActiveSetQP:
                 return None
         return chain.solve(self._factor, -chain.cost_gradient(pull, target))
 
-    def _pressed_side(self, values: Array, target: ChainTarget) -> tuple[Array | None, bool]:
+    def _pressed_side(self, values: Array) -> tuple[Array | None, bool]:
         """Which bound each row presses on, -1 lower, 1 upper, 0 none; None if no row presses on any.
 
         And whether that is as it was.
         """
-        active, chain = self._active, self._chain
-        side, presses, same = pressed_side(
+        active, chain, side = self._active, self._chain, np.empty(values.shape)
+        presses, same = pressed_side(
             values,
             chain.bounded,
             # Where nothing was active, no multiplier counts.
             self._unbound.multipliers if active.side is None else active.multipliers,
             self._nothing_pressed if active.side is None else active.side,
-            np.atleast_2d(target.lower),
-            np.atleast_2d(target.upper),
+            *self._bounds,
             chain.inputs.start,
             INPUT_PENALTY,
+            side,
         )
         if not presses:
             return None, active.side is None
         return side, same and active.side is not None
 
-    def _update_multipliers(self, values: Array, target: ChainTarget) -> bool:
+    def _update_multipliers(self, values: Array) -> bool:
         """One step of the method of multipliers; True if the inputs lie within and on their bounds."""
         if self._active.side is None:
             self._active.multipliers[:] = 0.0
@@ -311,20 +316,17 @@ class ActiveSetQP:
         distance = update_multipliers(
             values,
             self._active.multipliers,
-            np.atleast_2d(target.lower),
-            np.atleast_2d(target.upper),
+            *self._bounds,
             self._chain.inputs.start,
             INPUT_PENALTY,
         )
         return distance <= INPUT_TOLERANCE
 
-    def _input_bounds(self, target: ChainTarget) -> tuple[Array, Array]:
+    def _input_bounds(self) -> tuple[Array, Array]:
         """Of the inputs of the horizon, which are the same at every stage."""
         columns = self._chain.inputs
-        return (
-            np.atleast_2d(target.lower)[0, columns],
-            np.atleast_2d(target.upper)[0, columns],
-        )
+        lower, upper = self._bounds
+        return lower[0, columns], upper[0, columns]
 
     def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
         """Interior-point steps until the active bounds can be read off and give the exact solution."""

@@ -17,7 +17,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.native.chain import chain_factor, chain_gradient, chain_roll_out, chain_solve, chain_values
+from rcopterx.native.chain import (
+    add_terminal_gradient,
+    chain_factor,
+    chain_gradient,
+    chain_roll_out,
+    chain_solve,
+    chain_start,
+    chain_values,
+)
 from rcopterx.vehicles.state import Array
 
 
@@ -184,7 +192,7 @@ class Chain:
             inputs[:, :, : 2 * m] += self.parameters.rate_feedback[:, None] * velocity[: stages - 1]
         self._first_turns = turn[:2].copy()
         self._first_transition = transition[0].copy()
-        self._terminal_cost = terminal_cost
+        self._terminal_cost = np.ascontiguousarray(terminal_cost)
         self._terminal_hessian = self._terminal_map.T @ terminal_cost @ self._terminal_map
 
     def set_clearances(self, directions: Array) -> None:
@@ -214,14 +222,15 @@ class Chain:
         disturbance
             Acceleration, shape (m,).
         """
-        flat, period = self.flat, self.parameters.period_s
-        flat[0] = first_state[0]
-        flat[1] = flat[0] + period * self._first_turns[0] @ first_state[1]
-        if self.parameters.levels == 3:
-            push = self._push * first_state[2] + period * disturbance
-            flat[2] = flat[1] + period * self._first_turns[1] @ (
-                self._first_transition @ first_state[1] + push
-            )
+        chain_start(
+            self.flat.reshape(-1),
+            first_state,
+            disturbance,
+            self._first_turns,
+            self._first_transition,
+            self._push,
+            self.parameters.period_s,
+        )
 
     def rest(self) -> None:
         """Begin from standing still where the measured state leads to."""
@@ -246,12 +255,17 @@ class Chain:
 
     def values(self) -> Array:
         """Rows at the present positions, shape (N, 3 m + K)."""
-        return chain_values(self._rows, self.flat.reshape(-1), self.parameters.axes)
+        return self._values_of(self.flat.reshape(-1))
 
     def change_of_values(self, step: Array) -> Array:
         """Change of the rows under a step of the free positions, shape (N, 3 m + K)."""
         self._change[self._free] = step
-        return chain_values(self._rows, self._change, self.parameters.axes)
+        return self._values_of(self._change)
+
+    def _values_of(self, flat: Array) -> Array:
+        values = np.empty(self.weights.shape)
+        chain_values(self._rows, flat, self.parameters.axes, values)
+        return values
 
     def move(self, step: Array) -> None:
         """Take a step of the free positions."""
@@ -264,14 +278,24 @@ class Chain:
 
     def gradient(self, pull: Array) -> Array:
         """Derivative with respect to the free positions of sum(pull * rows), both of the same shape."""
-        return chain_gradient(self._rows, pull, self.parameters.axes)[self._free]
+        return self._gradient(pull)[self._free]
+
+    def _gradient(self, pull: Array) -> Array:
+        gradient = np.empty(self._change.shape)
+        chain_gradient(self._rows, pull, self.parameters.axes, gradient)
+        return gradient
 
     def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
         """As `gradient`, with the terminal cost's part."""
-        m = self.parameters.axes
-        gradient = chain_gradient(self._rows, pull, m)
-        error = self._terminal_error(target)
-        gradient[m * (self.parameters.stages - 1) : -m] += (self._terminal_cost @ error) @ self._terminal_map
+        gradient = self._gradient(pull)
+        add_terminal_gradient(
+            gradient,
+            self.flat.reshape(-1),
+            self._terminal_map,
+            self._terminal_cost,
+            target.terminal,
+            self.parameters.axes * (self.parameters.stages - 1),
+        )
         return gradient[self._free]
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
@@ -292,4 +316,6 @@ class Chain:
     @staticmethod
     def solve(factor: Array, right_side: Array) -> Array:
         """Solve with a factor from `factorize`."""
-        return chain_solve(factor, right_side)
+        solution = right_side.copy()
+        chain_solve(factor, solution)
+        return solution

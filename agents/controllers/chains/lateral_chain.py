@@ -183,9 +183,11 @@ class LateralChain:
         return self._rows(self._map @ step, step)
 
     def _rows(self, moved: Array, demands: Array) -> Array:
-        return lateral_rows(
-            moved, demands, self._turn, self._demand_turn, self.parameters.gain, self._directions
+        rows = np.empty(self.weights.shape)
+        lateral_rows(
+            moved, demands, self._turn, self._demand_turn, self.parameters.gain, self._directions, rows
         )
+        return rows
 
     def move(self, step: Array) -> None:
         """Take a step of the demands."""
@@ -207,10 +209,18 @@ class LateralChain:
         return self._gradient(pull)
 
     def _gradient(self, pull: Array) -> Array:
-        sticks = lateral_pull(
-            pull, self._turn, self._demand_turn, self.parameters.gain, self._directions, self._pulled
+        gradient = np.empty(self._free)
+        lateral_pull(
+            pull,
+            self._turn,
+            self._demand_turn,
+            self.parameters.gain,
+            self._directions,
+            self._pulled,
+            gradient,
         )
-        return np.asarray(sticks + self._pulled @ self._map)
+        gradient += self._pulled @ self._map
+        return gradient
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
         """Terminal cost of the present demands."""
