@@ -68,8 +68,11 @@ class LoadRelief:
 
     def settle(self) -> bool:
         """Leave out what was decided before this step, or do it again; True if that is news."""
+        words = self._bus.words
+        if not words:
+            return False
         for relief, word in _WORDS.items():
-            if self._bus.noted(word):
+            if word in words:
                 self._change(relief)
                 return True
         return False

@@ -130,8 +130,9 @@ class Agent:
     def _decide(self) -> None:
         """Settle what was waiting for a leader's plan, or for work that is done ahead."""
         leaders_settled = self._parts.changes.settle()
-        tuned = self._bus.noted(TUNED) and self._parts.requests.settle_tuning()
-        flown = self._bus.noted(TRAJECTORY_CHECKED) and self._parts.requests.trajectories.settle()
+        words, requests = self._bus.words, self._parts.requests
+        tuned = TUNED in words and requests.settle_tuning()
+        flown = TRAJECTORY_CHECKED in words and requests.trajectories.settle()
         relieved = self._parts.relief.settle()
         if leaders_settled or tuned or flown or relieved or self._parts.tuning.note_replaced():
             self._reporter.soon()

@@ -129,11 +129,12 @@ class RequestHandler:
         """Handle so many requests as fit into one step, the oldest first; True if there was one."""
         before = len(self._queue)
         self._queue.extend(incoming)
-        found = bool(self._queue)
+        if not self._queue:
+            return False
         for _ in range(min(MOST_IN_A_STEP, len(self._queue))):
             self.handle(self._queue.popleft())
         self.events[DEFERRED] += max(0, len(self._queue) - max(0, before - MOST_IN_A_STEP))
-        return found
+        return True
 
     def handle(self, incoming: Incoming) -> None:
         """Answer a request, now or as soon as what it depends on is known."""

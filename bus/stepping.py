@@ -7,7 +7,7 @@ inputs at the same steps make the process do the same again.
 import secrets
 import zlib
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from rcopterx.bus import channels
@@ -72,8 +72,9 @@ class StepBus(Protocol):
         """Have something that happened inside the process, in any thread, take effect with the next step."""
         ...
 
-    def noted(self, word: str) -> bool:
-        """Whether that takes effect in this step."""
+    @property
+    def words(self) -> Collection[str]:
+        """What was noted and takes effect in this step."""
         ...
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
@@ -204,9 +205,10 @@ class SteppedSession:
         self._waiting.append(_Input(word, 0, b"", self._session.clock(), None, None))
         self._session.wake()
 
-    def noted(self, word: str) -> bool:
-        """See `StepBus.noted`."""
-        return word in self._words
+    @property
+    def words(self) -> Collection[str]:
+        """See `StepBus.words`."""
+        return self._words
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""

@@ -80,6 +80,8 @@ class Inbox(Generic[M]):
 
     def drain(self, limit: int | None = None) -> list[Received[M]]:
         """Valid messages that arrived since the last call, oldest first, from at most `limit` payloads."""
+        if not self._payloads:
+            return []
         received: list[Received[M]] = []
         waiting = len(self._payloads)
         for _ in range(waiting if limit is None else min(limit, waiting)):

@@ -1,4 +1,4 @@
-"""Kernels of the quadratic programs with bounds (`rcopterx.agents.controllers.chains`).
+"""Kernels of bounds: checks of plans, and quadratic programs (`rcopterx.agents.controllers`).
 
 Arrays of rows have shape (N, r); bounds have it too, or (1, r) where they are the same at every stage. The
 bounds of inputs, columns `first` to `last`, are hard.
@@ -6,7 +6,27 @@ bounds of inputs, columns `first` to `last`, are hard.
 
 import numpy as np
 
-from rcopterx.native.compiled import BLOCKS, COUNT, MATRIX, NUMBER, Array, compiled
+from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, BLOCKS, COUNT, MATRIX, NUMBER, Array, compiled
+
+
+@compiled(ANY_MATRIX, NUMBER)
+def all_within(values: Array, largest: float) -> bool:
+    """Whether all values are finite and none is larger than this, whatever its sign."""
+    for row in range(values.shape[0]):
+        for column in range(values.shape[1]):
+            if not abs(values[row, column]) <= largest:
+                return False
+    return True
+
+
+@compiled(ANY_MATRIX, ANY_VECTOR, ANY_VECTOR)
+def rows_within(values: Array, low: Array, high: Array) -> bool:
+    """Whether all rows lie between two others."""
+    for row in range(values.shape[0]):
+        for column in range(values.shape[1]):
+            if not low[column] <= values[row, column] <= high[column]:
+                return False
+    return True
 
 
 @compiled(*4 * [MATRIX])

@@ -8,6 +8,7 @@ takes the default controller. A solver that finds nothing better than the previo
 its step is flown in the same way.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Callable
 from typing import Final
@@ -21,6 +22,7 @@ from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
 from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
 from rcopterx.agents.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
+from rcopterx.native.bounds import all_within, rows_within
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
@@ -45,8 +47,10 @@ FIRST_STEPS_FACTOR: Final = 4.0
 
 _TOLERANCE: Final = 1e-6
 _LARGEST: Final = 1e6
+_LARGEST_FLOAT: Final = sys.float_info.max
 _ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
 """Motion, actuators, disturbance: numbers beyond these are no vehicle; cut, they keep arithmetic finite."""
+_ESTIMATE_FLOOR: Final = -_ESTIMATE_CAP
 
 
 class StepGuard:
@@ -74,6 +78,7 @@ class StepGuard:
         kinds = FailureKinds(RAISED, UNUSABLE, LATE)
         self.calls = GuardedCall(kinds, FIRST_STEPS, FIRST_STEPS_FACTOR, limit)
         self._model = model
+        self._lowest, self._highest = model.u_min - _TOLERANCE, model.u_max + _TOLERANCE
         self._without_s = 0.0
         """Time since the last usable step."""
         self._failed_for_s = 0.0
@@ -141,7 +146,7 @@ class StepGuard:
 
     def _finite(self, reference: Trajectory, estimate: Estimate, controller: Controller) -> Trajectory:
         """The reference, or where it is not finite the last set point, else the place of the vehicle."""
-        if len(reference.samples) and np.isfinite(reference.samples).all():
+        if len(reference.samples) and all_within(reference.samples, _LARGEST_FLOAT):
             self._set_point = reference.samples[-1, :4]
             return reference
         place = np.nan_to_num(estimate.motion[:4]) if self._set_point is None else self._set_point
@@ -207,12 +212,11 @@ class StepGuard:
         ):
             if values.shape != shape or values.dtype != np.float64:
                 return f"{name} have shape {values.shape} of {values.dtype}, not {shape} of float64"
-            if not (np.abs(values) <= _LARGEST).all():
+            if not all_within(values, _LARGEST):
                 return f"{name} are not finite, or beyond all reason"
         if abs(step.plan.period_s - controller.period_s) > _TOLERANCE:
             return f"stages of the plan are {step.plan.period_s:g} s apart, not {controller.period_s:g} s"
-        low, high = self._model.u_min - _TOLERANCE, self._model.u_max + _TOLERANCE
-        if not ((inputs >= low) & (inputs <= high)).all():
+        if not rows_within(inputs, self._lowest, self._highest):
             return "inputs leave the limits of the vehicle"
         if not (step.fallback is None or isinstance(step.fallback, str)):
             return f"fallback is {step.fallback!r}, neither a name nor None"
@@ -258,7 +262,7 @@ def _name(controller: Controller) -> str:
 def _capped(estimate: Estimate) -> Estimate:
     """Estimate within what arithmetic can bear; the same object in every real flight."""
     values = np.concatenate((estimate.motion, estimate.actuator, estimate.disturbance))
-    if (np.abs(values) <= _ESTIMATE_CAP).all():
+    if rows_within(values[None], _ESTIMATE_FLOOR, _ESTIMATE_CAP):
         return estimate
-    motion, actuator, disturbance = np.split(np.clip(values, -_ESTIMATE_CAP, _ESTIMATE_CAP), (8, 12))
+    motion, actuator, disturbance = np.split(np.clip(values, _ESTIMATE_FLOOR, _ESTIMATE_CAP), (8, 12))
     return Estimate(motion, actuator, disturbance, estimate.tilt)

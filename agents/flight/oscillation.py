@@ -96,6 +96,7 @@ class OscillationDetector:
         rests = [*model.hover_input.tolist(), 0.0, 0.0]
         ranges = [*reach.tolist(), tilt, tilt]
         self._ranges = ranges
+        self._rested = False
         self.swings: dict[Loop, Swing] = {}
         """Of every loop that was found to oscillate."""
         self._channels, self._faint = (
@@ -148,9 +149,10 @@ class OscillationDetector:
         x, y, z, yaw_rad = error.tolist()
         near = math.hypot(x, y, z) < NEAR_M and abs(yaw_rad) < NEAR_RAD
         values = (*stick.tolist(), *axis)
-        if not resting:
+        if self._rested and not resting:
             for channel in self._faint:
                 channel.forget()
+        self._rested = resting
         # All of them, also after one that oscillates.
         found = {
             index: channel

@@ -142,6 +142,8 @@ class Tuning:
     def note_replaced(self) -> bool:
         """Take note of what the pilot has replaced because it failed; True if that is news."""
         before, pilot = self.configuration, self._pilot
+        if not (pilot.controller_replaced or pilot.estimator.replaced):
+            return False  # Asked in every step; to compare configurations takes longer.
         if pilot.controller_replaced:
             self.configuration = self.configuration.with_default_controller()
         if pilot.estimator.replaced:

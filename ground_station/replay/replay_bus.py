@@ -1,6 +1,6 @@
 """The bus of an agent that is replayed: inputs come from a flight log, what it publishes is compared."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, TypeVar
 
 from rcopterx.bus.channels import LEASE, Channel
@@ -111,9 +111,10 @@ class ReplayBus:
     def note(self, word: str) -> None:
         """See `StepBus.note`; the flight log tells when it took effect."""
 
-    def noted(self, word: str) -> bool:
-        """See `StepBus.noted`."""
-        return word in self._words
+    @property
+    def words(self) -> Collection[str]:
+        """See `StepBus.words`."""
+        return self._words
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""

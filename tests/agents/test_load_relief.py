@@ -28,8 +28,9 @@ class NoteBus:
     def note(self, word: str) -> None:
         self.notes.append(word)
 
-    def noted(self, word: str) -> bool:
-        return word in self.effective
+    @property
+    def words(self) -> set[str]:
+        return self.effective
 
     def tell_steps(self, wanted: bool) -> None:
         self.telling = wanted

@@ -68,9 +68,9 @@ def test_steps_are_told_with_all_that_they_took_in(join: Join) -> None:
     )
     stepped.note("word")
     stepped.begin_step()
-    assert stepped.noted("word")
+    assert "word" in stepped.words
     stepped.begin_step()
-    assert not stepped.noted("word")
+    assert "word" not in stepped.words
     estimate = [float(number) for number in range(16)]
 
     def heard() -> bool:
