@@ -74,7 +74,10 @@ class RoundedEstimate(Struct, frozen=True):
     def of(cls, values: Sequence[float]) -> "RoundedEstimate":
         """Round and pack 16 values."""
         # Plain numbers: arrays of sixteen take longer than the arithmetic on them.
-        octets = _COUNTS.pack(*[round(max(-_MOST, min(value / cls.UNIT, _MOST))) for value in values])
+        told, unit, largest = values, cls.UNIT, _MOST * cls.UNIT
+        if min(values) < -largest or max(values) > largest:
+            told = [max(-largest, min(value, largest)) for value in values]
+        octets = _COUNTS.pack(*[round(value / unit) for value in told])
         planes = b"".join([octets[place::4] for place in range(4)])
         return cls(zlib.crc32(_EXACT.pack(*values)), planes)
 

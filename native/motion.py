@@ -8,6 +8,7 @@ from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     COUNT,
+    MATRIX,
     NUMBER,
     VECTOR,
     Array,
@@ -205,3 +206,56 @@ def all_finite(
             if not math.isfinite(number):
                 return False
     return True
+
+
+@compiled(VECTOR, VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX, MATRIX, VECTOR)
+def add_up_effects(
+    vehicle: Array,
+    acting: Array,
+    sticks: Array,
+    motion: Array,
+    period_s: float,
+    sums: Array,
+    least: Array,
+    since_far_s: Array,
+    moment: Array,
+) -> None:
+    """Add up what sticks should do to velocities and what becomes of them, in a control period.
+
+    Parameters
+    ----------
+    vehicle
+        Four input gains, four dampings, four poles of the actuators, gravity; shape (13,).
+    acting
+        Sticks after their lag, moved on to this period, shape (4,).
+    sticks
+        What arrives at the vehicle, shape (4,).
+    motion
+        Motion state at the beginning, shape (8,).
+    sums
+        Velocity that sticks asked for, and that damping and turning brought, up to this period, moved on to
+        its end; shape (2, 4).
+    least
+        Sticks that count as far, towards the lower and the upper limit, shape (2, 4).
+    since_far_s
+        How long each stick has not been that far to either side, moved on, shape (2, 4).
+    moment
+        Set to velocities asked for and made by the sticks up to the beginning, height and yaw; shape (10,).
+    """
+    for axis in range(4):
+        acting[axis] = sticks[axis] + vehicle[8 + axis] * (acting[axis] - sticks[axis])
+        for side in range(2):
+            far = (2.0 * side - 1.0) * acting[axis] > least[side, axis]
+            since_far_s[side, axis] = 0.0 if far else since_far_s[side, axis] + period_s
+        rate = motion[4 + axis]
+        moment[axis], moment[4 + axis] = sums[0, axis], rate - sums[1, axis]
+        turning = 0.0
+        if axis == 0:
+            turning = motion[7] * motion[5]
+        elif axis == 1:
+            turning = -motion[7] * motion[4]
+        elif axis == THRUST:
+            turning = -vehicle[12]
+        sums[0, axis] += period_s * vehicle[axis] * acting[axis]
+        sums[1, axis] += period_s * (vehicle[4 + axis] * rate + turning)
+    moment[8], moment[9] = motion[2], motion[3]

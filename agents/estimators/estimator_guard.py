@@ -57,6 +57,8 @@ class EstimatorGuard:
         self._asked = estimator
         self._default = default
         self._begun = False
+        self._known: Estimator | None = None
+        self._telling: TellsUncertainty | None = None
         nowhere = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._estimate = nowhere
         self._ask(_nothing, None)
@@ -74,10 +76,14 @@ class EstimatorGuard:
     def position_deviation_m(self) -> Array | None:
         """How well the estimator knows the position (`TellsUncertainty`); None if it does not tell."""
         asked = self._asked
-        if not isinstance(asked, TellsUncertainty):
+        if asked is not self._known:
+            # Asking for a protocol takes longer than most of what is done here, so it is done once.
+            self._known = asked
+            self._telling = asked if isinstance(asked, TellsUncertainty) else None
+        if self._telling is None:
             return None
-        name, question = type(asked).__name__, asked.position_deviation_m
-        return self.calls.attempt(name, STEP_LIMIT_S, question, _deviation_problem)
+        question = self._telling.position_deviation_m
+        return self.calls.attempt(type(asked).__name__, STEP_LIMIT_S, question, _deviation_problem)
 
     def use(self, estimator: Estimator, started: bool) -> None:
         """Ask another estimator from now on; it goes on from the present estimate once that has started."""

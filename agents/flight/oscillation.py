@@ -192,14 +192,18 @@ class _Channel:
 
     def observe(self, value: float, near: bool, period_s: float) -> bool:
         """Take in a control period; True if an oscillation begins another half-wave."""
-        self._away += period_s / (period_s + SMOOTHING_S) * (value - self._rest - self._away)
-        size = abs(self._away)
+        away = self._away
+        away += period_s / (period_s + SMOOTHING_S) * (value - self._rest - away)
+        self._away, size = away, abs(away)
         self._since_s += period_s
-        side = 0 if not size > self._threshold else 1 if self._away > 0.0 else -1
-        begins = side not in (0, self._side)
-        if begins:
-            self._begin(side)
-        self._size = max(self._size, size)
+        begins = False
+        if size > self._threshold:
+            side = 1 if away > 0.0 else -1
+            begins = side != self._side
+            if begins:
+                self._begin(side)
+        if size > self._size:
+            self._size = size
         if self._since_s > LONGEST_HALF_WAVE_S:
             self._count = self._count_near = 0
         if not near:

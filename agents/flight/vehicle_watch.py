@@ -17,20 +17,11 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
+from rcopterx.native.motion import add_up_effects
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import (
-    INPUT_SIZE,
-    U_PITCH,
-    U_ROLL,
-    U_THRUST,
-    U_YAW,
-    XD_BODY,
-    YAW,
-    YAW_RATE,
-    YD_BODY,
-    Array,
-    Z,
-)
+from rcopterx.vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
 
 WINDOW_S: Final = 0.6
 """Over which the effect of pitch, roll and yaw is measured."""
@@ -105,14 +96,10 @@ class VehicleFault:
     axis: int | None = None
 
 
-@dataclass(slots=True)
-class _Sums:
-    """What has been added up until a moment."""
-
-    asked: list[float]
-    done: list[float]
-    height_m: float
-    yaw_rad: float
+_DONE: Final = INPUT_SIZE
+_HEIGHT: Final = 2 * INPUT_SIZE
+_YAW: Final = 2 * INPUT_SIZE + 1
+"""Places in a moment: what each stick has asked for until then, what it has done, height and yaw."""
 
 
 class VehicleWatch:
@@ -133,12 +120,14 @@ class VehicleWatch:
         self._limits = limits
         self._period_s = period_s
         self._delay = round(model.delay_s / period_s)
-        self._pole = [math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0 for lag_s in model.lag_s]
+        poles = [math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0 for lag_s in model.lag_s]
+        self._vehicle = np.array((*model.input_gain, *model.damping, *poles, model.gravity_m_s2))
+        self._full_thrust = FULL_THRUST * float(model.u_max[U_THRUST])
         # Hover thrust of the model, as a share of the largest one.
         self._hover_gain = float(model.hover_input[U_THRUST]) / float(model.u_max[U_THRUST])
         # A side of the range to which a stick hardly moves says nothing about it.
         below, above = model.hover_input - model.u_min, model.u_max - model.hover_input
-        self._least = (LEAST_STICK * below).tolist(), (LEAST_STICK * above).tolist()
+        self._least: Array = LEAST_STICK * np.stack((below, above))
         self.begin()
 
     def begin(self) -> None:
@@ -151,13 +140,13 @@ class VehicleWatch:
 
     def forget(self) -> None:
         """Begin new windows, as what is known of the motion has a gap."""
-        self._under_way: deque[list[float]] = deque(maxlen=self._delay + 1)
-        self._acting: list[float] | None = None
-        self._asked, self._done = [0.0] * INPUT_SIZE, [0.0] * INPUT_SIZE
-        self._window: deque[_Sums] = deque(maxlen=1 + round(THRUST_WINDOW_S / self._period_s))
+        self._under_way: deque[Array] = deque(maxlen=self._delay + 1)
+        self._acting: Array | None = None
+        self._sums: Array = np.zeros((2, INPUT_SIZE))
+        self._window: deque[list[float]] = deque(maxlen=1 + round(THRUST_WINDOW_S / self._period_s))
         self._full_for_s = 0.0
         self._suspect_s = dict.fromkeys(AXIS_NAMES, 0.0)
-        self._since_far_s = [math.inf] * INPUT_SIZE, [math.inf] * INPUT_SIZE
+        self._since_far_s: Array = np.full((2, INPUT_SIZE), np.inf)
 
     @property
     def warning(self) -> str:
@@ -186,45 +175,42 @@ class VehicleWatch:
         """
         self._add_up(command, motion)
         if len(self._window) == self._window.maxlen:
-            fault = self._thrust_fault(command)
+            fault = self._thrust_fault(float(command[U_THRUST]))
             if fault is not None:
                 return fault
         return self._axis_fault()
 
     def _add_up(self, command: Array, motion: Array) -> None:
-        # Plain floats: arrays of four take longer than the arithmetic on them.
-        model, period_s = self._model, self._period_s
-        self._under_way.append(command.tolist())
-        arrived, before = self._under_way[0], self._acting
-        acting = arrived
-        if before is not None:
-            acting = [u + pole * (a - u) for u, a, pole in zip(arrived, before, self._pole, strict=True)]
-        self._acting = acting
-        for since_far_s, least, sign in zip(self._since_far_s, self._least, (-1.0, 1.0), strict=True):
-            for axis in range(INPUT_SIZE):
-                far = sign * acting[axis] > least[axis]
-                since_far_s[axis] = 0.0 if far else since_far_s[axis] + period_s
-        state: list[float] = motion.tolist()
-        rates, turn = state[XD_BODY:], state[YAW_RATE]
-        turning = turn * state[YD_BODY], -turn * state[XD_BODY], -model.gravity_m_s2, 0.0
-        done = [rate - sum_ for rate, sum_ in zip(rates, self._done, strict=True)]
-        self._window.append(_Sums(self._asked.copy(), done, state[Z], state[YAW]))
-        for axis in range(INPUT_SIZE):
-            self._asked[axis] += period_s * model.input_gain[axis] * acting[axis]
-            self._done[axis] += period_s * (model.damping[axis] * rates[axis] + turning[axis])
+        self._under_way.append(command)
+        arrived = self._under_way[0]
+        if self._acting is None:
+            self._acting = arrived.copy()
+        moment = np.empty(_YAW + 1)
+        add_up_effects(
+            self._vehicle,
+            self._acting,
+            arrived,
+            motion,
+            self._period_s,
+            self._sums,
+            self._least,
+            self._since_far_s,
+            moment,
+        )
+        self._window.append(moment.tolist())
 
-    def _thrust_fault(self, command: Array) -> VehicleFault | None:
+    def _thrust_fault(self, thrust: float) -> VehicleFault | None:
         first, last = self._window[0], self._window[-1]
-        full = command[U_THRUST] >= FULL_THRUST * self._model.u_max[U_THRUST]
+        full = thrust >= self._full_thrust
         self._full_for_s = self._full_for_s + self._period_s if full else 0.0
-        climbed_m = last.height_m - first.height_m
+        climbed_m = last[_HEIGHT] - first[_HEIGHT]
         if self._full_for_s >= THRUST_WINDOW_S and climbed_m < LEAST_CLIMB_M:
             text = f"thrust at its limit for {THRUST_WINDOW_S:g} s without gaining height"
             return VehicleFault("thrust_exhausted", text)
-        asked = last.asked[U_THRUST] - first.asked[U_THRUST]
+        asked = last[U_THRUST] - first[U_THRUST]
         if asked <= 0.5 * THRUST_WINDOW_S * self._model.gravity_m_s2:
             return None  # It falls on purpose: nothing can be told from so little thrust.
-        gain = (last.done[U_THRUST] - first.done[U_THRUST]) / asked
+        gain = (last[_DONE + U_THRUST] - first[_DONE + U_THRUST]) / asked
         self._learn(gain)
         if self._learning_s < LEARNING_S or self._learnt_gain is None or self.hover_thrust is None:
             return None
@@ -264,14 +250,14 @@ class VehicleWatch:
                 return VehicleFault("axis_dead", f"{name} has no effect", axis)
         return None
 
-    def _effect(self, axis: int, first: _Sums, last: _Sums) -> float:
+    def _effect(self, axis: int, first: list[float], last: list[float]) -> float:
         """Effect of an axis between two moments; 1 where the window does not count."""
-        if axis != U_YAW and abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
+        if axis != U_YAW and abs(last[_YAW] - first[_YAW]) > MOST_TURNED_RAD:
             return 1.0
-        asked = last.asked[axis] - first.asked[axis]
+        asked = last[axis] - first[axis]
         side = int(asked > 0.0)
-        if self._since_far_s[1 - side][axis] < SWING_S:
+        if self._since_far_s[1 - side, axis] < SWING_S:
             return 1.0
-        if abs(asked) <= WINDOW_S * self._model.input_gain[axis] * self._least[side][axis]:
+        if abs(asked) <= WINDOW_S * self._model.input_gain[axis] * self._least[side, axis]:
             return 1.0
-        return (last.done[axis] - first.done[axis]) / asked
+        return (last[_DONE + axis] - first[_DONE + axis]) / asked

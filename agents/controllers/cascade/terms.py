@@ -153,7 +153,7 @@ def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> Cha
         Share of the excess that is allowed at each stage, shape (N,).
     """
     columns = slice(len(velocity), 2 * len(velocity))
-    lowest, highest = np.atleast_2d(target.lower)[0, columns], np.atleast_2d(target.upper)[0, columns]
+    lowest, highest = (bounds[0, columns] for bounds in target.rows_of_bounds())
     within = zip(lowest.tolist(), velocity.tolist(), highest.tolist(), strict=True)
     if all(low <= measured <= high for low, measured, high in within):
         return target

@@ -173,7 +173,7 @@ class ActiveSetQP:
         """
         chain = self._chain
         self._expired = budget.expired
-        self._bounds = np.atleast_2d(target.lower), np.atleast_2d(target.upper)
+        self._bounds = target.rows_of_bounds()
         if self._warm:
             chain.shift()
         start()

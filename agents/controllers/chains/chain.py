@@ -101,6 +101,11 @@ class ChainTarget:
     lower: Array
     upper: Array
 
+    def rows_of_bounds(self) -> tuple[Array, Array]:
+        """The bounds as rows, shape (1, 3 m + K) or (N, 3 m + K)."""
+        lower, upper = self.lower, self.upper
+        return (lower, upper) if lower.ndim == 2 else (lower[None], upper[None])
+
     def bounds_of_stages(self) -> tuple[Array, Array]:
         """Copies of the bounds for each stage, shape (N, 3 m + K), to be changed."""
         shape = len(self.rows), self.lower.shape[-1]
