@@ -32,7 +32,9 @@ class State(StrEnum):
     __hash__ = str.__hash__
 
 
-FLYING = frozenset({State.ARMED, State.HOLD, State.LAND, State.DESCEND})
+BY_ITSELF = frozenset({State.HOLD, State.LAND, State.DESCEND})
+"""States in which the arbiter flies the vehicle."""
+FLYING = frozenset({State.ARMED}) | BY_ITSELF
 
 
 class LinkState(Enum):

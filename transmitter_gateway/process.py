@@ -5,7 +5,9 @@ import math
 import signal
 import sys
 import traceback
+from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
@@ -28,8 +30,12 @@ SHUTDOWN_LIMIT_S = 10.0
 """A landing from the ceiling takes most of it."""
 BRING_DOWN_PERIOD_S = 0.005
 POSE_PATIENCE_S = 0.005
-"""How long poses wait to be judged. Agents need the processor as soon as a frame has arrived, and limits of
-surveillance are counted in tenths of a second."""
+"""How long poses wait that decide what vehicles do. Agents need the processor as soon as a frame has arrived,
+and limits of surveillance are counted in tenths of a second."""
+LONGEST_POSE_WAIT_S = 0.025
+"""How long the other poses wait, which are looked at when commands arrive: longer than a control period."""
+POSES_KEPT = 16
+"""Of one vehicle: more than arrive meanwhile, also from a fast Tracker."""
 
 
 class Gateway:
@@ -49,13 +55,16 @@ class Gateway:
         self._wakeup = wakeup
         self._keys = keys
         self._clock = session.clock
+        self._called: deque[Station] = deque()
         self._stations = {
-            transmitter.vehicle: Station(transmitter, session, realtime)
+            transmitter.vehicle: Station(transmitter, session, realtime, self._call)
             for transmitter in settings.transmitters
         }
         self._judge_poses_at_s = math.inf
+        self._poses_wake = True
+        self._poses_taken_s = -math.inf
         self._poses: dict[str, Subscription[Pose]] = {
-            name: session.subscribe(channels.POSE, name, depth=8, wake=self._on_pose)
+            name: session.subscribe(channels.POSE, name, depth=POSES_KEPT, wake=self._on_pose)
             for name in settings.vehicles
         }
         self._kills = [
@@ -73,10 +82,10 @@ class Gateway:
         deadline_s = min(
             self._report_at_s,
             self._judge_poses_at_s,
+            self._poses_taken_s + LONGEST_POSE_WAIT_S,
             *(station.transmitter.next_deadline_s() for station in self._stations.values()),
         )
-        commands_wait = any(station.commands_wait for station in self._stations.values())
-        timeout_s = 0.0 if commands_wait else min(LONGEST_WAIT_S, deadline_s - self._clock())
+        timeout_s = 0.0 if self._called else min(LONGEST_WAIT_S, deadline_s - self._clock())
         ports = {station.transmitter.port.fileno(): station for station in self._stations.values()}
         descriptors = [port for port in ports if port is not None]
         for descriptor in self._wakeup.wait([*descriptors, *self._keys.descriptors], timeout_s):
@@ -86,19 +95,21 @@ class Gateway:
                 self.kill("key press")
 
     def step(self) -> None:
-        """Everything that is due now; commands come before new poses, for they are written on arrival."""
-        # After a pause of the process: nobody decides about a vehicle before it was looked at.
-        if self._clock() >= self._judge_poses_at_s:
+        """Everything that is due now: poses first, so that nobody decides about a vehicle unseen."""
+        if not self._poses_may_wait():
             self._take_poses()
         for vehicle, last in self._recall.answers():
             self._stations[vehicle].transmitter.recall(last, self._clock())
-        for station in self._stations.values():
+            self._called.append(self._stations[vehicle])
+        called = dict.fromkeys(self._called.popleft() for _ in range(len(self._called)))
+        for station in called:
             station.take_bids(self._clock())
-        commanded = [station for station in self._stations.values() if station.commands_wait]
-        for station in commanded:
             station.take_commands(self._clock)
+            if station.commands_wait:
+                self._called.append(station)
         # Publishing a write takes as long as the write itself; nobody's command waits for that.
-        for station in commanded:
+        for station in called:
+            station.tell_lease()
             station.publish_writes()
         for kill in [received for kills in self._kills for received in kills.drain()]:
             for station in self._stations.values():
@@ -111,7 +122,8 @@ class Gateway:
             now_s = self._clock()
             if now_s >= station.transmitter.next_deadline_s():
                 station.tick(now_s)
-            station.publish_writes()
+                station.publish_writes()
+        self._poses_wake = any(station.transmitter.acts_on_poses for station in self._stations.values())
         self._report()
 
     def kill(self, by: str) -> None:
@@ -173,29 +185,42 @@ class Gateway:
             traceback.print_exc()
             self._poses.clear()
             return
-        for pose in poses:
-            _each(working, lambda transmitter, pose=pose: transmitter.on_pose(pose, self._clock()))  # type: ignore[misc]
+        for pose, arrived_s in poses:
+            _each(working, partial(Transmitter.on_pose, pose=pose, now_s=arrived_s))
 
     def _serve(self, transmitter: Transmitter) -> None:
         transmitter.on_readable(self._clock())
         transmitter.tick(self._clock())
 
+    def _call(self, station: Station) -> None:
+        """Note that there are commands or bids for a station; called on receive threads."""
+        self._called.append(station)
+        self._wakeup.notify()
+
     def _on_pose(self) -> None:
-        """Note when poses are to be judged; called on receive threads. Only the first one wakes the loop."""
-        if self._judge_poses_at_s == math.inf:
+        """Note when poses are to be judged; called on receive threads. Only the first one wakes the loop.
+
+        Poses of vehicles that obey commands wake nobody: these commands do, a moment later.
+        """
+        if self._poses_wake and self._judge_poses_at_s == math.inf:
             self._judge_poses_at_s = self._clock() + POSE_PATIENCE_S
             self._wakeup.notify()
+
+    def _poses_may_wait(self) -> bool:
+        """Whether the first poses of a frame have just arrived, and no command needs them."""
+        return self._clock() < self._judge_poses_at_s < math.inf and not self._called
 
     def _take_poses(self) -> None:
         # First, so that a pose that arrives meanwhile is either drained here or wakes the loop again.
         self._judge_poses_at_s = math.inf
-        for pose in self._new_poses():
+        self._poses_taken_s = self._clock()
+        for pose, arrived_s in self._new_poses():
             for station in self._stations.values():
-                station.transmitter.on_pose(pose, self._clock())
+                station.transmitter.on_pose(pose, arrived_s)
 
-    def _new_poses(self) -> list[PoseInput]:
+    def _new_poses(self) -> list[tuple[PoseInput, float]]:
         return [
-            pose_input(name, received.message)
+            (pose_input(name, received.message), received.arrived_s)
             for name, poses in self._poses.items()
             for received in poses.drain()
         ]

@@ -1,6 +1,7 @@
 """One transmitter on the bus: takes commands, poses and requests, and says what was written."""
 
 from collections.abc import Callable
+from functools import partial
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied, Command, Kill, Lease, LeaseBid, TransmitterStatus
@@ -40,9 +41,17 @@ class Station:
         Open bus session.
     realtime
         Whether the process runs in the real-time class, for the status.
+    call
+        Called with the station, on receive threads, when there are commands or bids to take.
     """
 
-    def __init__(self, settings: TransmitterSettings, session: Session, realtime: bool) -> None:
+    def __init__(
+        self,
+        settings: TransmitterSettings,
+        session: Session,
+        realtime: bool,
+        call: Callable[["Station"], None],
+    ) -> None:
         self.vehicle = settings.vehicle
         self._session = session
         self._realtime = realtime
@@ -56,10 +65,10 @@ class Station:
             low_power=settings.low_power,
         )
         self._commands: Subscription[Command] = session.subscribe(
-            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT
+            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT, wake=partial(call, self)
         )
         self._bids: Subscription[LeaseBid] = session.subscribe(
-            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT
+            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT, wake=partial(call, self)
         )
         self._unpublished: list[Applied] = []
         self._written_command: tuple[int, int, int] | None = None
@@ -91,18 +100,21 @@ class Station:
                 self.tick(now_s)
 
     def take_bids(self, now_s: float) -> None:
-        """Answer agents that ask for a control lease, and tell everybody that another one commands."""
+        """Answer agents that ask for a control lease."""
         arbiter = self.transmitter.arbiter
         if self.transmitter.awaiting_recall:
             return  # Which leases were issued before is not known yet.
         for received in self._bids.drain():
             bid = received.message
             number = arbiter.bid(bid.agent, now_s, take_over=bid.take_over)
-            self._tell_lease(bid.agent, number)
-        if arbiter.lease != self._told_lease:
-            self._tell_lease(0, 0)
+            self._publish_lease(bid.agent, number)
 
-    def _tell_lease(self, agent: int, number: int) -> None:
+    def tell_lease(self) -> None:
+        """Tell everybody if another agent commands."""
+        if self.transmitter.arbiter.lease != self._told_lease:
+            self._publish_lease(0, 0)
+
+    def _publish_lease(self, agent: int, number: int) -> None:
         arbiter = self.transmitter.arbiter
         self._told_lease = arbiter.lease
         lease = Lease(agent=agent, number=number, commanding=arbiter.lease, issued=arbiter.issued)

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import (
+    BY_ITSELF,
     FLYING,
     Action,
     ActionRequest,
@@ -40,6 +41,8 @@ RECALL_LIMIT_S = 0.5
 """How long a restarted gateway is silent until it has heard what was written before."""
 FIRST_POSE_S = 0.1
 """How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
+JUDGED_WITHIN_S = 0.01
+"""How long an own pose waits for the command that it leads to, with which it is judged."""
 
 
 class Transmitter:
@@ -91,6 +94,7 @@ class Transmitter:
                 protocol.check(calibration.pulses_us(extreme, throttle_low=throttle_low))
         self._output = ArbiterOutput(State.DISARMED, "started")
         self._pending = False
+        self._judge_by_s = math.inf
         self._deadline_s: float | None = None
         self._attempt_s = -math.inf
         self._bind_since_s: float | None = None
@@ -119,10 +123,23 @@ class Transmitter:
         return answer
 
     def on_pose(self, pose: PoseInput, now_s: float) -> None:
-        """Take a raw pose of any vehicle; the own one is judged by the next `tick`."""
+        """Take a raw pose of any vehicle that arrived at `now_s`; the own one is judged by the next `tick`.
+
+        That is due at once if no commands decide what the vehicle does, see `acts_on_poses`.
+        """
         self.arbiter.pose(pose, now_s)
-        if pose.vehicle == self.vehicle:
+        if pose.vehicle != self.vehicle:
+            return
+        if self.acts_on_poses:
             self._decide_at_once()
+        else:
+            self._judge_by_s = min(self._judge_by_s, now_s + JUDGED_WITHIN_S)
+
+    @property
+    def acts_on_poses(self) -> bool:
+        """Whether own poses are what decides next: commands are late, or it is open whether it flies."""
+        late = self._output.bridging_step > 0 or self.arbiter.state in BY_ITSELF
+        return late or self._last is not None
 
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""
@@ -271,7 +288,7 @@ class Transmitter:
 
     def tick(self, now_s: float) -> Write | None:
         """Do what is due and return what was written; harmless when nothing is due."""
-        self._deadline_s = None
+        self._deadline_s, self._judge_by_s = None, math.inf
         if self._undecided(now_s):
             return None
         self._silent_until_s = -math.inf
@@ -300,7 +317,7 @@ class Transmitter:
                 self._deadline_s = max(self._decide_by_s, self._silent_until_s)
             else:
                 self._deadline_s = min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
-        return self._deadline_s
+        return min(self._deadline_s, self._judge_by_s)
 
     @property
     def finished(self) -> bool:

@@ -24,11 +24,12 @@ from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.process import POSE_PATIENCE_S, Gateway
+from rcopterx.transmitter_gateway.process import LONGEST_POSE_WAIT_S, POSE_PATIENCE_S, Gateway
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
+from rcopterx.transmitter_gateway.surveillance import Track
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 from rcopterx.transmitter_gateway.wakeup import Wakeup
 
@@ -300,18 +301,55 @@ def test_what_is_written_for_a_command_tells_the_stages_it_has_passed(laboratory
     assert all(applied.timing is None for applied in written if not applied.fresh)
 
 
-def test_poses_wait_a_moment_and_commands_do_not(laboratory: Laboratory) -> None:
-    laboratory.fly()
+def own_track(laboratory: Laboratory) -> Track:
+    track = laboratory.transmitter("h1").arbiter.surveillance.own_track
+    assert track is not None
+    return track
+
+
+def next_frame_arrives(laboratory: Laboratory) -> float:
     frame = laboratory._frame
     while laboratory._frame == frame:
         laboratory.turn()
-    arrived_s = laboratory.bus.now_s
+    return laboratory.bus.now_s
+
+
+def test_commands_are_written_on_arrival_and_judged_with_the_poses_that_are_there(
+    laboratory: Laboratory,
+) -> None:
+    laboratory.fly()
+    arrived_s = next_frame_arrives(laboratory)
     assert laboratory.writes["h1"][-1].time_s == arrived_s
-    track = laboratory.transmitter("h1").arbiter.surveillance.own_track
-    assert track is not None
-    while track.frame == frame:
+    assert own_track(laboratory).frame == laboratory._frame
+
+
+def test_poses_of_vehicles_that_obey_wake_nobody_and_count_from_their_arrival(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    next_frame_arrives(laboratory)
+    arrived_s = laboratory.bus.now_s + 0.001
+    laboratory.bus.now_s = arrived_s
+    laboratory._frame += 1
+    laboratory.bus.arrive("pose", "h1", laboratory.pose(0.0))
+    laboratory._frame -= 1
+    assert not laboratory._notified
+    while laboratory.bus.now_s <= arrived_s + LONGEST_POSE_WAIT_S:
         laboratory.turn()
-    assert track.seen_s == pytest.approx(arrived_s + POSE_PATIENCE_S)
+        if own_track(laboratory).seen_s == arrived_s:
+            break
+    assert own_track(laboratory).seen_s == arrived_s
+
+
+def test_poses_of_vehicles_that_are_held_are_acted_upon_after_a_moment(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    laboratory.thrust = None
+    while laboratory.states() != {State.HOLD}:
+        laboratory.turn()
+    arrived_s = next_frame_arrives(laboratory)
+    while own_track(laboratory).frame < laboratory._frame:
+        laboratory.turn()
+    assert laboratory.bus.now_s == pytest.approx(arrived_s + POSE_PATIENCE_S)
+    assert own_track(laboratory).seen_s == arrived_s
+    assert laboratory.transmitter("h1").arbiter._now_s == laboratory.bus.now_s
 
 
 def test_flood_of_commands_for_one_vehicle_is_read_in_portions_between_those_of_others(
