@@ -54,6 +54,15 @@ class NormalSource:
             self._numbers = self._generator.standard_normal(_BLOCK)[::-1].tolist()
         return self._numbers.pop()
 
+    def take(self, count: int) -> list[float]:
+        """Return the next numbers, at once where a block holds them all."""
+        if not 0 < count <= len(self._numbers):
+            return [self() for _ in range(count)]
+        taken = self._numbers[-count:]
+        del self._numbers[-count:]
+        taken.reverse()
+        return taken
+
 
 class ColouredNoise:
     """Stationary Ornstein-Uhlenbeck processes, discretised exactly on a fixed time grid.
@@ -87,8 +96,8 @@ class ColouredNoise:
         """Value of all channels at a time that is not before the time last asked for."""
         index = int(time_s / self._grid_s)
         while self._index < index:
-            keep, normal = self._keep, self._normal
-            pairs = zip(self._value, self._renewal, strict=True)
-            self._value = tuple([keep * value + renew * normal() for value, renew in pairs])
+            keep, normals = self._keep, self._normal.take(len(self._renewal))
+            parts = zip(self._value, self._renewal, normals, strict=True)
+            self._value = tuple([keep * value + renew * normal for value, renew, normal in parts])
             self._index += 1
         return self._value

@@ -38,7 +38,7 @@ def set_downwash(plants: Collection[Plant], strength_m_s2: float) -> None:
     """Tell every plant the downwash of all others that fly now."""
     if strength_m_s2 == 0.0:
         return
-    places = [(plant, plant.pose.position_m) for plant in plants]
+    places = [(plant, plant.position_m) for plant in plants]
     flying = [(plant, place) for plant, place in places if plant.motors_running and not plant.on_floor]
     for plant, (x, y, z) in places:
         plant.downwash_m_s2 = sum(

@@ -173,6 +173,12 @@ class Plant(ABC):
         """True pose of the body, yaw unwrapped."""
 
     @property
+    def position_m(self) -> Three:
+        """True position of the body."""
+        x, y, z, _ = self._whereabouts()
+        return x, y, z
+
+    @property
     def marker_pose(self) -> Pose:
         """Pose of the markers, which is what a Tracker without noise measures, yaw unwrapped."""
         return self.pose

@@ -42,6 +42,16 @@ PROFILES: Mapping[str, frozenset[int]] = {"tracker1": _TRACKER1, "tracker2": _TR
 
 ROOT_SEGMENT = 1
 _CONSTANT_PER_SUBJECT = frozenset({2, 28, 29, 28001})
+_CONSTANT = frozenset(
+    {
+        ObjectType.STREAM_INFO,
+        ObjectType.TIMECODE,
+        ObjectType.APPLICATION_INFO,
+        ObjectType.FRAME_RATE_INFO,
+        ObjectType.LABELED_RECONS,
+        ObjectType.UNLABELED_RECONS,
+    }
+)
 
 
 class TrackedBody(NamedTuple):
@@ -118,6 +128,8 @@ class FrameContent:
         return [data for subject, data in encoded if allowed is None or subject is None or subject in allowed]
 
     def _encode(self, kind: int) -> list[tuple[int | None, bytes]]:
+        if kind in _CONSTANT:
+            return [(None, _constant_single(kind, self._rate_hz, self._y_up))]
         single = self._single(kind)
         if single is not None:
             return [(None, single.encode())]
@@ -132,24 +144,12 @@ class FrameContent:
     def _single(self, kind: int) -> WireObject | None:
         frame = self.frame
         match kind:
-            case ObjectType.STREAM_INFO:
-                return StreamInfo(round(SDK_TICKS_PER_SECOND / self._rate_hz))
             case ObjectType.FRAME_INFO:
                 return FrameInfo(frame.frame)
             case ObjectType.LATENCY_INFO:
                 return LatencyInfo(frame.latency_samples)
-            case ObjectType.TIMECODE:
-                return Timecode()
             case ObjectType.HARDWARE_FRAME_INFO:
                 return HardwareFrameInfo(frame.frame)
-            case ObjectType.APPLICATION_INFO:
-                return ApplicationInfo(self._y_up)
-            case ObjectType.FRAME_RATE_INFO:
-                return FrameRateInfo({"Hardware": self._rate_hz, "System": self._rate_hz})
-            case ObjectType.LABELED_RECONS:
-                return LabeledRecons()
-            case ObjectType.UNLABELED_RECONS:
-                return UnlabeledRecons()
             case _:
                 return None
 
@@ -189,6 +189,24 @@ class FrameContent:
         # Near identity the angle over the sine of its half tends to two.
         factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
         return LightSegment(ROOT_SEGMENT, translation_mm, (x * factor, y * factor, z * factor))
+
+
+@lru_cache(maxsize=64)
+def _constant_single(kind: int, rate_hz: float, y_up: bool) -> bytes:
+    """Return an object of the whole stream that does not depend on the frame, encoded."""
+    match kind:
+        case ObjectType.STREAM_INFO:
+            return StreamInfo(round(SDK_TICKS_PER_SECOND / rate_hz)).encode()
+        case ObjectType.TIMECODE:
+            return Timecode().encode()
+        case ObjectType.APPLICATION_INFO:
+            return ApplicationInfo(y_up).encode()
+        case ObjectType.FRAME_RATE_INFO:
+            return FrameRateInfo({"Hardware": rate_hz, "System": rate_hz}).encode()
+        case ObjectType.LABELED_RECONS:
+            return LabeledRecons().encode()
+        case _:
+            return UnlabeledRecons().encode()
 
 
 @lru_cache(maxsize=1024)

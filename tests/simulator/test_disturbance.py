@@ -5,7 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rcopterx.simulator.conditions import LABORATORY
-from rcopterx.simulator.disturbance import NOISE, TURBULENCE, ColouredNoise, random_stream
+from rcopterx.simulator.disturbance import (
+    NOISE,
+    TURBULENCE,
+    ColouredNoise,
+    NormalSource,
+    random_stream,
+)
 
 GRID_S = 0.002
 
@@ -48,3 +54,10 @@ def test_streams_differ_between_vehicles_and_purposes(seed: int) -> None:
         for purpose in (TURBULENCE, NOISE)
     }
     assert len(draws) == 4
+
+
+@given(counts=st.lists(st.integers(0, 9), min_size=1, max_size=200))
+def test_numbers_do_not_depend_on_how_many_are_taken_at_once(counts: list[int]) -> None:
+    one, many = (NormalSource(random_stream(0, "h1", NOISE)) for _ in range(2))
+    for count in counts:
+        assert many.take(count) == [one() for _ in range(count)]
