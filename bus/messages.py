@@ -80,9 +80,12 @@ class Pose(Message, frozen=True, kw_only=True):
             return
         if self.position_m is None or self.quaternion_xyzw is None:
             raise InvalidMessageError("position_m: missing in a pose that is not occluded")
-        if max(abs(v) for v in self.position_m) > MAX_POSITION_M:
+        # Written out: every process of a fleet that hears poses passes here for each.
+        x_m, y_m, z_m = self.position_m
+        if max(abs(x_m), abs(y_m), abs(z_m)) > MAX_POSITION_M:
             raise InvalidMessageError(f"position_m: {self.position_m}, allowed is up to {MAX_POSITION_M} m")
-        norm = sum(v * v for v in self.quaternion_xyzw)
+        x, y, z, w = self.quaternion_xyzw
+        norm = x * x + y * y + z * z + w * w
         if abs(norm - 1) > 0.01:
             raise InvalidMessageError(f"quaternion_xyzw: squared norm {norm:.3f}, must be 1")
 

@@ -20,6 +20,7 @@ SMALLEST_WINDOW: Final = 25
 OUTLIER: Final = 4.0
 """A third difference counts at most as so many times the mean one: outliers are no noise."""
 _DIFFERENCE: Final = np.array([-1.0, 3.0, -3.0, 1.0])
+_NEEDED: Final = len(_DIFFERENCE)
 _DEVIATION_OF_MEAN: Final = math.sqrt(math.pi / 2) / float(np.linalg.norm(_DIFFERENCE))
 """Standard deviation of normal noise over the mean size of its third differences."""
 _REGULAR: Final = 0.2
@@ -36,7 +37,7 @@ class NoiseMeter:
     """
 
     def __init__(self, channels: int) -> None:
-        self._last: deque[Array] = deque(maxlen=len(_DIFFERENCE))
+        self._last: deque[Array] = deque(maxlen=_NEEDED)
         self._period_s = 0.0
         self._mean: Array = np.zeros(channels)
         self._seen = 0
@@ -61,11 +62,12 @@ class NoiseMeter:
         if abs(period_s - self._period_s) > _REGULAR * self._period_s:
             self._last.clear()
             self._period_s = period_s
-        self._last.append(values)
-        if len(self._last) < len(_DIFFERENCE) or not period_s > 0.0:
+        last = self._last
+        last.append(values)
+        if len(last) < _NEEDED or not period_s > 0.0:
             return
         self._seen += 1
         share = max(1.0 / self._seen, min(period_s / WINDOW_S, 1.0))
         outlier = OUTLIER if self._seen > SMALLEST_WINDOW else math.inf
-        first, second, third, fourth = self._last
+        first, second, third, fourth = last
         update_noise_mean(first, second, third, fourth, self._mean, outlier, share)
