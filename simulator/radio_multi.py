@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from functools import cache
 
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
 from rcopterx.transmitter_gateway.protocols.base import ten_bit_pulse_us
@@ -36,6 +36,7 @@ AUTOBIND_CHANNEL = 15
 SUB_PROTOCOL_NAMES = ("2 1F", "2 2F", "X 1F", "X 2F", "Auto", "R 1F", "2SFC")
 VERSION = bytes((1, 3, 4, 72))
 ORDER_AETR = 0xE4
+PULSES_US = tuple(pulse_of(count) for count in range(2048))
 # Order in which a build expects A, E, T, R on the line; we number T, A, E, R.
 MAPPED_TO_TAER = (2, 0, 1, 3)
 
@@ -43,6 +44,13 @@ MAPPED_TO_TAER = (2, 0, 1, 3)
 def air_value(count: int) -> int:
     """11-bit value on air of an 11-bit value on the line, computed as the module does."""
     return min(max(math.trunc((count - 204) * 1364 / 1640) + 342, 0), 2047)
+
+
+@cache
+def air_pulse_us(count: int, *, ten_bit: bool) -> float:
+    """Pulse width [us] that a receiver decodes of an 11-bit value on the line, sent with 10 or 11 bits."""
+    value = air_value(count)
+    return ten_bit_pulse_us(float(value >> 1) if ten_bit else value / 2)
 
 
 def killed_throttle(count: int) -> int | None:
@@ -146,7 +154,7 @@ class MultiModule(RadioModule):
 
     def _log(self, frame: MultiFrame, end_s: float) -> None:
         counts = self._ordered(frame)
-        pulses = tuple(pulse_of(count) for count in counts)
+        pulses = tuple([PULSES_US[count] for count in counts])
         self.frames.append(SerialFrame(end_s, pulses, counts[KILL_CHANNEL] <= 204, frame.bind))
 
     @staticmethod
@@ -215,19 +223,22 @@ class MultiModule(RadioModule):
         self._next_rf_s = now_s + (FAST_PERIOD_S if fast else SLOW_PERIOD_S)
         waiting_for_autobind = frame.autobind and frame.counts[AUTOBIND_CHANNEL] <= CENTER_COUNT
         if self._valid() and not waiting_for_autobind:
-            pulses = tuple(self._on_air(frame))
+            pulses = self._on_air(frame)
             self._packets.append(
                 AirPacket(now_s, self.rf_channels, frame.rx_num, pulses, weak=frame.range_check)
             )
 
-    def _on_air(self, frame: MultiFrame) -> Iterable[float]:
+    def _on_air(self, frame: MultiFrame) -> tuple[float, ...]:
         wanted = frame.option & 0x0F
         counts = self._ordered(frame)
-        for index in range(wanted if 3 <= wanted <= 12 else 6):
-            value = air_value(counts[index])
-            ten_bit = float(value >> 1) if frame.sub_protocol == 0 else value / 2
-            killed = killed_throttle(counts[KILL_CHANNEL]) if index == 0 else None
-            yield ten_bit_pulse_us(ten_bit if killed is None else killed)
+        ten_bit = frame.sub_protocol == 0
+        pulses = [
+            air_pulse_us(count, ten_bit=ten_bit) for count in counts[: wanted if 3 <= wanted <= 12 else 6]
+        ]
+        killed = killed_throttle(counts[KILL_CHANNEL])
+        if killed is not None:
+            pulses[0] = ten_bit_pulse_us(killed)
+        return tuple(pulses)
 
     def _send_bind(self, now_s: float) -> None:
         self._bind_packets += 1
