@@ -45,12 +45,12 @@ class RadioLink:
             if self.receiver.hear(packet):
                 self.module.receiver_answered(packet.time_s)
                 answers += self.module.advance(now_s)
-            self._note(packet.time_s)
-        self._note(now_s)
+            self.note_output(packet.time_s)
+        self.note_output(now_s)
         return answers
 
-    def _note(self, time_s: float) -> None:
-        """Remember what the receiver gives the vehicle if that changes."""
+    def note_output(self, time_s: float) -> None:
+        """Remember what the receiver gives the vehicle if that changes; it does so without a module, too."""
         pulses_us = self.receiver.output(time_s).pulses_us
         if pulses_us != self._last:
             self._last = pulses_us
@@ -141,7 +141,10 @@ class RadioPty:
         self._received_s = now_s
         if self.is_open and not self._exclusive_cleared and now_s > self._fed_s + SILENT_S:
             self._clear_exclusive()
-        answers = self.link.advance(now_s) if self._powered else b""
+        if not self._powered:
+            self.link.note_output(now_s)
+            return
+        answers = self.link.advance(now_s)
         if answers and self.is_open:
             try:
                 os.write(self._master, answers)

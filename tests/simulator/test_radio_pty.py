@@ -1,13 +1,13 @@
 import os
 import select
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
-from rcopterx.simulator.radio_receiver import Receiver
+from rcopterx.simulator.radio_receiver import HOLD_S, Receiver
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 
 FRAME = MultiProtocol(MultiSettings(rx_num=3)).encode([1540])
@@ -121,4 +121,20 @@ def test_answers_nobody_reads_do_not_block_the_simulator(radio: RadioPty) -> Non
         write_and_service(radio, descriptor, FRAME, now_s)
         now_s += 0.02 if now_s < 1 else 0.5
     assert radio.counters["answers nobody read"]
+    os.close(descriptor)
+
+
+@pytest.mark.parametrize("fail", [RadioPty.unplug, RadioPty.switch_off])
+def test_vehicle_of_a_module_without_power_is_told_when_its_receiver_gives_up(
+    radio: RadioPty, fail: Callable[[RadioPty], None]
+) -> None:
+    descriptor = flying(radio)
+    assert radio.link.take_outputs()[-1][1][0] == pytest.approx(1540, abs=1.5)
+    fail(radio)
+    radio.live(1.2)
+    assert not radio.link.take_outputs()
+    radio.live(1.0 + HOLD_S)
+    [(given_s, pulses_us)] = radio.link.take_outputs()
+    assert given_s == 1.0 + HOLD_S
+    assert pulses_us[0] == 1100.0
     os.close(descriptor)
