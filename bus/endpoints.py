@@ -11,6 +11,12 @@ import zenoh
 
 TLS: Final = "tls/"
 """Beginning of an endpoint whose both ends show a certificate."""
+LINK_PRIORITIES: Final = ("prio=0-1", "prio=2-7")
+"""Two routers are linked twice: by a connection for what is real-time, and by one for everything else.
+
+On one connection a cut lets plans fill the window of TCP, and commands wait with them until TCP tries again,
+each time after twice as long. Few small packets are tried again at a steady pace (`link_sockets.hasten`)."""
+LINKS_PER_ROUTER: Final = len(LINK_PRIORITIES)
 QUEUE_SIZE = 16
 LEASE_MS = 1000
 _THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app))"
@@ -74,7 +80,7 @@ def router_config(
     listen
         Endpoints the clients and routers of other hosts connect to, for instance `tcp/127.0.0.1:7447`.
     connect
-        Routers of other hosts to link to; retried in the background.
+        Routers of other hosts to link to, by `LINK_PRIORITIES`; retried in the background.
     namespace
         Prefix that keeps fleets of tests apart, or None.
     protection
@@ -89,7 +95,7 @@ def router_config(
         "mode": "router",
         "listen": {"endpoints": listen},
         "connect": {
-            "endpoints": connect,
+            "endpoints": [f"{endpoint}?{some}" for endpoint in connect for some in LINK_PRIORITIES],
             "timeout_ms": -1,
             "exit_on_failure": False,
             "retry": {"period_init_ms": 20, "period_max_ms": 50, "period_increase_factor": 1.5},
@@ -143,7 +149,12 @@ def _common(namespace: str | None, credentials: Credentials | None) -> dict[str,
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "queries_default_timeout": 500,
         "transport": {
-            "unicast": {"max_sessions": 128, "open_timeout": 2000, "accept_timeout": 2000},
+            "unicast": {
+                "max_sessions": 128,
+                "max_links": LINKS_PER_ROUTER,
+                "open_timeout": 2000,
+                "accept_timeout": 2000,
+            },
             "link": {
                 "protocols": ["tcp" if credentials is None else "tls", "unixsock-stream"],
                 **({} if credentials is None else {"tls": _tls(credentials)}),

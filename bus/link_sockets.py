@@ -15,11 +15,12 @@ from rcopterx.bus.link_watch import RouterLink
 
 DIAL_LIMIT_S: Final = 0.06
 """In a laboratory connecting takes a millisecond; TCP repeats a lost request for a connection after 1 s."""
-RETRANSMIT_US: Final = 20_000
-ACKNOWLEDGE_US: Final = 5_000
+RETRANSMIT_US: Final = 10_000
+ACKNOWLEDGE_US: Final = 4_000
+TCP_THIN_LINEAR_TIMEOUTS: Final = 16
 TCP_RTO_MIN_US: Final = 45
 TCP_DELACK_MAX_US: Final = 46
-"""Socket options of Linux 6.15; Python does not name them."""
+"""Socket options of Linux, the last two since 6.15; Python does not name them."""
 SYN_SENT: Final = 2
 """State of a TCP socket that waits for the answer to its request for a connection."""
 
@@ -38,9 +39,14 @@ def close_link(link: RouterLink) -> bool:
 
 
 def hasten(link: RouterLink) -> bool:
-    """Repeat lost packets of a link after 20 ms instead of 200 ms; False where the kernel cannot."""
+    """Repeat lost packets of a link after 10 ms instead of 200 ms; False where the kernel cannot.
+
+    While less than four packets are on their way, they are repeated at this pace six times before the pauses
+    double: a link that was cut for a while carries again soon after its return, not after as long once more.
+    """
     for opened in _sockets():
         if _ends(opened) == (link.local, link.remote):
+            opened.setsockopt(socket.IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1)
             try:
                 opened.setsockopt(socket.IPPROTO_TCP, TCP_RTO_MIN_US, RETRANSMIT_US)
                 opened.setsockopt(socket.IPPROTO_TCP, TCP_DELACK_MAX_US, ACKNOWLEDGE_US)

@@ -82,6 +82,7 @@ class LinkWatch:
         self._judged_s = now_s
         self._neighbours: dict[str, _Neighbour] = {}
         self._opened_s: dict[RouterLink, float] = {}
+        self._closed: set[RouterLink] = set()
         self._failures: dict[str, int] = {}
         self._redials: dict[str, int] = {}
         self._late: dict[str, int] = {}
@@ -116,8 +117,10 @@ class LinkWatch:
     def broken(self, links: Collection[RouterLink], now_s: float) -> list[RouterLink]:
         """Links to be closed, so that they are dialled again.
 
-        A link is given the time in which a direction counts as dead to carry its first beats, then twice that
-        if it was closed in vain before, and so on.
+        The links to a router are closed together: Zenoh tells a router anew what it has to know when the last
+        one ends, and what was on its way through a single one that ended is lost. They are given the time in
+        which a direction counts as dead to carry their first beats, then twice that if they were closed in
+        vain before, and so on.
 
         Parameters
         ----------
@@ -127,25 +130,41 @@ class LinkWatch:
         asleep = now_s - self._judged_s > STALL_S
         self._judged_s = now_s
         opened_s = {link: now_s if asleep else self._opened_s.get(link, now_s) for link in links}
-        self._opened_s = opened_s
-        broken = []
-        for link in links:
-            host = self._host_of(link.router)
-            alive_s = float("-inf") if host is None else self._both_ways_s(host)
-            if alive_s >= opened_s[link]:
-                self._failures.pop(link.router, None)
-            failures = self._failures.get(link.router, 0)
-            patience_s = min(LONGEST_PATIENCE_S, SILENCE_S * 2**failures)
-            if now_s - max(alive_s, opened_s[link]) > patience_s:
-                broken.append(link)
-                opened_s[link] = now_s
-                self._failures[link.router] = failures + 1
+        halved = self._halved(links)
+        broken: list[RouterLink] = []
+        for router in {link.router for link in links}:
+            own = [link for link in links if link.router == router]
+            if self._is_silent(router, min(opened_s[link] for link in own), now_s) or router in halved:
+                broken += own
+                opened_s.update(dict.fromkeys(own, now_s))
+                host = self._host_of(router)
                 if host is not None:
                     self._redials[host] = self._redials.get(host, 0) + 1
+        self._opened_s = opened_s
+        self._closed = {*self._closed.intersection(links), *broken}
         gone = self._failures.keys() - {link.router for link in links} - self._routers()
         for router in gone:
             del self._failures[router]
         return broken
+
+    def _halved(self, links: Collection[RouterLink]) -> set[str]:
+        """Routers of whose links one ended by itself while another one stayed."""
+        before = self._opened_s.keys() - self._closed
+        return {link.router for link in before.difference(links)} & {
+            link.router for link in before.intersection(links)
+        }
+
+    def _is_silent(self, router: str, opened_s: float, now_s: float) -> bool:
+        """Whether links that have been open since a moment carry nothing in one direction."""
+        host = self._host_of(router)
+        alive_s = float("-inf") if host is None else self._both_ways_s(host)
+        if alive_s >= opened_s:
+            self._failures.pop(router, None)
+        failures = self._failures.get(router, 0)
+        silent: bool = now_s - max(alive_s, opened_s) > min(LONGEST_PATIENCE_S, SILENCE_S * 2**failures)
+        if silent:
+            self._failures[router] = failures + 1
+        return silent
 
     def states(self, hosts: Collection[str], now_s: float, time_of_day_s: float) -> dict[str, LinkState]:
         """State of the links to these hosts; the same moment on both clocks."""

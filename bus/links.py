@@ -10,6 +10,7 @@ import zenoh
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
+from rcopterx.bus.endpoints import LINKS_PER_ROUTER
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.link_sockets import Dials, close_link, hasten
 from rcopterx.bus.link_watch import LinkWatch, RouterLink
@@ -89,7 +90,7 @@ class LinkService:
             complete = self._turn()
 
     def _turn(self) -> bool:
-        """Listen, judge, act, tell; returns whether every other host is linked."""
+        """Listen, judge, act, tell; returns whether every other host is linked completely."""
         for other, inbox in self._inboxes.items():
             for received in inbox.drain():
                 self._watch.hear(other, received.message, received.arrived_s)
@@ -99,9 +100,9 @@ class LinkService:
             hasten(link)
         self._links = links
         for link in self._watch.broken(links, now_s):
-            print(f"links: silent link {_text(link)} is closed, to be dialled again", file=sys.stderr)
+            print(f"links: {_text(link)} is closed, to be dialled again", file=sys.stderr)
             close_link(link)
-        complete = len({link.router for link in links}) >= len(self._others)
+        complete = len(links) >= LINKS_PER_ROUTER * len(self._others)
         if not complete:
             self._dials.abandon_lost(now_s)
         now_s, time_of_day_s = self._clock(), self._time_of_day()

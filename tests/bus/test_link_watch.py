@@ -18,6 +18,7 @@ from rcopterx.bus.link_watch import (
 
 BEAT_S = 0.05
 LINK = RouterLink("b0", ("10.0.0.1", 7447), ("10.0.0.2", 50000))
+SECOND = LINK._replace(remote=("10.0.0.2", 50002))
 
 
 class Pair:
@@ -75,6 +76,43 @@ def test_a_silence_that_is_shorter_than_the_limit_closes_nothing() -> None:
     pair.steps(20)
     pair.steps(4, hears=False, is_heard=False)
     pair.steps(20)
+    assert pair.closed == []
+
+
+def test_all_links_to_a_silent_router_are_closed_together_and_count_as_one_redial() -> None:
+    pair = Pair()
+    for _ in range(20):
+        pair.step(links=(LINK, SECOND))
+    for _ in range(8):
+        pair.step(hears=False, is_heard=False, links=(LINK, SECOND))
+    assert {link for _, link in pair.closed} == {LINK, SECOND}
+    assert len({at_s for at_s, _ in pair.closed}) == 1
+    assert pair.watch.states(["b"], pair.now_s, 0.0)["b"].redials == 1
+
+
+def test_the_other_link_is_closed_when_one_ended_by_itself_and_neither_is_missed_afterwards() -> None:
+    pair = Pair()
+    for _ in range(20):
+        pair.step(links=(LINK, SECOND))
+    again = SECOND._replace(remote=("10.0.0.2", 50003))
+    pair.step(links=(LINK, again))
+    assert {link for _, link in pair.closed} == {LINK, again}
+    # They end one after the other while new ones are opened.
+    first, second = (LINK._replace(remote=("10.0.0.2", port)) for port in (50004, 50005))
+    pair.step(links=(again, first))
+    for _ in range(20):
+        pair.step(links=(first, second))
+    assert len(pair.closed) == 2
+
+
+def test_links_that_end_together_and_are_opened_again_stay() -> None:
+    pair = Pair()
+    for _ in range(20):
+        pair.step(links=(LINK, SECOND))
+    first, second = (LINK._replace(remote=("10.0.0.2", port)) for port in (50004, 50005))
+    pair.step(links=(first,))
+    for _ in range(20):
+        pair.step(links=(first, second))
     assert pair.closed == []
 
 

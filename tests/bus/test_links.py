@@ -13,7 +13,8 @@ from support.bus import FLEET, free_port, patient_links
 from support.waiting import DEADLINE_S, PatientClock, wait_for
 
 from rcopterx.bus import channels
-from rcopterx.bus.endpoints import router_config
+from rcopterx.bus.endpoints import LINKS_PER_ROUTER, router_config
+from rcopterx.bus.link_sockets import close_link
 from rcopterx.bus.links import LinkService, open_links
 from rcopterx.bus.session import BusAddress, Session
 
@@ -108,6 +109,13 @@ class Linked:
         state = received.message.links[other]
         return state.linked, state.redials
 
+    def wait_watched(self, host: str) -> None:
+        """Wait until the watch of a host has looked at all links that are open now."""
+        # The one that looks while this is called may have begun before.
+        for _ in range(2):
+            told = self._status[host].latest()
+            wait_for(lambda told=told: self._status[host].latest() is not told, "nothing is told of links")
+
 
 @pytest.fixture
 def linked() -> Iterator[Linked]:
@@ -125,6 +133,18 @@ def test_a_link_that_carries_one_direction_only_is_opened_again(linked: Linked) 
 
 
 def test_clients_of_a_router_are_no_links_to_other_routers(linked: Linked) -> None:
-    wait_for(lambda: len(open_links(linked.routers["a"])) == 1, "the routers are not linked")
-    (link,) = open_links(linked.routers["a"])
-    assert link.router == str(linked.routers["b"].zid())
+    wait_for(lambda: len(open_links(linked.routers["a"])) == LINKS_PER_ROUTER, "the routers are not linked")
+    assert {link.router for link in open_links(linked.routers["a"])} == {str(linked.routers["b"].zid())}
+
+
+def test_both_links_are_opened_again_when_one_of_them_ends(linked: Linked) -> None:
+    router = linked.routers["a"]
+    wait_for(lambda: len(open_links(router)) == LINKS_PER_ROUTER, "the routers are not linked")
+    linked.wait_watched("a")
+    before = open_links(router)
+    assert close_link(next(iter(before)))
+    wait_for(
+        lambda: len(open_links(router)) == LINKS_PER_ROUTER and not open_links(router) & before,
+        "the other link was not closed, or they were not opened again",
+    )
+    wait_for(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the link does not carry")

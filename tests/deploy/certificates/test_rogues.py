@@ -1,5 +1,6 @@
 """What routers of a fleet with certificates refuse, tried on real routers and links."""
 
+import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,7 +22,7 @@ from rcopterx.bus.channels import (
     key,
     request_key,
 )  # fmt: skip
-from rcopterx.bus.endpoints import Credentials
+from rcopterx.bus.endpoints import Credentials, client_config
 from rcopterx.deploy.certificates.files import credentials
 from rcopterx.deploy.certificates.issuing import issue, new_authority, read_authority
 
@@ -65,6 +66,18 @@ def test_a_certificate_of_nobody_in_the_fleet_file_entitles_to_nothing(bus: Secu
     directory = bus.directory / "certificates"
     issue(read_authority(directory), directory, "operator.fired", [], datetime.now(UTC), days=10)
     assert identified(bus.remote("operator.fired")) == []
+
+
+@pytest.mark.parametrize("name", ["operator.lab", "host.second"])
+def test_nobody_else_adds_a_link_to_those_of_a_router(bus: SecuredBus, name: str) -> None:
+    (router,) = bus.local["second"].info.routers_zid()
+    config = client_config([bus.fleet.endpoint("main")], None, REFUSED_S, bus.certificate(name))
+    config.insert_json5("mode", json.dumps("router"))
+    config.insert_json5("id", json.dumps(str(router)))
+    config.insert_json5("listen/endpoints", "[]")
+    with pytest.raises(zenoh.ZError, match="Unable to connect"):
+        zenoh.open(config)
+    assert len(identified(bus.local["main"])) == 2
 
 
 @pytest.mark.parametrize(
