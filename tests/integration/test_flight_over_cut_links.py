@@ -16,8 +16,8 @@ HOSTS = ("main", "compute1", "compute2", "ground")
 CROSSED = ("compute1", "main")
 """Hosts whose link poses and commands cross: that of the agents, that of the gateways."""
 FLYING_AGAIN_S = 0.5
-SHORT_S, SHORT_CUTS = 0.1, 5
-MOST_MISSED = 15
+SHORT_S, SHORT_CUTS = 0.1, 10
+MOST_MISSED = 12
 """Control periods, for a short cut on a busy computer."""
 
 
