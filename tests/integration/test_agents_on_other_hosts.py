@@ -23,16 +23,18 @@ MOVES = 20
 WATCHED_S = 1.0
 """After each of them."""
 FLYING_AGAIN_S = 1.0
-NEAR_M = 0.1
-"""More than is measured: other work may run beside the test."""
+MOST_OFF_M = 0.02
+"""Without wind, so that it is the moves that do it."""
 LONGEST_GAP_MS = 100.0
 
 
-@pytest.fixture
-def on_four_hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Network, Flying]]:
+@pytest.fixture(params=["laboratory"])
+def on_four_hosts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Iterator[tuple[Network, Flying]]:
     """A trio in formation at rest over four hosts with certificates; its agents run on the second one.
 
-    The laboratory is a calm one, so that what a move adds can be seen.
+    The parameter names the conditions.
     """
     with trio_in_flight(
         tmp_path,
@@ -40,7 +42,7 @@ def on_four_hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[t
         monkeypatch,
         spares=("compute2",),
         certificates=True,
-        simulator='conditions = "laboratory"',
+        simulator=f'conditions = "{request.param}"',
     ) as found:
         yield found
 
@@ -80,6 +82,8 @@ def watched(flying: Flying, truth: Truth, name: str) -> list[float]:
     return [place.off_m for place in places]
 
 
+# Where there is no wind, what a move adds can be seen.
+@pytest.mark.parametrize("on_four_hosts", ["ideal", "laboratory"], indirect=True)
 def test_an_agent_moves_to_another_host_and_back_in_flight(
     on_four_hosts: tuple[Network, Flying],
 ) -> None:
@@ -116,7 +120,8 @@ def test_an_agent_moves_to_another_host_and_back_in_flight(
     assert max(gaps_ms) < LONGEST_GAP_MS
     # Where other work makes the fleet miss periods without a move as well, moves add none.
     assert missed <= still_missed / still_s * 2 * NEAR_S * MOVES
-    assert max(off_m) < NEAR_M
+    # With wind a vehicle is off its place anyway.
+    assert max(off_m) < max(MOST_OFF_M, 1.5 * max(still_m))
     # What was asked of one agent is known to the next one.
     fleet["h1"].go_to((0.1, 0.0, 1.0))
     fleet["h1"].move("compute2")
