@@ -22,8 +22,8 @@ from typing import Final
 
 COMPLETE: Final = "complete"
 """File in the directory of the kernels from when on all of them are there."""
-MODULES: Final = ("bounds", "cascade", "chain", "helicopter", "kalman", "lateral", "motion", "noise", "plans")
-"""Modules of kernels."""
+MODULES: Final = ("kalman", "bounds", "cascade", "chain", "helicopter", "plans", "lateral", "noise", "motion")
+"""Modules of kernels, those first that take longest: nobody shall wait for one of them alone at the end."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
 """Environment variable with the directory to keep kernels in, instead of the user's cache."""
 KEPT: Final = 10
