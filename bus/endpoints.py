@@ -19,9 +19,10 @@ each time after twice as long. Few small packets are tried again at a steady pac
 LINKS_PER_ROUTER: Final = len(LINK_PRIORITIES)
 QUEUE_SIZE = 16
 LEASE_MS = 1000
-_THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app))"
-"""Environment variable that Zenoh reads when its first session opens. The thread that reads sockets also
-handles what arrives and writes what is sent; by default each message passes three threads."""
+_THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app), acc: (handover: app))"
+"""Environment variable that Zenoh reads when its first session opens. One thread reads sockets, handles what
+arrives and writes what is sent; by default each message passes three. In a router the one that accepts
+connections would be a second, because it is told first of all that arrives through them."""
 _SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
 
 
