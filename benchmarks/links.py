@@ -1,7 +1,7 @@
 """How long two linked hosts hear nothing of each other after their link was cut and restored."""
 
-import json
 import os
+import signal
 import struct
 import subprocess
 import threading
@@ -17,19 +17,13 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.benchmarks.programs import router_words, running
 from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.forking import child_environment
 
 HOSTS: Final = ("a", "b")
-ROUTER: Final = """
-import json, sys
-from rcopterx.bus.requests import IdentifyReply
-from rcopterx.bus.router import run_router
-listen, connect, host, other = json.loads(sys.argv[1])
-identity = IdentifyReply(accepted=True, fleet="bench", host=host, digest="", vehicles=())
-run_router(listen, connect, None, 26, identity, [other])
-"""
+FLEET: Final = "bench"
 PORT: Final = 7447
 PERIOD_S: Final = 0.01
 PLANS: Final = 3
@@ -155,10 +149,17 @@ def linked_hosts() -> Iterator[tuple[Network, dict[str, Stream]]]:
         endpoints = {host: f"tcp/{net.addresses[host]}:{PORT}" for host in HOSTS}
         for host, other in (("a", "b"), ("b", "a")):
             dialled = [endpoints["a"]] if host == "b" else []
-            settings = json.dumps([[sockets[host], endpoints[host]], dialled, host, other])
-            stack.enter_context(_process(net.python(host, "-c", ROUTER, settings)))
+            words = router_words([sockets[host], endpoints[host]], dialled, FLEET, host, [other])
+            stack.enter_context(
+                running(
+                    net.python(host, *words),
+                    signal.SIGTERM,
+                    env=child_environment(),
+                    stderr=subprocess.DEVNULL,
+                )
+            )
         for host in HOSTS:
-            Session(BusAddress((sockets[host],), "bench"), timeout_s=20.0).close()
+            Session(BusAddress((sockets[host],), FLEET), timeout_s=20.0).close()
         clients = {host: open_session(client_config([sockets[host]], None, 5.0)) for host in HOSTS}
         for client in clients.values():
             stack.callback(client.close)
@@ -197,17 +198,3 @@ def _sending(streams: list[Stream]) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
-
-
-@contextmanager
-def _process(command: list[str]) -> Iterator[None]:
-    process = subprocess.Popen(command, env=child_environment(), stderr=subprocess.DEVNULL)
-    try:
-        yield
-    finally:
-        process.terminate()
-        try:
-            process.wait(5)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()

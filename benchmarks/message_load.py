@@ -9,16 +9,18 @@ this computer, so that only a few of them show what a router needs; what it need
 
 import argparse
 import json
+import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, NamedTuple
 
+from rcopterx.benchmarks.programs import router_words, running
 from rcopterx.benchmarks.scale import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
@@ -30,14 +32,8 @@ NEAR: Final = 3
 """Vehicles beside its leader whose plans an agent hears."""
 START_S: Final = 30.0
 SETTLE_S: Final = 2.0
-ROUTER: Final = """
-import json, sys
-from rcopterx.bus.requests import IdentifyReply
-from rcopterx.bus.router import run_router
-listen, connect, host, others = json.loads(sys.argv[1])
-identity = IdentifyReply(accepted=True, fleet="load", host=host, digest="", vehicles=())
-run_router(listen, connect, None, 26, identity, others)
-"""
+"""Subscriptions reach all routers meanwhile; what it costs to tell them is not measured."""
+LOOK_S: Final = 0.1
 BYTES: Final[dict[Channel[Any], int]] = {
     channels.POSE: 225, channels.PLAN: 400, channels.COMMAND: 320, channels.APPLIED: 300,
     channels.AGENT_STATUS: 900, channels.INTENT: 500, channels.TRANSMITTER_STATUS: 600,
@@ -149,8 +145,10 @@ def run(hosts: int, vehicles: int, seconds: float) -> list[dict[str, Any]]:
     """
     said, heard = streams(hosts, vehicles), listenings(hosts, vehicles)
     with _routers(hosts) as (pids, sockets), ExitStack() as stack:
+        module = ("-m", "rcopterx.benchmarks.message_programs")
         programs = [
-            stack.enter_context(_programs(host, hosts, vehicles, sockets[host])) for host in range(hosts)
+            stack.enter_context(_python((*module, router, str(host), str(hosts), str(vehicles))))
+            for host, router in enumerate(sockets)
         ]
         for program in programs:
             _answer_of(program)
@@ -183,15 +181,15 @@ def _routers(hosts: int) -> Iterator[tuple[list[int], list[str]]]:
         pids = []
         for host, name in enumerate(names):
             others = [other for other in names if other != name]
-            settings = json.dumps([[sockets[host], ports[host]], ports[:host], name, others])
-            pids.append(stack.enter_context(_process([sys.executable, "-c", ROUTER, settings])).pid)
+            words = router_words([sockets[host], ports[host]], ports[:host], FLEET, name, others)
+            pids.append(stack.enter_context(_python(words)).pid)
         for host in range(hosts):
             with Session(BusAddress((sockets[host],), FLEET), timeout_s=START_S) as session:
                 until_s = time.monotonic() + START_S
                 while len(session.identify()) < hosts:
                     if time.monotonic() > until_s:
                         raise RuntimeError(f"router of {names[host]}: not linked to all others")
-                    time.sleep(0.1)
+                    time.sleep(LOOK_S)
         yield pids, sockets
 
 
@@ -201,25 +199,16 @@ def _free_ports(number: int) -> list[int]:
         return [one.getsockname()[1] for one in opened]
 
 
-@contextmanager
-def _programs(host: int, hosts: int, vehicles: int, router: str) -> "Iterator[subprocess.Popen[str]]":
-    """All programs of a host, in one process."""
-    module = "rcopterx.benchmarks.message_programs"
-    numbers = map(str, (host, hosts, vehicles))
-    with _process([sys.executable, "-m", module, router, *numbers]) as process:
-        yield process
-
-
-@contextmanager
-def _process(command: list[str]) -> "Iterator[subprocess.Popen[str]]":
-    process = subprocess.Popen(
-        command, env=child_environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+def _python(words: Sequence[str]) -> "AbstractContextManager[subprocess.Popen[str]]":
+    """Python with these arguments, whose standard streams are pipes."""
+    return running(
+        [sys.executable, *words],
+        signal.SIGTERM,
+        env=child_environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.communicate()
 
 
 def _ask(process: "subprocess.Popen[str]", what: str) -> None:

@@ -1,17 +1,20 @@
 """Promises of the message load: what is published is heard by whoever hears it in flight, and is counted."""
 
+from typing import Any
+
 import pytest
 
 from rcopterx.benchmarks import message_load
 from rcopterx.benchmarks.message_load import Listening, Stream, copies_hz, listenings, streams
 from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
 
 
 def listeners(stream: Stream, hosts: int, vehicles: int) -> list[tuple[int, str]]:
     return [(one.host, one.program) for one in listenings(hosts, vehicles) if one.hears(stream)]
 
 
-def stream_of(channel: channels.Channel, vehicle: str, hosts: int, vehicles: int) -> Stream:  # type: ignore[type-arg]
+def stream_of(channel: Channel[Any], vehicle: str, hosts: int, vehicles: int) -> Stream:
     (found,) = (one for one in streams(hosts, vehicles) if one.channel is channel and one.vehicle == vehicle)
     return found
 
