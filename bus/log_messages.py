@@ -3,6 +3,7 @@
 Messages about how to fly are in `rcopterx.bus.messages`.
 """
 
+import math
 import struct
 import zlib
 from collections.abc import Sequence
@@ -75,7 +76,8 @@ class RoundedEstimate(Struct, frozen=True):
         """Round and pack 16 values."""
         # Plain numbers: arrays of sixteen take longer than the arithmetic on them.
         told, unit, largest = values, cls.UNIT, _MOST * cls.UNIT
-        if min(values) < -largest or max(values) > largest:
+        # What is not a number spreads to the sum, whereas least and largest pass over it.
+        if min(values) < -largest or max(values) > largest or not math.isfinite(sum(values)):
             told = [max(-largest, min(value, largest)) for value in values]
         octets = _COUNTS.pack(*[round(value / unit) for value in told])
         planes = b"".join([octets[place::4] for place in range(4)])

@@ -1,8 +1,10 @@
 """Promises of a process that works in steps: nothing changes within one, and all that enters it is noted."""
 
+import math
 import zlib
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from support.bus import answering
 from support.waiting import DEADLINE_S, FakeClock, wait_for
@@ -85,6 +87,16 @@ def test_steps_are_told_with_all_that_they_took_in(join: Join) -> None:
     assert received.message.life == stepped.life
     assert received.message.estimate == RoundedEstimate.of(estimate)
     assert received.message.estimate.to_numpy().tolist() == estimate
+
+
+@pytest.mark.parametrize("place", [0, 7, 15])
+def test_an_estimate_that_is_no_number_is_told_as_far_away(place: int) -> None:
+    far = -(2.0**31 - 1.0) * RoundedEstimate.UNIT
+    estimate = [1.0] * 16
+    estimate[place] = math.nan
+    told = RoundedEstimate.of(estimate).to_numpy()
+    assert told[place] == far
+    assert np.delete(told, place).tolist() == [1.0] * 15
 
 
 def test_columns_of_inputs_belong_together(join: Join) -> None:
