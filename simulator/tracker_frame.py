@@ -1,7 +1,7 @@
 """What the Tracker emulator captures, and its objects on the wire (vicon_datastream.md section 3.2)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -42,16 +42,15 @@ PROFILES: Mapping[str, frozenset[int]] = {"tracker1": _TRACKER1, "tracker2": _TR
 
 ROOT_SEGMENT = 1
 _CONSTANT_PER_SUBJECT = frozenset({2, 28, 29, 28001})
-_CONSTANT = frozenset(
-    {
-        ObjectType.STREAM_INFO,
-        ObjectType.TIMECODE,
-        ObjectType.APPLICATION_INFO,
-        ObjectType.FRAME_RATE_INFO,
-        ObjectType.LABELED_RECONS,
-        ObjectType.UNLABELED_RECONS,
-    }
-)
+_CONSTANT: Mapping[int, Callable[[float, bool], WireObject]] = {
+    ObjectType.STREAM_INFO: lambda rate_hz, _: StreamInfo(round(SDK_TICKS_PER_SECOND / rate_hz)),
+    ObjectType.TIMECODE: lambda *_: Timecode(),
+    ObjectType.APPLICATION_INFO: lambda _, y_up: ApplicationInfo(y_up),
+    ObjectType.FRAME_RATE_INFO: lambda rate_hz, _: FrameRateInfo({"Hardware": rate_hz, "System": rate_hz}),
+    ObjectType.LABELED_RECONS: lambda *_: LabeledRecons(),
+    ObjectType.UNLABELED_RECONS: lambda *_: UnlabeledRecons(),
+}
+"""Objects of the whole stream that do not depend on the frame, from its rate and whether y is up."""
 
 
 class TrackedBody(NamedTuple):
@@ -194,19 +193,7 @@ class FrameContent:
 @lru_cache(maxsize=64)
 def _constant_single(kind: int, rate_hz: float, y_up: bool) -> bytes:
     """Return an object of the whole stream that does not depend on the frame, encoded."""
-    match kind:
-        case ObjectType.STREAM_INFO:
-            return StreamInfo(round(SDK_TICKS_PER_SECOND / rate_hz)).encode()
-        case ObjectType.TIMECODE:
-            return Timecode().encode()
-        case ObjectType.APPLICATION_INFO:
-            return ApplicationInfo(y_up).encode()
-        case ObjectType.FRAME_RATE_INFO:
-            return FrameRateInfo({"Hardware": rate_hz, "System": rate_hz}).encode()
-        case ObjectType.LABELED_RECONS:
-            return LabeledRecons().encode()
-        case _:
-            return UnlabeledRecons().encode()
+    return _CONSTANT[kind](rate_hz, y_up).encode()
 
 
 @lru_cache(maxsize=1024)
