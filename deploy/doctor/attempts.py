@@ -113,7 +113,7 @@ def _tried(
             yield Result(False, f"{name}: whether it may ask {key} {NOT_KNOWN}")
         elif known:
             yield Result(False, f"{name}: may ask {key}, which it must not")
-    if not any(known is not False for known in permitted.values()):
+    if all(known is False for known in permitted.values()):
         yield Result(True, f"{name}: {len(forbidden)} requests that it must not make refused")
 
 
