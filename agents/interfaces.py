@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array
 
 
-@dataclass(frozen=True, slots=True)
-class Measurement:
+class Measurement(Struct, frozen=True):
     """One pose of the motion capture.
 
     Attributes
@@ -42,8 +42,7 @@ class Measurement:
         return cls(np.array(position_m), yaw_rad, np.array((2 * (x * z + w * y), 2 * (y * z - w * x))))
 
 
-@dataclass(frozen=True, slots=True)
-class TiltEstimate:
+class TiltEstimate(Struct, frozen=True):
     """What an estimator knows of the tilt of a vehicle that has a tilt model (`rcopterx.vehicles.tilt`).
 
     Attributes
@@ -64,8 +63,7 @@ class TiltEstimate:
     trim: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(Struct, frozen=True):
     """What an estimator knows of its vehicle at one instant.
 
     Attributes
@@ -123,8 +121,7 @@ class TellsUncertainty(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class ControlStep:
+class ControlStep(Struct, frozen=True):
     """Result of one control step.
 
     Attributes
@@ -235,8 +232,7 @@ class StopsEarly(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Obstacle:
+class Obstacle(Struct, frozen=True):
     """Another vehicle on its way, with the ellipsoid around it that is to stay free.
 
     Attributes

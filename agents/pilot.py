@@ -8,11 +8,12 @@ the motion capture is one call of `observe`; every control period is one call of
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from rcopterx.agents.controllers.step_guard import StepGuard
 from rcopterx.agents.estimators.estimator_guard import EstimatorGuard
@@ -55,8 +56,7 @@ _EVENT_OF_STATE = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class StampedMeasurement:
+class StampedMeasurement(Struct, frozen=True):
     """One frame of the motion capture; `measurement` is None while the vehicle is occluded."""
 
     epoch: int
@@ -65,8 +65,7 @@ class StampedMeasurement:
     measurement: Measurement | None
 
 
-@dataclass(frozen=True, slots=True)
-class ControlOutput:
+class ControlOutput(Struct, frozen=True):
     """Result of one control period.
 
     Attributes

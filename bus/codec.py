@@ -15,8 +15,12 @@ M = TypeVar("M", bound=Message)
 MAX_DEPTH = 8
 
 _ENCODER = msgspec.msgpack.Encoder()
-_PERHAPS_NOT_FINITE: Final = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]|\xca[\x7f\xff][\x80-\xff]")
-"""How every infinity and every NaN of MessagePack begins, as may other bytes: its type, sign and exponent."""
+_DOUBLE_NOT_FINITE: Final = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]").search
+_SINGLE_NOT_FINITE: Final = re.compile(rb"\xca[\x7f\xff][\x80-\xff]").search
+"""How every infinity and every NaN of MessagePack begins, as may other bytes: its type, sign and exponent.
+
+Two expressions: each is searched for by its first byte, several times as fast as both at once.
+"""
 
 
 class RejectedError(ValueError):
@@ -78,7 +82,7 @@ def _decoder(message_type: type[M]) -> msgspec.msgpack.Decoder[M]:
 
 def _plausible(payload: bytes, message_type: type[M]) -> M | None:
     """Message of a payload of the right types whose numbers are all finite; None in case of doubt."""
-    if _PERHAPS_NOT_FINITE.search(payload):
+    if _DOUBLE_NOT_FINITE(payload) or _SINGLE_NOT_FINITE(payload):
         return None
     try:
         message: M = _decoder(message_type).decode(payload)

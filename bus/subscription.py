@@ -7,10 +7,10 @@ queues up unread (zenoh_bus.md sections 1 and 6).
 import threading
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import zenoh
+from msgspec import Struct
 
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import RejectedError, decode
@@ -23,8 +23,7 @@ RATE_WINDOW = 10
 RATE_TOLERANCE = 0.7
 
 
-@dataclass(frozen=True, slots=True)
-class Received(Generic[M]):
+class Received(Struct, Generic[M], frozen=True):
     """A valid message and the local monotonic time of its arrival."""
 
     message: M

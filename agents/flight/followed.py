@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.agents.formation.law import FormationOffset, OffsetTransition
 from rcopterx.agents.interfaces import Estimate
@@ -12,8 +13,7 @@ from rcopterx.agents.references.turns import whole_turns
 from rcopterx.vehicles.state import YAW
 
 
-@dataclass(frozen=True, slots=True)
-class LeaderPlan:
+class LeaderPlan(Struct, frozen=True):
     """A leader's plan on this vehicle's clock.
 
     Attributes

@@ -5,10 +5,10 @@ its heading, type or scaling; the rotations of the formation law (6) happen wher
 body-frame quantities. Plans and references being the same thing is what makes following a mere subscription.
 """
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.vehicles.state import Array
 
@@ -21,8 +21,7 @@ YAW_ACCELERATION: Final = 11
 COLUMNS: Final = 12
 
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
+class Trajectory(Struct, frozen=True):
     """Stages of a trajectory, `period_s` apart.
 
     Attributes

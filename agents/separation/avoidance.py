@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.interfaces import Obstacle
@@ -39,16 +40,14 @@ class SeparationEllipsoid:
         return np.array([self.horizontal_m, self.horizontal_m, self.vertical_m]) ** -2
 
 
-@dataclass(frozen=True, slots=True)
-class Neighbour:
+class Neighbour(Struct, frozen=True):
     """Another vehicle: its newest plan, and the scale of the ellipsoid that separates from it."""
 
     plan: LeaderPlan
     scale: float
 
 
-@dataclass(frozen=True, slots=True)
-class Near:
+class Near(Struct, frozen=True):
     """Vehicles that come near.
 
     Attributes

@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
 from rcopterx.agents.references.trajectory import Trajectory

@@ -1,9 +1,9 @@
 """A vehicle to fly in tests: it behaves exactly as its model says and stands on a floor."""
 
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from rcopterx.agents.flight.prediction import predict
 from rcopterx.agents.interfaces import ControlStep, Estimate, Measurement

@@ -109,7 +109,9 @@ class TiltProblem:
         """Tilt of the estimate; from actuator and push where the estimator does not tell it."""
         known = task.estimate.tilt
         if known is not None:
-            return known if self._compensate else replace(known, wind_m_s2=np.zeros(2))
+            return (
+                known if self._compensate else TiltEstimate(known.core, known.servo, np.zeros(2), known.trim)
+            )
         yaw_rad = float(task.estimate.motion[YAW])
         demand = demand_matrix(self._model, yaw_rad) @ task.estimate.actuator[:2]
         core = np.zeros(self._system.core.stop - self._system.core.start)

@@ -1,12 +1,12 @@
 """Whatever an estimator does, there is an estimate, and what happened is told."""
 
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from support.failing import BrokenError
 from support.flight import ExactEstimator, still
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from rcopterx.agents.estimators.registry import ESTIMATORS
 from rcopterx.agents.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter

@@ -1,9 +1,8 @@
 """An estimate with one number that is none is told from one that can be computed with."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from rcopterx.agents.flight.finite import is_finite
 from rcopterx.agents.interfaces import Estimate, TiltEstimate

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -73,7 +74,7 @@ def test_prediction_is_the_same_in_every_heading(
     turn[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
     offset = np.zeros(8)
     offset[3] = turn_rad
-    turned = replace(estimate, motion=turn @ estimate.motion + offset)
+    turned = msgspec.structs.replace(estimate, motion=turn @ estimate.motion + offset)
     predicted = predict(COAXIAL_LAG, estimate, applied_input, 0.02).motion
     assert np.allclose(predict(COAXIAL_LAG, turned, applied_input, 0.02).motion, turn @ predicted + offset)
 

@@ -109,7 +109,7 @@ def test_the_filter_of_the_loop_answers_as_the_one_that_flies(model: Model) -> N
         estimator.correct(at)
     before = np.array(estimator.tilt_filter.estimate.core)
     estimator.predict(model.hover_input, PERIOD_S)
-    estimator.correct(replace(at, position_m=np.array([1e-3, 0.0, 1.0]), tilt=np.array([0.0, 1e-3])))
+    estimator.correct(Measurement(np.array([1e-3, 0.0, 1.0]), at.yaw_rad, np.array([0.0, 1e-3])))
     change = (np.array(estimator.tilt_filter.estimate.core) - before) / 1e-3
     loop = tilt_loop(model, PERIOD_S, (100.0, 1.0, 2.4))
     # position forward, tilt to the left
