@@ -6,16 +6,19 @@ Hosts are network namespaces of this computer: their monotonic clocks are one, a
 import os
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+import numpy as np
+
 from rcopterx.benchmarks.namespaces import Network, network
 from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
+from rcopterx.bus.messages import Applied
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.ground_station.fleet import Fleet
@@ -34,6 +37,8 @@ FIRST_ROUTER_S: Final = 180.0
 """Kernels may have to be compiled first."""
 READY_S: Final = 60.0
 SETTLE_S: Final = 5.0
+STAGES: Final = ("pose to agent", "until the controller begins", "control", "command to transmitters")
+"""Of the way from pose to command; the second one is estimating, and waiting for the leader's plan."""
 
 Tell = Callable[[str], None]
 
@@ -53,8 +58,8 @@ def run(rounds: int, seconds: float, tell: Tell = lambda _: None) -> dict[str, A
     Returns
     -------
     dict
-        `one_host` and `four_hosts`: `pose_to_command_ms` (p50, p99, max) and control periods `missed` of
-        `periods`; `ratio_p99`; the `load` of the machine before.
+        `one_host` and `four_hosts`: `pose_to_command_ms` (p50, p99, max), `stages_ms` of it (see `STAGES`)
+        and control periods `missed` of `periods`; `ratio_p99`; the `load` of the machine before.
 
     Raises
     ------
@@ -79,28 +84,41 @@ class Flown:
 
     Attributes
     ----------
-    times_ms
-        From pose to command.
+    times_s
+        When each command passed its stages, see `STAGES`: one row per command.
     missed, periods
         Frames of the motion capture without a command that was obeyed, of how many.
     """
 
     def __init__(self) -> None:
-        self.times_ms: list[float] = []
+        self.times_s: list[tuple[float, ...]] = []
         self.missed = self.periods = 0
 
-    def add(self, commands: list[tuple[int, float]]) -> None:
-        """Take in the commands of a vehicle: frame, and time from its pose [ms]."""
-        frames = {frame for frame, _ in commands}
+    def add(self, commands: Sequence[Applied]) -> None:
+        """Take in what the transmitter of a vehicle obeyed."""
+        timed = [told for told in commands if told.timing is not None and told.command_arrived_s is not None]
+        frames = {told.frame for told in timed}
         span = max(frames) - min(frames) + 1
-        self.times_ms += [time_ms for _, time_ms in commands]
+        self.times_s += [_times_s(told) for told in timed]
         self.periods += span
         self.missed += span - len(frames)
 
 
+def _times_s(told: Applied) -> tuple[float, ...]:
+    timing = told.timing
+    assert timing is not None
+    assert told.command_arrived_s is not None
+    return (timing.received_s, timing.arrived_s, timing.began_s, timing.ready_s, told.command_arrived_s)
+
+
 def _figures(flights: list[Flown]) -> dict[str, Any]:
+    times_ms = 1e3 * np.array([row for flight in flights for row in flight.times_s])
+    stages_ms = np.diff(times_ms, axis=1)
     return {
-        "pose_to_command_ms": percentiles([time_ms for flight in flights for time_ms in flight.times_ms]),
+        "pose_to_command_ms": percentiles((times_ms[:, -1] - times_ms[:, 0]).tolist()),
+        "stages_ms": {
+            name: percentiles(stage_ms.tolist()) for name, stage_ms in zip(STAGES, stages_ms.T, strict=True)
+        },
         "missed": sum(flight.missed for flight in flights),
         "periods": sum(flight.periods for flight in flights),
     }
@@ -139,13 +157,7 @@ def _measured(fleet: Fleet, seconds: float) -> Flown:
     flown = Flown()
     for inbox in inboxes:
         obeyed = [received.message for received in inbox.drain()]
-        flown.add(
-            [
-                (told.frame, 1e3 * (told.command_arrived_s - told.timing.received_s))
-                for told in obeyed
-                if told.timing is not None and told.command_arrived_s is not None
-            ]
-        )
+        flown.add(obeyed)
     fleet.land()
     return flown
 

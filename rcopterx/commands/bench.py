@@ -255,6 +255,8 @@ def hosts(
             f"{name.replace('_', ' '):10} pose to command [ms]: {times}; "
             f"{row['missed']} of {row['periods']} periods missed"
         )
+        for stage, figures in row["stages_ms"].items():
+            typer.echo(f"  {stage:28}" + ", ".join(f"{kind} {value:.2f}" for kind, value in figures.items()))
     typer.echo(f"p99 over four hosts: {document['ratio_p99']:.2f} times that of one")
 
 
