@@ -130,6 +130,8 @@ class Pilot:
         self.avoidance.use(controller)
         self.plan: Trajectory | None = None
         """Newest plan of the controller; None on the floor."""
+        self.reference: Array | None = None
+        """Position and yaw that it shall begin at; None on the floor."""
         self.self_check = SelfCheck(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
         self.clock = FleetClock()
@@ -349,7 +351,7 @@ class Pilot:
         step = self.step_guard.step(self.controller, estimate, reference, self.input_history.newest)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
-        self.plan = step.plan
+        self.plan, self.reference = step.plan, reference.samples[0, :4]
         bridged = 1 + round(BRIDGED_S / self.controller.period_s)
         smoothed = self._transfer.smoothed(
             step.inputs[:bridged], self.input_history.newest, self.controller.period_s
@@ -359,13 +361,7 @@ class Pilot:
         self._check_vehicle(inputs[0], time_s)
         self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
         self._planned = inputs[1:]
-        return ControlOutput(
-            inputs[0],
-            inputs[1:],
-            step.plan,
-            delay_s,
-            reference.samples[0, :4],
-        )
+        return ControlOutput(inputs[0], inputs[1:], step.plan, delay_s, self.reference)
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""
@@ -418,7 +414,8 @@ class Pilot:
         command = np.zeros(INPUT_SIZE)
         command[U_THRUST] = self._lift_off.thrust(self.clock.time_s)
         self._flown_by_controller = False
-        self.plan, self._planned = None, np.zeros((0, INPUT_SIZE))
+        self.plan = self.reference = None
+        self._planned = np.zeros((0, INPUT_SIZE))
         self.input_history.append(effect_from_s, self.sequence, command)
         plan = resting(self.estimate, self.controller.period_s, self.controller.horizon)
         return ControlOutput(command, np.zeros((0, INPUT_SIZE)), plan, self.model.delay_s, None)

@@ -1,5 +1,6 @@
 """Bus messages of an agent, built from what its pilot did."""
 
+import math
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -145,6 +146,7 @@ def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) 
         position_m=None if motion is None else three(motion[:3]),
         velocity_m_s=None if motion is None else _inertial_velocity(motion),
         yaw_rad=None if motion is None else float(motion[YAW]),
+        error_m=_error_m(pilot),
         path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
         excitation_left_s=pilot.exciter.left_s(pilot.clock.time_s),
         excitation=pilot.exciter.outcome,
@@ -234,6 +236,15 @@ def _wind(pilot: Pilot) -> tuple[float, float] | None:
     estimate = pilot.estimate
     x, y = estimate.disturbance[:2] if estimate.tilt is None else estimate.tilt.wind_m_s2
     return float(x), float(y)
+
+
+def _error_m(pilot: Pilot) -> float | None:
+    """Distance of the plan's beginning from the reference [m]; None on the floor."""
+    if pilot.plan is None or pilot.reference is None:
+        return None
+    return rounded(
+        math.dist(pilot.plan.samples[0, :3].tolist(), pilot.reference[:3].tolist()), REFERENCE_BITS
+    )
 
 
 def _hover_thrust(pilot: Pilot) -> float | None:

@@ -305,6 +305,8 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     position_m: Three | None = None
     velocity_m_s: Three | None = None
     yaw_rad: float | None = None
+    error_m: Annotated[float, Meta(ge=0)] | None = None
+    """Distance from the reference when the newest command takes effect; absent on the floor."""
     path_left_s: Seconds = 0.0
     """Time until the trajectory ends that the vehicle flies; 0 without one."""
     excitation_left_s: Seconds = 0.0

@@ -83,7 +83,7 @@ class AsyncVehicle(Wrapped[Vehicle]):
 
     @property
     def plan(self) -> Plan | None:
-        """Newest plan, None before the first."""
+        """Newest plan, None before the first; from the first question on plans are heard."""
         return self._wrapped.plan
 
     arm = awaited(Vehicle.arm)
@@ -185,6 +185,13 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
     def watch_latency(self) -> None:
         """From now on states tell latencies by stage; every command that is written is heard for that."""
         self._wrapped.watch_latency()
+
+    def watch_motion(self) -> None:
+        """From now on every pose and every plan is heard, and states tell them: for pages that draw.
+
+        They are a hundred messages a second of each vehicle, from every host to this one.
+        """
+        self._wrapped.watch_motion()
 
     arm = awaited(Fleet.arm)
     take_off = awaited(Fleet.take_off)

@@ -1,22 +1,22 @@
 """What is known of a running fleet, and waiting for it; whoever only watches needs nothing else."""
 
+import threading
 from collections.abc import Callable, Iterable
-from typing import TypeVar
-
-import numpy as np
+from typing import NamedTuple, TypeVar
 
 from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.phases import Phase
 from rcopterx.bus import channels
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import AgentStatus, LauncherStatus, Plan
+from rcopterx.bus.messages import AgentStatus, LauncherStatus, Plan, Pose
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
-from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.subscription import Inbox, UnitSubscriptions
 from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.ground_station.hosts import clock_differences, host_notes
+from rcopterx.ground_station.in_place import away, out_of_place
 from rcopterx.ground_station.joining import WrongFleetError, check_identity
 from rcopterx.ground_station.latency import LatencyWatch, clock_offset
 from rcopterx.ground_station.state import (
@@ -34,12 +34,19 @@ FIRST_STATUS_S = 1.5
 """Longest wait for a first status, which comes five times a second."""
 UNDER_WAY_S = 0.05
 """A status that arrives so soon after a question may have been sent before it."""
-OFFSET_TOLERANCE_M = 0.001
-YAW_TOLERANCE_RAD = 0.2
+FIRST_MOTION_S = 0.5
+"""Longest wait for a first plan or pose, which come every control period."""
+
+
+class Motion(NamedTuple):
+    """Poses and plans of all vehicles."""
+
+    poses: UnitSubscriptions[Pose]
+    plans: UnitSubscriptions[Plan]
 
 
 class Observer:
-    """Hears everything a fleet says of itself.
+    """Hears what a fleet says of itself; every pose and plan only if that is asked for.
 
     Parameters
     ----------
@@ -79,13 +86,13 @@ class Observer:
             raise
         self._agents = self.session.subscribe_all(channels.AGENT_STATUS)
         self._transmitters = self.session.subscribe_all(channels.TRANSMITTER_STATUS)
-        self._poses = self.session.subscribe_all(channels.POSE)
-        self.plans = self.session.subscribe_all(channels.PLAN)
         self._launchers = self.session.subscribe_all(channels.LAUNCHER)
         self._routers = self.session.subscribe_all(channels.ROUTER_STATUS, waking=False)
         self._recorders = self.session.subscribe_all(channels.RECORDER, waking=False)
         self.tracker = self.session.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
         self._latency: LatencyWatch | None = None
+        self._watching = threading.Lock()
+        self._motion: Motion | None = None
 
     def __str__(self) -> str:
         """The fleet, and a line about each of its vehicles."""
@@ -106,9 +113,14 @@ class Observer:
         now_s = self.session.clock()
         agent, agent_age_s = _newest(self._agents.inboxes.get(name), now_s)
         transmitter, transmitter_age_s = _newest(self._transmitters.inboxes.get(name), now_s)
-        pose, pose_age_s = _newest(self._poses.inboxes.get(name), now_s)
-        plan, _ = _newest(self.plans.inboxes.get(name), now_s)
-        seen_age_s = self._unseen_s(name, now_s) if pose is None or pose.occluded else pose_age_s
+        pose_age_s = None
+        if agent is not None and agent_age_s is not None and agent.diagnostics.pose_age_s is not None:
+            pose_age_s = agent.diagnostics.pose_age_s + agent_age_s
+        unseen_s = self._unseen_s(name, now_s)
+        seen_age_s = pose_age_s if unseen_s is None else unseen_s
+        motion = self._motion
+        pose = None if motion is None else _newest(motion.poses.inboxes.get(name), now_s)[0]
+        plan = None if motion is None else _newest(motion.plans.inboxes.get(name), now_s)[0]
         return VehicleState(
             name, agent, transmitter, agent_age_s, transmitter_age_s, pose_age_s, seen_age_s, plan,
             None if pose is None else pose.position_m, None if pose is None else pose.quaternion_xyzw,
@@ -123,6 +135,28 @@ class Observer:
                 return clock_offset(self._routers_heard(), first, second)
 
             self._latency = LatencyWatch(self.session, offset)
+
+    def watch_motion(self) -> None:
+        """From now on every pose and every plan is heard, and states tell them: for pages that draw.
+
+        They are a hundred messages a second of each vehicle, from every host to this one.
+        """
+        self._heard_motion()
+
+    def _heard_motion(self) -> "Motion":
+        with self._watching:
+            if self._motion is None:
+                self._motion = Motion(
+                    self.session.subscribe_all(channels.POSE), self.session.subscribe_all(channels.PLAN)
+                )
+            return self._motion
+
+    def plan_of(self, name: str) -> Plan | None:
+        """Newest plan of a vehicle, None before the first; from the first question on plans are heard."""
+        if self._motion is None:
+            self.watch_motion()
+            self._notifier.wait_until(lambda: self.state_of(name).plan is not None, FIRST_MOTION_S)
+        return self.state_of(name).plan
 
     def present(self) -> list[str]:
         """Vehicles of the fleet file that take part: all but those that are absent and run nowhere else."""
@@ -212,10 +246,11 @@ class Observer:
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""
         from_s = self.session.clock() + UNDER_WAY_S
+        plans = self._heard_motion().plans
 
         def heard() -> dict[str, Plan]:
             found = {}
-            for other, inbox in tuple(self.plans.inboxes.items()):
+            for other, inbox in tuple(plans.inboxes.items()):
                 received = inbox.latest()
                 if received is not None and received.arrived_s >= from_s:
                     found[other] = received.message
@@ -231,9 +266,9 @@ class Observer:
 
     def frame_period_s(self, name: str) -> float:
         """Time between the frames of the motion capture [s]."""
-        inbox = self._poses.inboxes.get(name)
-        received = None if inbox is None else inbox.latest()
-        return self.file.vehicles[name].control.period_s if received is None else received.message.period_s
+        status = _newest(self.tracker, self.session.clock())[0]
+        told_s = 0.0 if status is None else status.period_s
+        return told_s or self.file.vehicles[name].control.period_s
 
     def wait_for_status(self, names: Iterable[str] | None = None, timeout_s: float = FIRST_STATUS_S) -> bool:
         """Wait for a first status of everybody after joining; False if one is missing.
@@ -310,7 +345,7 @@ class Observer:
             if names is None:
                 states = [state for state in states if isinstance(state, str) or state.assigned]
             found = [
-                state if isinstance(state, str) else _out_of_place(state, tolerance_m) for state in states
+                state if isinstance(state, str) else out_of_place(state, tolerance_m) for state in states
             ]
             return [line for line in found if line]
 
@@ -334,7 +369,7 @@ class Observer:
             states = [self._told_after(name, from_s) for name in wanted]
             if names is None:
                 states = [state for state in states if isinstance(state, str) or not state.assigned]
-            found = [state if isinstance(state, str) else _away(state, tolerance_m) for state in states]
+            found = [state if isinstance(state, str) else away(state, tolerance_m) for state in states]
             return [line for line in found if line]
 
         if not self._notifier.wait_until(lambda: not missing(), timeout_s):
@@ -353,36 +388,3 @@ def _newest(inbox: Inbox[M] | None, now_s: float) -> tuple[M | None, float | Non
         return None, None
     received = inbox.latest()
     return (None, None) if received is None else (received.message, max(0.0, now_s - received.arrived_s))
-
-
-def _out_of_place(state: VehicleState, tolerance_m: float) -> str:
-    """What keeps a follower from being in formation; empty if nothing does."""
-    plan = state.plan
-    if not state.assigned:
-        return f"{state.name}: follows nobody"
-    if plan is None or state.error_m is None or not plan.following:
-        return f"{state.name}: {state.phase}, does not follow now"
-    present = {link.leader: link.offset_m for link in plan.following}
-    for link in state.assigned:
-        if link.leader not in present:
-            return f"{state.name}: does not follow {link.leader} now"
-        if np.linalg.norm(np.subtract(link.offset_m, present[link.leader])) > OFFSET_TOLERANCE_M:
-            return f"{state.name}: still on its way to its new offset"
-    if state.error_m > tolerance_m:
-        return f"{state.name}: {1000 * state.error_m:.0f} mm from its place"
-    return ""
-
-
-def _away(state: VehicleState, tolerance_m: float) -> str:
-    """How far a vehicle is from its set point; empty if it is there."""
-    agent, plan = state.agent, state.plan
-    if agent is None or plan is None or state.phase != "flying":
-        return f"{state.name}: {state.phase}"
-    present = plan.samples()[0]
-    distance_m = float(np.linalg.norm(present[:3] - np.array(agent.set_point.position_m)))
-    turn_rad = abs(float(present[3]) - agent.set_point.yaw_rad)
-    if distance_m > tolerance_m:
-        return f"{state.name}: {1000 * distance_m:.0f} mm from its set point"
-    if turn_rad > YAW_TOLERANCE_RAD:
-        return f"{state.name}: {np.degrees(turn_rad):.0f} deg from its heading"
-    return ""

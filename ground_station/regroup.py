@@ -171,7 +171,7 @@ def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str
 
 
 def _plan(fleet: Observer, name: str) -> Plan:
-    plan = fleet.state_of(name).plan
+    plan = fleet.plan_of(name)
     if plan is None:
         raise RegroupError(f"{name}: no plan is heard")
     return plan

@@ -37,15 +37,16 @@ class VehicleState:
     agent_age_s, transmitter_age_s
         Their ages.
     pose_age_s
-        Age of the newest message of the motion capture about the vehicle, whether it was seen or not.
+        Age of the newest message of the motion capture about the vehicle that its agent has received, whether
+        it was seen or not.
     seen_age_s
-        Time since the motion capture last saw the vehicle; None if it never did since this program joined.
+        Time since the motion capture last saw the vehicle; None if nobody knows.
     plan
-        Newest plan, None before the first.
+        Newest plan; None before the first, and unless motion is watched (`Observer.watch_motion`).
     seen_at_m
-        Where the motion capture sees the vehicle; None if it does not.
+        Where the motion capture sees the vehicle; None if it does not, and unless motion is watched.
     quaternion_xyzw
-        Attitude that the motion capture sees; None if it does not.
+        Attitude that the motion capture sees; None if it does not, and unless motion is watched.
     latency_ms
         Percentiles of the time that the newest commands spent in each stage on their way, see
         `rcopterx.ground_station.latency`; empty unless they are watched.
@@ -113,11 +114,10 @@ class VehicleState:
 
     @property
     def error_m(self) -> float | None:
-        """Distance from the reference of the newest plan, as the agent sees it; None on the floor."""
-        if self.plan is None or self.plan.reference is None or not self.plan.airborne:
-            return None
-        place = self.plan.samples()[0, :3]
-        return float(np.linalg.norm(place - np.array(self.plan.reference[:3])))
+        """Distance from the reference, as the agent sees it; None on the floor."""
+        if self.plan is not None:
+            return error_of(self.plan)
+        return None if self.agent is None else self.agent.error_m
 
     def __str__(self) -> str:
         words = [self.phase, f"transmitter {self.transmitter_state}"]
@@ -158,6 +158,13 @@ class VehicleState:
         elif self.transmitter.state == "killed":
             found.append(f"{self.name}: killed ({self.transmitter.reason}); reset it first")
         return found
+
+
+def error_of(plan: Plan) -> float | None:
+    """Distance of the beginning of a plan from its reference [m]; None on the floor."""
+    if plan.reference is None or not plan.airborne:
+        return None
+    return float(np.linalg.norm(plan.samples()[0, :3] - np.array(plan.reference[:3])))
 
 
 def tracker_problems(

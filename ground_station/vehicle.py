@@ -69,8 +69,8 @@ class Vehicle:
 
     @property
     def plan(self) -> Plan | None:
-        """Newest plan, None before the first."""
-        return self.state.plan
+        """Newest plan, None before the first; from the first question on plans are heard."""
+        return self._fleet.plan_of(self.name)
 
     def arm(self) -> None:
         """Let the vehicle's agent command its transmitter."""

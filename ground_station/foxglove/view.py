@@ -17,7 +17,7 @@ from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.ground_station.event_feed import HEARD, EventFeed
 from rcopterx.ground_station.foxglove import drawing
 from rcopterx.ground_station.latency import clock_offset, stage_times_ms
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.state import error_of
 
 NANO: Final = 1e9
 SCENE_NS: Final = 100_000_000
@@ -125,7 +125,7 @@ class FoxgloveView:
         reference = drawing.reference(plan, time_ns)
         if reference is not None:
             self._references[name].log(reference, log_time=time_ns)
-        error_m = VehicleState(name, None, None, None, None, None, plan=plan).error_m
+        error_m = error_of(plan)
         if error_m is not None:
             self._flight[name].log({"error_mm": 1000 * error_m}, log_time=time_ns)
         if self._due(f"{name} plan", time_ns, SCENE_NS):

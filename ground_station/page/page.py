@@ -67,6 +67,7 @@ class FleetPage:
         self.banner = frame.banner
         self._applied = fleet.session.subscribe_all(channels.APPLIED)
         fleet.watch_latency()
+        fleet.watch_motion()
         self.histories = {name: History() for name in fleet.file.vehicles}
         self.timeline = Timeline()
         self.steering = Steering(fleet, self.notify) if steers else None

@@ -1,5 +1,6 @@
 """Promises of the agent on the bus: when it commands, when it keeps silent, and what it says of itself."""
 
+import math
 import threading
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from rcopterx.agents.interfaces import LimitScale
 from rcopterx.agents.pilot import BLIND_LIMIT_S
 from rcopterx.agents.process import Agent
 from rcopterx.agents.references.trajectory import hold
+from rcopterx.agents.telemetry import status_message
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
@@ -209,6 +211,20 @@ def test_the_status_tells_task_phase_and_leaders(follower: Bench) -> None:
     assert status.position_m == pytest.approx((0.0, 0.0, 1.0), abs=0.2)
     assert status.diagnostics.fallbacks["leader_plan_missing"] >= 1
     assert status.diagnostics.ticks > 0
+
+
+def test_the_status_tells_how_far_the_vehicle_is_from_its_reference(follower: Bench) -> None:
+    follower.start()
+    diagnostics = follower.status().diagnostics
+    follower.see()
+    follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame, position_m=(0.5, 0.0, 1.0)))
+    follower.command_of(follower.frame)
+    pilot = follower.pilot
+    assert pilot.plan is not None
+    assert pilot.reference is not None
+    error_m = math.dist(pilot.plan.samples[0, :3], pilot.reference[:3])
+    assert error_m > 0.001
+    assert status_message(pilot, "follow", diagnostics).error_m == pytest.approx(error_m, abs=1e-4)
 
 
 def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:

@@ -145,7 +145,7 @@ def test_every_call_that_waits_is_there_with_the_same_parameters(
         "connect",
         "launched",
         "synchronous",
-        "plans",
+        "plan_of",
         "statuses",
         "followers",
         "launchers",
@@ -158,6 +158,6 @@ def test_every_call_that_waits_is_there_with_the_same_parameters(
             continue
         twin = getattr(asynchronous, name)
         assert twin.__doc__ == method.__doc__
-        if name not in ("state_of", "problems", "watch_latency", "notes", "present"):
+        if name not in ("state_of", "problems", "watch_latency", "watch_motion", "notes", "present"):
             assert inspect.iscoroutinefunction(twin), name
             assert inspect.signature(twin) == inspect.signature(method), name

@@ -14,7 +14,7 @@ from rcopterx.bus.messages import LauncherStatus, LeaderLink, SubjectState, Trac
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.state import VehicleState, launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.state import error_of, launcher_notes, tracker_notes, tracker_problems
 from rcopterx.ground_station.status import fleet_check, fleet_status, readable
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -129,13 +129,11 @@ def test_what_the_vicon_gateway_says_against_a_take_off_is_told(
 
 def test_the_error_of_a_flying_vehicle_is_the_distance_to_its_reference() -> None:
     plan = plan_of("h1", position_m=(0.3, 0.4, 1.0))
-    state = VehicleState("h1", None, None, None, None, None, plan=plan)
-    assert state.error_m is None
+    assert error_of(plan) is None
     with_reference = type(plan)(
         **{name: getattr(plan, name) for name in plan.__struct_fields__} | {"reference": (0.0, 0.0, 1.0, 0.0)}
     )
-    state = VehicleState("h1", None, None, None, None, None, plan=with_reference)
-    assert state.error_m == pytest.approx(0.5)
+    assert error_of(with_reference) == pytest.approx(0.5)
 
 
 def test_the_status_tells_whom_a_vehicle_follows(

@@ -100,7 +100,7 @@ def test_a_fleet_and_a_state_print_short_and_readable(fleet: Fleet, vehicles: Ve
     assert repr(fleet["h1"]) == "<Vehicle h1>"
     assert str(UNHEARD) == "h4: unknown, transmitter unknown"
     assert repr(UNHEARD) == f"<VehicleState {UNHEARD}>"
-    line = "ground, transmitter disarmed, flown by paper, leads, at 0.10 0.20 0.30 m"
+    line = "ground, transmitter disarmed, flown by paper, leads, at 0.10 0.20 0.30 m, heading 0 deg"
     assert str(fleet) == f"fleet lab\n  h1: {line}\n  h2: {line}"
     vehicles["h2"].diagnostics = {"client": "octave"}
     wait_for(lambda: "flown by octave (external)" in str(fleet["h2"]), "the client is not told")

@@ -82,7 +82,7 @@ class Formation:
             raise RequestFailedError(f"{name} did not answer")
         return Reply(accepted=True)
 
-    def state_of(self, name: str) -> "View":
+    def plan_of(self, name: str) -> "View":
         return View(plan_of(name, self.frame), self.members[name].following)
 
     def frame_period_s(self, name: str) -> float:
@@ -114,10 +114,6 @@ class Formation:
 class View:
     newest: Plan
     following: tuple[LeaderLink, ...]
-
-    @property
-    def plan(self) -> "View":
-        return self
 
     @property
     def epoch(self) -> int:

@@ -69,6 +69,8 @@ class ScriptedVehicle:
         self.set_point = SetPoint(position_m=(0.0, 0.0, 0.0), yaw_rad=0.0)
         self.position_m = (0.1, 0.2, 0.3)
         self.occluded_s: float | None = None
+        self.yaw_rad = 0.0
+        self.error_m: float | None = None
         self.plan: Plan | None = None
         self.path_left_s = 0.0
 
@@ -107,6 +109,7 @@ class ScriptedVehicle:
     ) -> None:
         """Fly somewhere, so far from the reference."""
         x, y, z = position_m
+        self.position_m, self.yaw_rad, self.error_m = position_m, yaw_rad, error_m
         self.plan = plan_of(
             self.name, position_m=position_m, yaw_rad=yaw_rad, reference_m=(x - error_m, y, z),
             following=self.following,
@@ -126,6 +129,8 @@ class ScriptedVehicle:
             phase=self.phase,
             set_point=self.set_point,
             position_m=self.position_m,
+            yaw_rad=self.yaw_rad,
+            error_m=self.error_m,
             following=self.following,
             assigned=self.assigned,
             following_mode=self.following_mode,

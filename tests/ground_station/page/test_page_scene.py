@@ -64,6 +64,7 @@ def fly(vehicles: Vehicles) -> None:
     for vehicle in vehicles.values():
         vehicle.phase, vehicle.state = "flying", "armed"
         vehicle.plan_at((0.0, 0.0, 1.0))
+        vehicle.position_m = (0.1, 0.2, 0.3)
 
 
 def draw(page: FleetPage) -> None:
