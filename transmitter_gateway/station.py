@@ -90,7 +90,7 @@ class Station:
                 sequence=message.sequence,
                 frame=message.frame,
                 u=message.input,
-                next_u=message.next_inputs.to_numpy().tolist(),
+                next_u=message.next_inputs.rows(),
                 period_s=message.period_s,
             )
             now_s = clock()
@@ -160,8 +160,8 @@ class Station:
         for applied in self._unpublished:
             self._session.publish(channels.APPLIED, self.vehicle, applied)
         self._unpublished.clear()
-        states = {self._reported_state, self.transmitter.arbiter.state}
-        if len(states) > 1 and State.KILLED in states:
+        before, now = self._reported_state, self.transmitter.arbiter.state
+        if before is not now and State.KILLED in (before, now):
             self.report(self._session.clock())
 
     def _applied(self, write: Write) -> Applied:

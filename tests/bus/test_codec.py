@@ -251,10 +251,12 @@ def test_arrays_that_lie_about_their_shape_are_refused(shape: list[int], size: i
     assert "next_inputs" in str(error)
 
 
-@pytest.mark.parametrize("number", [math.nan, math.inf, 1e300])
-def test_arrays_with_numbers_no_controller_can_use_are_refused(number: float) -> None:
-    data = bytes(8) + struct.pack("<d", number) + bytes(16)
-    error = refusal(COMMAND | {"next_inputs": {"shape": [1, 4], "data": data}}, Command)
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 1e300, -1.001e6])
+def test_arrays_with_numbers_no_controller_can_use_are_refused(number: float, place: int) -> None:
+    data = bytearray(32)
+    struct.pack_into("<d", data, 8 * place, number)
+    error = refusal(COMMAND | {"next_inputs": {"shape": [1, 4], "data": bytes(data)}}, Command)
     assert error.kind == "value"
     assert "next_inputs" in str(error)
 
@@ -328,6 +330,7 @@ def test_matrices_survive_the_bus(rows: int, columns: int, random: Any) -> None:
     packed = FloatArray.of(values)
     packed.check("x", columns, max_rows=20)
     assert np.array_equal(packed.to_numpy(), values)
+    assert packed.rows() == [tuple(row) for row in values.tolist()]
     assert not packed.to_numpy().flags.writeable
 
 
