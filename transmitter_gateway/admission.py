@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from numbers import Real
+from typing import cast
 
 from msgspec import Struct
 
@@ -116,7 +117,8 @@ class Admission:
             if type(number) is not int or number < 0:
                 return Rejection.MALFORMED
         period = command.period_s
-        if isinstance(period, bool) or not isinstance(period, Real):
+        # Nearly all are floats; asking for the abstract type takes long.
+        if type(period) is not float and (isinstance(period, bool) or not isinstance(period, Real)):
             return Rejection.MALFORMED
         if not 0 < period <= self._limits.longest_period_s:
             return Rejection.NOT_FINITE if not math.isfinite(period) else Rejection.OUT_OF_LIMITS
@@ -126,14 +128,35 @@ class Admission:
             return Rejection.MALFORMED
         if len(plan) > LONGEST_PLAN:
             return Rejection.MALFORMED
+        inputs = self._check_plan(plan)
+        if isinstance(inputs, Rejection):
+            return inputs
+        cause = Cause(command.lease, command.epoch, command.sequence, command.frame)
+        return AcceptedCommand(cause, inputs[0], inputs[1:], float(period))
+
+    def _check_plan(self, plan: tuple[Sequence[float], ...]) -> tuple[Input, ...] | Rejection:
+        """Clamp all inputs; the first bad one tells the reason."""
+        if self._is_within(plan):
+            return cast(tuple[Input, ...], plan)
         inputs: list[Input] = []
         for values in plan:
             checked = self._check_input(values)
             if isinstance(checked, Rejection):
                 return checked
             inputs.append(checked)
-        cause = Cause(command.lease, command.epoch, command.sequence, command.frame)
-        return AcceptedCommand(cause, inputs[0], tuple(inputs[1:]), float(period))
+        return tuple(inputs)
+
+    def _is_within(self, plan: tuple[Sequence[float], ...]) -> bool:
+        """Whether all inputs are four floats within their limits, as in nearly all commands."""
+        if set(map(type, plan)) != {tuple} or set(map(len, plan)) != {4}:
+            return False
+        for values, (_, lower, upper, _) in zip(zip(*plan, strict=True), self._bounds, strict=True):
+            if set(map(type, values)) != {float}:
+                return False
+            # The least and the greatest do not tell of a NaN; the sum does.
+            if not (lower <= min(values) and max(values) <= upper) or math.isnan(sum(values)):
+                return False
+        return True
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
         """Clamp an input; what is worst about a bad one is the reason: form, then finiteness, then limits."""
@@ -146,12 +169,9 @@ class Admission:
         rejection: Rejection | None = None
         clamped: list[float] = []
         for value, (lowest, lower, upper, highest) in zip(numbers, self._bounds, strict=True):
-            # Nearly all are floats within their limits; asking for the abstract type takes long.
-            if type(value) is float and lower <= value <= upper:
-                clamped.append(value)
-            elif isinstance(value, bool) or not isinstance(value, Real):
+            if type(value) is not float and (isinstance(value, bool) or not isinstance(value, Real)):
                 return Rejection.MALFORMED
-            elif lowest <= value <= highest:
+            if lowest <= value <= highest:
                 clamped.append(min(max(float(value), lower), upper))
             elif rejection is not Rejection.NOT_FINITE:
                 rejection = Rejection.OUT_OF_LIMITS if abs(value) < math.inf else Rejection.NOT_FINITE

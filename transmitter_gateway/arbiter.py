@@ -11,7 +11,7 @@ import math
 from collections import Counter
 
 from rcopterx.transmitter_gateway.admission import Admission, Stream
-from rcopterx.transmitter_gateway.bridging import bridging_step, played_input, step_ages_s
+from rcopterx.transmitter_gateway.bridging import CommandAges, bridging_step, played_input
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     THRUST,
@@ -73,6 +73,7 @@ class Arbiter:
         self._admission = Admission(limits, self.counters)
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
+        self._ages = CommandAges(limits)
         self._link = LinkState.LOST
         self._arming = False
         self._shutdown = False
@@ -404,9 +405,7 @@ class Arbiter:
         times = self.surveillance.next_event_s()
         stream = self._stream()
         if stream is not None:
-            ages = [limits.hold_after_s, limits.descend_after_s, limits.cut_after_s]
-            ages += step_ages_s(stream.command.period_s, limits)
-            times += [stream.arrival_s + age for age in ages]
+            times.append(self._ages.next_s(stream, self._now_s))
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
         times.append(self._entered_s + limits.hold_limit_s)

@@ -4,6 +4,8 @@ Planned input n belongs to the time n periods after its command. The first one w
 not until HOLD, so that a command that is merely a little late does not count as missing.
 """
 
+import math
+
 from rcopterx.transmitter_gateway.admission import AcceptedCommand, Stream
 from rcopterx.transmitter_gateway.inputs import Input
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
@@ -28,10 +30,33 @@ def played_input(command: AcceptedCommand, step: int) -> Input:
     return command.next_u[step - 1] if step else command.u
 
 
-def step_ages_s(period_s: float, limits: ArbiterLimits) -> list[float]:
-    """Ages of a command at which another input may begin to act [s]."""
-    later = [number * period_s for number in range(2, _steps_within(limits.bridge_s, period_s) + 2)]
-    return [_first_after_s(period_s, limits), *later]
+class CommandAges:
+    """At which ages of its newest command a vehicle may do something else.
+
+    Parameters
+    ----------
+    limits : ArbiterLimits
+        Limits of its arbiter.
+    """
+
+    def __init__(self, limits: ArbiterLimits) -> None:
+        self._limits = limits
+        self._period_s = math.nan
+        self._ages_s: list[float] = []
+
+    def next_s(self, stream: Stream, now_s: float) -> float:
+        """When the newest command reaches the next such age after `now_s` [s]; infinite if there is none."""
+        if stream.command.period_s != self._period_s:
+            self._period_s = stream.command.period_s
+            self._ages_s = sorted(self._all_s(self._period_s))
+        times = (stream.arrival_s + age_s for age_s in self._ages_s)
+        return next((time_s for time_s in times if time_s > now_s), math.inf)
+
+    def _all_s(self, period_s: float) -> list[float]:
+        limits = self._limits
+        steps = range(2, _steps_within(limits.bridge_s, period_s) + 2)
+        another_input = [_first_after_s(period_s, limits), *(number * period_s for number in steps)]
+        return [*another_input, limits.hold_after_s, limits.descend_after_s, limits.cut_after_s]
 
 
 def _steps_within(time_s: float, period_s: float) -> int:

@@ -85,6 +85,7 @@ class LandingLaw:
         self._faster_s = self._astray_s = 0.0
         self._faster = False
         self._effects = (StickEffect(), StickEffect())
+        self._new = True
 
     def release(self) -> None:
         """Forget the place, but not what the sticks do; the next step begins where the vehicle is then."""
@@ -98,6 +99,9 @@ class LandingLaw:
 
     def renew(self) -> None:
         """Forget everything: somebody else has flown the vehicle, or it has not flown."""
+        if self._new:
+            return
+        self._new = True
         self.release()
         self._faster = False
         self._effects = (StickEffect(), StickEffect())
@@ -131,6 +135,7 @@ class LandingLaw:
         tuple of float
             Pitch, roll, thrust, yaw.
         """
+        self._new = False
         if self._place is None:
             self._place, self._yaw_rad = motion.position_m, motion.yaw_rad
         self._watch(motion, elapsed_s)

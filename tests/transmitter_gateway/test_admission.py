@@ -136,6 +136,19 @@ def test_numbers_of_any_real_type_are_taken() -> None:
     assert all(type(value) is float for value in gate.admission.stream.command.u)
 
 
+NEARLY_RIGHT = st.sampled_from(
+    [0.0, -0.0, 0.3, 1.0, 1.01, 1.03, -1.0, -1.01, 0.4, 0.41, -0.02, 1, True, math.nan, math.inf, -math.inf]
+)
+
+
+@given(st.lists(st.lists(NEARLY_RIGHT, min_size=3, max_size=5), min_size=1, max_size=4))
+def test_whole_plans_are_judged_as_if_every_number_was_looked_at(plan: list[list[float]]) -> None:
+    at_once, one_by_one = Gate(), Gate()
+    tuples = [tuple(values) for values in plan]
+    assert at_once.consider(u=tuples[0], next_u=tuples[1:]) is one_by_one.consider(u=plan[0], next_u=plan[1:])
+    assert at_once.admission.stream == one_by_one.admission.stream
+
+
 def test_counting_may_start_at_zero() -> None:
     assert Gate().consider(epoch=0, sequence=0, frame=0, pose_epoch=0, pose_frame=0) is None
 
