@@ -30,6 +30,9 @@ class Phase(IntEnum):
     """Its loop does not run any more."""
 
 
+_WORKING, _FLYING = int(Phase.WORKING), int(Phase.FLYING)
+
+
 class Heartbeat:
     """The process's side.
 
@@ -45,8 +48,9 @@ class Heartbeat:
 
     def beat(self, flying: bool = False) -> None:
         """Show that the loop has come round; `flying` tells whether a rotor is known to turn."""
-        self._words[_COUNT] += 1
-        self._words[_PHASE] = Phase.FLYING if flying else Phase.WORKING
+        words = self._words
+        words[_COUNT] += 1
+        words[_PHASE] = _FLYING if flying else _WORKING
 
     def starting(self) -> None:
         """Ask for the patience that a process needs until its loop runs; a spare does when it takes over."""

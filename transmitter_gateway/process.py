@@ -63,6 +63,8 @@ class Gateway:
         self._judge_poses_at_s = math.inf
         self._poses_wake = True
         self._poses_taken_s = -math.inf
+        self._stations_due_s = -math.inf
+        self._flying = False
         self._poses: dict[str, Subscription[Pose]] = {
             name: session.subscribe(channels.POSE, name, depth=POSES_KEPT, wake=self._on_pose)
             for name in settings.vehicles
@@ -78,12 +80,12 @@ class Gateway:
 
     def wait(self) -> None:
         """Wait for a message, an answer of a module or the next deadline."""
-        self._beat()
+        self._heartbeat.beat(self._flying)
         deadline_s = min(
             self._report_at_s,
             self._judge_poses_at_s,
             self._poses_taken_s + LONGEST_POSE_WAIT_S,
-            *(station.transmitter.next_deadline_s() for station in self._stations.values()),
+            self._stations_due_s,
         )
         timeout_s = 0.0 if self._called else min(LONGEST_WAIT_S, deadline_s - self._clock())
         ports = {station.transmitter.port.fileno(): station for station in self._stations.values()}
@@ -118,24 +120,38 @@ class Gateway:
             self._report_at_s = self._clock()
         for incoming in self._session.pending():
             self._stations[incoming.unit].answer(incoming, self._clock())
+        self._look_at_stations()
+        self._report()
+
+    def _look_at_stations(self) -> None:
+        """Let stations do what is due, and note what the next wait has to know of them."""
+        due_s, flying, poses_wake = math.inf, False, False
         for station in self._stations.values():
-            now_s = self._clock()
-            if now_s >= station.transmitter.next_deadline_s():
+            transmitter = station.transmitter
+            now_s, deadline_s = self._clock(), transmitter.next_deadline_s()
+            if now_s >= deadline_s:
                 station.tick(now_s)
                 station.publish_writes()
-        self._poses_wake = any(station.transmitter.acts_on_poses for station in self._stations.values())
-        self._report()
+                deadline_s = transmitter.next_deadline_s()
+            due_s = min(due_s, deadline_s)
+            flying = flying or transmitter.arbiter.state in FLYING
+            poses_wake = poses_wake or transmitter.acts_on_poses
+        self._stations_due_s, self._flying, self._poses_wake = due_s, flying, poses_wake
 
     def kill(self, by: str) -> None:
         """Cut the motors of every vehicle of this gateway, latching."""
+        self._request(Action.KILL, by)
+
+    def _request(self, action: Action, by: str) -> None:
+        """Ask something of every transmitter; the next wait is over at once."""
         for station in self._stations.values():
-            station.transmitter.request(ActionRequest(Action.KILL, by=by), self._clock())
+            station.transmitter.request(ActionRequest(action, by=by), self._clock())
+        self._stations_due_s = -math.inf
 
     def shut_down(self, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Bring every vehicle down, end on throttle-low frames, close the ports; kills still count."""
         transmitters = [station.transmitter for station in self._stations.values()]
-        for transmitter in transmitters:
-            transmitter.request(ActionRequest(Action.SHUTDOWN, by="gateway"), self._clock())
+        self._request(Action.SHUTDOWN, "gateway")
         limit_s = self._clock() + SHUTDOWN_LIMIT_S
         while not all(transmitter.finished for transmitter in transmitters) and self._clock() < limit_s:
             self.wait()
@@ -162,7 +178,7 @@ class Gateway:
         ask(Action.SHUTDOWN)
         limit_s = self._clock() + SHUTDOWN_LIMIT_S
         while not all(transmitter.finished for transmitter in working.values()) and self._clock() < limit_s:
-            self._beat()
+            self._heartbeat.beat(any(transmitter.arbiter.state in FLYING for transmitter in working.values()))
             # What is due is not asked for: that could be what is broken.
             pressed = self._wakeup.wait(self._keys.descriptors, BRING_DOWN_PERIOD_S)
             if kill_asked() or (pressed and self._keys.pressed()):
@@ -172,10 +188,6 @@ class Gateway:
         for station in self._stations.values():
             station.transmitter.close()
         self._recall.close()
-
-    def _beat(self) -> None:
-        states = [station.transmitter.arbiter.state for station in self._stations.values()]
-        self._heartbeat.beat(any(state in FLYING for state in states))
 
     def _look(self, working: dict[str, Transmitter]) -> None:
         """Hand new poses to the transmitters that work; without poses they descend open loop."""

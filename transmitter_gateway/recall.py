@@ -3,7 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Iterable
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 from rcopterx.bus.requests import RecallTransmitter, RecallTransmitterReply, Reply
 from rcopterx.bus.session import NobodyServesError, RequestFailedError, Session
@@ -54,11 +54,9 @@ class Recall:
     def answers(self) -> list[tuple[str, LastApplied | None]]:
         """Vehicles that are decided since the last call, and what was written to them last, if anything."""
         answers = []
-        while True:
-            try:
-                answers.append(self._answers.get_nowait())
-            except Empty:
-                return answers
+        while not self._answers.empty():
+            answers.append(self._answers.get_nowait())
+        return answers
 
     def join(self) -> None:
         """Wait until everything is answered."""

@@ -19,6 +19,8 @@ from rcopterx.transmitter_gateway.protocols.base import SerialLine
 TCGETS2 = 0x802C542A
 TCSETS2 = 0x402C542B
 TERMIOS2 = struct.Struct("4I20s2I")
+COUNT = struct.Struct("i")
+NO_COUNT = bytes(COUNT.size)
 SPEED_BITS = 0o010017
 SPEED_IS_A_NUMBER = 0o010000
 
@@ -80,6 +82,7 @@ class SerialPort:
         self.problem: str | None = "not opened yet"
         self.counters: Counter[str] = Counter()
         self._serial: serial.Serial | None = None
+        self._descriptor: int | None = None
         self._next_attempt_s = -math.inf
         self._silent_until_s = -math.inf
         self._backlog_since_s: float | None = None
@@ -91,7 +94,7 @@ class SerialPort:
 
     def fileno(self) -> int | None:
         """File descriptor to wait for answers on, None while closed."""
-        return None if self._serial is None else int(self._serial.fileno())
+        return self._descriptor
 
     @property
     def next_attempt_s(self) -> float:
@@ -107,6 +110,7 @@ class SerialPort:
         except (OSError, termios.error, ValueError) as error:
             self._lose(f"cannot open {self.path}: {reason_of(error)}", now_s)
             return False
+        self._descriptor = int(self._serial.fileno())
         self.problem = None
         self._silent_until_s = -math.inf
         self._backlog_since_s = None
@@ -148,14 +152,15 @@ class SerialPort:
         return outcome
 
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
-        if self._serial is None:
+        descriptor = self._descriptor
+        if descriptor is None:
             return WriteOutcome.CLOSED
         if now_s < self._silent_until_s:
             return WriteOutcome.SILENT
         try:
-            if self._serial.out_waiting > len(frame):
+            if queued_bytes(descriptor) > len(frame):
                 return self._backlog(now_s)
-            written = os.write(self._serial.fileno(), frame)
+            written = os.write(descriptor, frame)
         except BlockingIOError:
             return self._backlog(now_s)
         except (OSError, termios.error) as error:
@@ -184,9 +189,9 @@ class SerialPort:
 
     def read_available(self, now_s: float) -> bytes:
         """Return the bytes that have arrived, possibly none."""
-        if self._serial is None:
+        descriptor = self._descriptor
+        if descriptor is None:
             return b""
-        descriptor = self._serial.fileno()
         try:
             # An idle terminal reads as nothing, like one that is gone: only "readable" tells them apart.
             if not select.select([descriptor], [], [], 0)[0]:
@@ -209,7 +214,7 @@ class SerialPort:
 
     def close(self) -> None:
         """Close the port; `service` would open it again."""
-        port, self._serial = self._serial, None
+        port, self._serial, self._descriptor = self._serial, None, None
         self.problem = "closed"
         if port is None:
             return
@@ -221,6 +226,12 @@ class SerialPort:
             port.close()
         except (OSError, termios.error):
             self.counters["failed closes"] += 1
+
+
+def queued_bytes(descriptor: int) -> int:
+    """How many bytes written to a serial line are still to be sent."""
+    count: int = COUNT.unpack(fcntl.ioctl(descriptor, termios.TIOCOUTQ, NO_COUNT))[0]
+    return count
 
 
 def set_baud(descriptor: int, baud: int) -> None:

@@ -11,12 +11,14 @@ from pathlib import Path
 import pytest
 import serial
 
+from rcopterx.transmitter_gateway import serial_port
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.serial_port import (
     LONGEST_BACKLOG_S,
     RETRY_S,
     SerialPort,
     WriteOutcome,
+    queued_bytes,
     reason_of,
     set_baud,
 )
@@ -223,9 +225,8 @@ def test_short_write_is_followed_by_silence(port: SerialPort, monkeypatch: pytes
 def test_queued_bytes_drop_frames_so_that_no_stale_burst_builds_up(
     port: SerialPort, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    serial_class = type(port._serial)
     queued = 28
-    monkeypatch.setattr(serial_class, "out_waiting", property(lambda self: queued))
+    monkeypatch.setattr(serial_port, "queued_bytes", lambda descriptor: queued)
     assert port.write_frame(FRAME, 0.0) is WriteOutcome.BACKLOG
     queued = 27
     assert port.write_frame(FRAME, 0.02) is WriteOutcome.WRITTEN
@@ -236,6 +237,13 @@ def test_queued_bytes_drop_frames_so_that_no_stale_burst_builds_up(
     assert port.write_frame(FRAME, 0.15) is WriteOutcome.BACKLOG
     assert not port.is_open
     assert port.next_attempt_s == 0.15 + RETRY_S
+
+
+def test_bytes_that_nobody_has_read_from_a_terminal_are_not_queued_in_it(port: SerialPort) -> None:
+    port.write_frame(FRAME, 0.0)
+    descriptor = port.fileno()
+    assert descriptor is not None
+    assert queued_bytes(descriptor) == 0
 
 
 def test_full_queue_drops_the_frame_without_waiting(
