@@ -1,9 +1,10 @@
 """When an agent acts: it is paced by its poses, not by a timer."""
 
-from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+
+from rcopterx.vehicles.state import Array
 
 COAST_AFTER_PERIODS = 1.5
 WINDOW = 500
@@ -72,8 +73,7 @@ class Pacing:
         return self.every > 1 and frame % self.frames_per_tick(frame_period_s) == 0
 
 
-@dataclass(frozen=True)
-class SolveTimes:
+class SolveTimes(NamedTuple):
     """Percentiles of the recent control steps [ms]."""
 
     p50: float
@@ -85,15 +85,27 @@ class SolveTimer:
     """Durations of the last control steps."""
 
     def __init__(self) -> None:
-        self._window: deque[float] = deque(maxlen=WINDOW)
+        self._window: Array = np.empty(WINDOW)
+        """A ring: the newest takes the place of the oldest."""
+        self._steps = 0
 
     def add(self, duration_s: float) -> None:
         """Take in the duration of a step."""
-        self._window.append(1000 * duration_s)
+        self._window[self._steps % WINDOW] = 1000 * duration_s
+        self._steps += 1
 
     def times(self) -> SolveTimes:
         """Percentiles; zeros before the first step."""
-        if not self._window:
+        if not self._steps:
             return SolveTimes(0.0, 0.0, 0.0)
-        p50, p99 = np.percentile(self._window, [50, 99])
-        return SolveTimes(float(p50), float(p99), float(max(self._window)))
+        # Once for all three: `numpy.percentile` takes twenty times as long.
+        ordered = np.sort(self._window[: self._steps])
+        return SolveTimes(_percentile(ordered, 0.5), _percentile(ordered, 0.99), float(ordered[-1]))
+
+
+def _percentile(ordered: Array, share: float) -> float:
+    """Value below which a share of ascending ones is, between two of them by straight line."""
+    place = share * (len(ordered) - 1)
+    lower = int(place)
+    below, above = float(ordered[lower]), float(ordered[min(lower + 1, len(ordered) - 1)])
+    return below + (place - lower) * (above - below)

@@ -5,8 +5,6 @@ import signal
 import threading
 from collections.abc import Callable
 
-import numpy as np
-
 from rcopterx.agents.alarm import AlarmTimeLimit
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
 from rcopterx.agents.flight.time_limit import NotedTimeLimit, NoTimeLimit, TimeLimit
@@ -175,7 +173,7 @@ class Agent:
             parts.changes.keep_leaders()
         parts.external.before_control()
         known = pilot.estimate
-        self._estimate = np.concatenate((known.motion, known.actuator, known.disturbance)).tolist()
+        self._estimate = [*known.motion.tolist(), *known.actuator.tolist(), *known.disturbance.tolist()]
         started_s = self._stopwatch()
         output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans))
         ready_s = self._stopwatch()

@@ -2,7 +2,6 @@
 
 import math
 import os
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, Protocol
 
@@ -262,9 +261,15 @@ def _position_deviation(pilot: Pilot) -> tuple[float, float, float] | None:
     return (x, y, z)
 
 
+class _Settings(msgspec.Struct):
+    """A structure, because msgspec looks at the types of all others again in each conversion."""
+
+    settings: dict[str, Setting]
+
+
 def in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
     """Settings as they travel: numbers, strings and rows of numbers."""
-    return msgspec.convert(dict(settings), dict[str, Setting])
+    return msgspec.convert({"settings": settings}, _Settings).settings
 
 
 def prefixed(topic: str, counts: Mapping[str, int]) -> dict[str, int]:
@@ -273,10 +278,11 @@ def prefixed(topic: str, counts: Mapping[str, int]) -> dict[str, int]:
 
 
 def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
-    total: Counter[str] = Counter()
+    total: dict[str, int] = {}
     for each in counts:
-        total.update(each)
-    return dict(total)
+        for kind, count in each.items():
+            total[kind] = total.get(kind, 0) + count
+    return total
 
 
 def _inertial_velocity(motion: Array) -> tuple[float, float, float]:

@@ -32,8 +32,9 @@ class PeerStatuses:
         now_s = self._clock()
         found = {}
         for name, inbox in tuple(self._inboxes.items()):
-            if name != self._vehicle and inbox.alive(now_s):
-                received = inbox.latest()
-                if received is not None and now_s - received.arrived_s <= within_s:
+            received = None if name == self._vehicle else inbox.latest()
+            if received is not None:
+                limit_s = min(within_s, inbox.channel.stale_after_s)
+                if now_s - received.arrived_s <= limit_s:
                     found[name] = received.message
         return found

@@ -139,6 +139,8 @@ class LimitScaling:
         self._vehicle = vehicle
         self._models = models
         self._told: tuple[Controller, LimitScale] | None = None
+        self._leaders: dict[str, tuple[str, ...]] = {}
+        """Of every vehicle, when the controller was told last."""
 
     def tend(self, controller: Controller, settings: Mapping[str, object], links: FormationGraph) -> None:
         """Tell the controller its scale if that, or the controller, is another one than before.
@@ -152,10 +154,16 @@ class LimitScaling:
         links
             Who follows whom; where nobody is heard of, nothing is known and nothing changes.
         """
-        fixed = "input_range" in settings
-        if fixed or not isinstance(controller, ScalesLimits) or not links.keys() - {self._vehicle}:
+        if "input_range" in settings or not links.keys() - {self._vehicle}:
+            return
+        leaders = {name: leaders_of(links, name) for name in links}
+        told = self._told
+        if (told is not None and told[0] is controller and leaders == self._leaders) or not isinstance(
+            controller, ScalesLimits
+        ):
             return
         scale = limit_scale_of(links, self._models, self._vehicle)
-        if self._told is None or self._told[0] is not controller or self._told[1] != scale:
+        if told is None or told[0] is not controller or told[1] != scale:
             controller.set_limit_scale(scale)
             self._told = (controller, scale)
+        self._leaders = leaders
