@@ -8,6 +8,9 @@ from typing import Final
 class Phase(StrEnum):
     """What a vehicle is doing."""
 
+    # That of an enumeration is a function of Python, and every look into a set or a table asks for it.
+    __hash__ = str.__hash__
+
     GROUND = "ground"
     """Not armed; thrust zero."""
     ARMED = "armed"
@@ -21,6 +24,8 @@ class Phase(StrEnum):
 
 class Event(StrEnum):
     """What can happen to a vehicle."""
+
+    __hash__ = str.__hash__
 
     ARM = "arm"
     """The transmitter gateway obeys our commands."""

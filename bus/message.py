@@ -49,10 +49,8 @@ class FloatArray(Struct, frozen=True):
     @classmethod
     def of(cls, values: "NDArray[np.float64]") -> "FloatArray":
         """Pack an array of shape (rows, columns)."""
-        import numpy as np
-
         rows, columns = values.shape
-        return cls((rows, columns), np.ascontiguousarray(values, dtype="<f8").tobytes())
+        return cls((rows, columns), values.astype("<f8", copy=False).tobytes())
 
     def to_numpy(self) -> "NDArray[np.float64]":
         """Unpack into a read-only array of `shape`."""

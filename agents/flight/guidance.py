@@ -354,7 +354,8 @@ class Guidance:
         reference = self._follower_reference(plans, estimate, time_s, delay_s, period_s, stages)
         if reference is None:
             return self.source.sample(time_s + delay_s, period_s, stages)
-        self.source = SetPointReference(reference.position_m[0].copy(), float(reference.yaw_rad[0]))
+        x_m, y_m, z_m, yaw_rad = reference.samples[0, :4].tolist()
+        self.source = SetPointReference(np.array((x_m, y_m, z_m)), yaw_rad)
         return reference
 
     def _follower_reference(
@@ -366,34 +367,29 @@ class Guidance:
         period_s: float,
         stages: int,
     ) -> Trajectory | None:
-        usable = {
-            name: plan
-            for name, plan in plans.items()
-            if plan.followable and plan.ahead_s + delay_s <= self.plan_limit_s
-        }
-        links = [link for link in self.followed if link.leader in usable]
-        if not links:
+        usable: dict[str, LeaderPlan] = {}
+        for link in self.followed:
+            plan = plans.get(link.leader)
+            if plan is not None and plan.followable and plan.ahead_s + delay_s <= self.plan_limit_s:
+                usable[link.leader] = plan
+        if not usable:
             self.events["leader_plan_missing"] += 1
             if time_s - self._restored_at_s > RESTORED_PATIENCE_S:
                 self._joined = frozenset()
             return None
-        if self._joined != {link.leader for link in links}:
+        if self._joined != usable.keys():
             self._begin_transitions(usable, estimate, time_s, None)
-            links = [link for link in self.followed if link.leader in usable]
-        references = [
-            follower_reference(
-                usable[link.leader].trajectory,
-                link.course(time_s + delay_s),
-                usable[link.leader].ahead_s + delay_s,
-                period_s,
-                stages,
-            )
-            for link in links
-        ]
-        return combined_reference(
-            [on_turn_of(reference, float(estimate.motion[YAW])) for reference in references],
-            [link.weight for link in links],
-        )
+        references, weights = [], []
+        yaw_rad = float(estimate.motion[YAW])
+        for link in self.followed:
+            plan = usable.get(link.leader)
+            if plan is None:
+                continue
+            course, ahead_s = link.course(time_s + delay_s), plan.ahead_s + delay_s
+            reference = follower_reference(plan.trajectory, course, ahead_s, period_s, stages)
+            references.append(on_turn_of(reference, yaw_rad))
+            weights.append(link.weight)
+        return combined_reference(references, weights)
 
     def check_floor(self, estimate: Estimate, time_s: float) -> bool:
         """Whether a landing vehicle stands on the floor now; then the phase is left."""

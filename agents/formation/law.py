@@ -6,10 +6,10 @@ into its own heading.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.agents.references.quintic import rest_to_rest
 from rcopterx.agents.references.trajectory import (
@@ -26,8 +26,7 @@ from rcopterx.vehicles.state import Array
 OffsetFrame = Literal["inertial", "heading"]
 
 
-@dataclass(frozen=True, slots=True)
-class FormationOffset:
+class FormationOffset(Struct, frozen=True):
     """Desired relative state d_(L,F): its first four components.
 
     Attributes
@@ -45,8 +44,7 @@ class FormationOffset:
     frame: OffsetFrame = "inertial"
 
 
-@dataclass(frozen=True, slots=True)
-class OffsetTransition:
+class OffsetTransition(Struct, frozen=True):
     """Offset that moves smoothly (quintic, from rest to rest) between two values in the target's frame.
 
     Attributes
@@ -100,11 +98,11 @@ def follower_reference(
         acceleration that a turning or moving offset brings.
     """
     reference = plan.resampled(start_s, period_s, stages)
-    samples = reference.samples.copy()
     if isinstance(offset, FormationOffset) and offset.frame == "inertial":
-        samples[:, POSITION] += offset.position_m
-        samples[:, YAW] += offset.yaw_rad
-        return Trajectory(samples, period_s)
+        reference.samples[:, POSITION] += offset.position_m
+        reference.samples[:, YAW] += offset.yaw_rad
+        return reference
+    samples = reference.samples.copy()
     if isinstance(offset, OffsetTransition):
         frame = offset.target.frame
         value, rate, acceleration = offset.sampled(period_s, stages)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.agents.references.paths import FlightPath
 from rcopterx.agents.references.quintic import PEAK_TO_MEAN_SPEED, quintic, rest_to_rest
@@ -39,8 +40,7 @@ class ReferenceSource(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class SetPointReference:
+class SetPointReference(Struct, frozen=True):
     """Be at one place with one heading: position [m], shape (3,), and yaw [rad, unwrapped]."""
 
     position_m: Array
@@ -55,8 +55,7 @@ class SetPointReference:
         return True
 
 
-@dataclass(frozen=True)
-class SmoothMove:
+class SmoothMove(Struct, frozen=True):
     """Quintic polynomial from rest to rest along a straight line, heading held.
 
     Attributes
@@ -100,8 +99,7 @@ class SmoothMove:
         return time_s >= self.start_s + self.duration_s
 
 
-@dataclass(frozen=True)
-class PathReference:
+class PathReference(Struct, frozen=True):
     """A path that begins at a time; afterwards its end is held.
 
     Attributes
@@ -147,8 +145,7 @@ class TurnLimits:
         return np.maximum(np.abs(rate) / self.rate_rad_s, spin / self.acceleration_rad_s2)
 
 
-@dataclass(frozen=True)
-class SmoothTurn:
+class SmoothTurn(Struct, frozen=True):
     """Be at one place, and come to a heading smoothly.
 
     Attributes

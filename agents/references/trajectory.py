@@ -91,7 +91,7 @@ class Trajectory(Struct, frozen=True):
         Returns
         -------
         Trajectory
-            The new stages.
+            The new stages, in an array of their own.
         """
         shift = start_s / self.period_s
         first = round(shift)
@@ -140,7 +140,10 @@ class Trajectory(Struct, frozen=True):
             return inside
         ahead_s = period_s * np.arange(1, missing + 1)[:, None]
         last = self.samples[-1]
-        return np.vstack((inside, last[POSITION] + ahead_s * last[VELOCITY]))
+        positions_m = np.empty((stages, 3))
+        positions_m[:-missing] = inside
+        positions_m[-missing:] = last[POSITION] + ahead_s * last[VELOCITY]
+        return positions_m
 
 
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:

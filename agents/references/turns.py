@@ -17,7 +17,7 @@ def nearest_heading(yaw_rad: float, near_rad: float) -> float:
 
 def on_turn_of(reference: Trajectory, yaw_rad: float) -> Trajectory:
     """The same trajectory, its first heading counted with the turns that bring it closest to another one."""
-    turns = whole_turns(yaw_rad - float(reference.yaw_rad[0]))
+    turns = whole_turns(yaw_rad - float(reference.samples[0, YAW]))
     if turns == 0:
         return reference
     samples = reference.samples.copy()

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -18,7 +19,7 @@ TOUCHING: Final = 1.02
 """Plans that come so close are held apart by their constraints."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SeparationEllipsoid:
     """Half axes of the ellipsoid around a vehicle that no other one is to enter [m]."""
 
@@ -34,7 +35,7 @@ class SeparationEllipsoid:
         """Length of gaps, shape (.., 3), in ellipsoids: 1 on its surface."""
         return np.asarray(np.sqrt(gap_m**2 @ self.stiffness))
 
-    @property
+    @cached_property
     def stiffness(self) -> Array:
         """What squares of gaps x, y, z are multiplied by, shape (3,)."""
         return np.array([self.horizontal_m, self.horizontal_m, self.vertical_m]) ** -2

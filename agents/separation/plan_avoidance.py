@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rcopterx.agents.controllers.step_guard import StepGuard
-from rcopterx.agents.interfaces import AvoidsObstacles, Controller
+from rcopterx.agents.interfaces import AvoidsObstacles, Controller, Obstacle
 from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
 
@@ -65,16 +65,16 @@ class PlanAvoidance:
         controller, avoiding = self._controller, self._avoiding
         if controller is None:
             return True
-        if avoiding is not None:
-            self._step_guard.tell(controller, lambda: avoiding.set_obstacles(()))
-        if not neighbours or self._ellipsoid is None or plan is None or not free:
-            return True
-        period_s = controller.period_s
-        own_m = plan.positions_from(period_s, period_s, controller.horizon)
-        found = near(self._ellipsoid, neighbours, own_m, period_s, delay_s)
-        self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
+        obstacles: tuple[Obstacle, ...] = ()
+        touching = False
+        if neighbours and self._ellipsoid is not None and plan is not None and free:
+            period_s = controller.period_s
+            own_m = plan.positions_from(period_s, period_s, controller.horizon)
+            found = near(self._ellipsoid, neighbours, own_m, period_s, delay_s)
+            self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
+            obstacles, touching = found.obstacles, found.touching
         if avoiding is None:
-            return not found.touching
-        self._step_guard.tell(controller, lambda: avoiding.set_obstacles(found.obstacles))
-        self.ticks += found.touching
+            return not touching
+        self._step_guard.tell(controller, lambda: avoiding.set_obstacles(obstacles))
+        self.ticks += touching
         return True

@@ -10,14 +10,12 @@ from collections import Counter
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from rcopterx.agents.controllers.registry import CONTROLLERS
 from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import YAW
 
 EFFORT_FACTORS: Final = "effort_factors"
 """Setting of a controller that lowers its bandwidth: one number for each `Loop`."""
@@ -65,7 +63,7 @@ class OscillationGuard:
         self._since_step_s = SHORTEST_STEP_S
         self._swinging: frozenset[Loop] = frozenset()
         """Loops that have been seen to oscillate since the last step."""
-        self._reference: Array | None = None
+        self._place_m: list[float] | None = None
         self._seen = ""
         self.events: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
@@ -91,13 +89,13 @@ class OscillationGuard:
             # Sines that an identification adds are no oscillation; should they bring one about, the vehicle
             # leaves its box, which ends them.
             self._detector.forget()
-            self._reference = None
+            self._place_m = None
             return
         period_s, estimate = pilot.controller.period_s, pilot.estimate
         self._since_step_s += period_s
         tilt = None if estimate.tilt is None else estimate.tilt.core[:2]
         error = estimate.motion[: len(output.reference)] - output.reference
-        resting = self._rests(output.reference[:YAW], period_s)
+        resting = self._rests(output.reference[:YAW].tolist(), period_s)
         swinging = self._detector.observe(output.input, tilt, error, period_s, resting)
         if not swinging:
             return
@@ -106,9 +104,12 @@ class OscillationGuard:
         if flown_by_own and not self._tuning.busy and self._since_step_s >= SHORTEST_STEP_S:
             self._lower()
 
-    def _rests(self, place_m: Array, period_s: float) -> bool:
-        before, self._reference = self._reference, place_m.copy()
-        return before is not None and bool(np.abs(place_m - before).max() < RESTING_M_S * period_s)
+    def _rests(self, place_m: list[float], period_s: float) -> bool:
+        before, self._place_m = self._place_m, place_m
+        if before is None:
+            return False
+        limit_m = RESTING_M_S * period_s
+        return all(abs(now - then) < limit_m for now, then in zip(place_m, before, strict=True))
 
     def _lower(self) -> None:
         present = self._tuning.configuration
