@@ -337,6 +337,8 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _tell(self, lines: list[str]) -> None:
         """For whoever started the fleet, and for everybody on the bus."""
+        if not lines:
+            return
         append(self.directory / "log" / "launcher.log", lines)
         self.events.extend(lines)
         self._news.extend(lines)
