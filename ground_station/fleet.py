@@ -21,7 +21,7 @@ from rcopterx.deploy.fleet_file.shipped import fleet_path
 from rcopterx.deploy.formation_check import links_of
 from rcopterx.deploy.roles.arbiter_limits import limits_of
 from rcopterx.ground_station.joining import fleet_that_is_up
-from rcopterx.ground_station.observer import FIRST_MOTION_S, Observer
+from rcopterx.ground_station.observer import Observer
 from rcopterx.ground_station.regroup import (
     RegroupError,
     change_lines,
@@ -304,9 +304,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def _join_problem(self, name: str, height_m: float) -> str | None:
         """Who is in the way, as its agent would say, too; None while nobody knows where it stands."""
         self.wait_for_status()
-        self.watch_motion()
-        self._notifier.wait_until(lambda: self.state_of(name).seen_at_m is not None, FIRST_MOTION_S)
-        state = self.state_of(name)
+        state = self._moving_state_of(name, lambda state: state.seen_at_m is not None)
         if state.seen_at_m is None or state.airborne:
             return None
         low_m, high_m = self.file.volume.min_m, self.file.volume.max_m

@@ -39,10 +39,11 @@ FIRST_MOTION_S = 0.5
 
 
 class Motion(NamedTuple):
-    """Poses and plans of all vehicles."""
+    """Poses and plans of all vehicles, and since when they are heard [s]."""
 
     poses: UnitSubscriptions[Pose]
     plans: UnitSubscriptions[Plan]
+    since_s: float
 
 
 class Observer:
@@ -143,20 +144,24 @@ class Observer:
         """
         self._heard_motion()
 
-    def _heard_motion(self) -> "Motion":
+    def _heard_motion(self) -> Motion:
         with self._watching:
             if self._motion is None:
-                self._motion = Motion(
-                    self.session.subscribe_all(channels.POSE), self.session.subscribe_all(channels.PLAN)
-                )
+                poses = self.session.subscribe_all(channels.POSE)
+                plans = self.session.subscribe_all(channels.PLAN)
+                self._motion = Motion(poses, plans, self.session.clock())
             return self._motion
+
+    def _moving_state_of(self, name: str, heard: Callable[[VehicleState], bool]) -> VehicleState:
+        """State of a vehicle with its motion; waits for what `heard` asks for if that is new."""
+        left_s = self._heard_motion().since_s + FIRST_MOTION_S - self.session.clock()
+        if left_s > 0:
+            self._notifier.wait_until(lambda: heard(self.state_of(name)), left_s)
+        return self.state_of(name)
 
     def plan_of(self, name: str) -> Plan | None:
         """Newest plan of a vehicle, None before the first; from the first question on plans are heard."""
-        if self._motion is None:
-            self.watch_motion()
-            self._notifier.wait_until(lambda: self.state_of(name).plan is not None, FIRST_MOTION_S)
-        return self.state_of(name).plan
+        return self._moving_state_of(name, lambda state: state.plan is not None).plan
 
     def present(self) -> list[str]:
         """Vehicles of the fleet file that take part: all but those that are absent and run nowhere else."""

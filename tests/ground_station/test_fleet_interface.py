@@ -96,12 +96,14 @@ def test_the_state_of_a_vehicle_is_what_its_processes_last_said(fleet: Fleet, ve
 
 
 def test_poses_and_plans_are_heard_only_if_that_is_asked_for(fleet: Fleet, vehicles: Vehicles) -> None:
-    vehicles["h1"].plan_at((0.0, 0.0, 1.0), error_m=0.25)
+    for vehicle in vehicles.values():
+        vehicle.plan_at((0.0, 0.0, 1.0), error_m=0.25)
     wait_for(lambda: fleet["h1"].state.error_m == 0.25, "the agent's error is not told")
     state = fleet["h1"].state
     assert (state.plan, state.seen_at_m, state.quaternion_xyzw) == (None, None, None)
     plan = fleet["h1"].plan
     assert plan is not None, "the first question waits for it"
+    assert fleet["h2"].plan is not None, "and so does the one after it"
     assert plan.reference == (-0.25, 0.0, 1.0, 0.0)
     wait_for(lambda: fleet["h1"].state.seen_at_m == (0.0, 0.0, 1.0), "poses are not heard")
     vehicles["h1"].plan_at((0.0, 0.0, 1.0), error_m=0.5)
