@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from rcopterx.native.compiled import (
-    ANY_MATRIX,
     ANY_VECTOR,
+    BLOCKS,
     COUNT,
     FLAG,
     MATRIX,
@@ -17,11 +17,23 @@ from rcopterx.native.compiled import (
     part,
 )
 from rcopterx.native.motion import predict_motion
+from rcopterx.native.noise import measure_noise
+
+FAR = 0
+TAKEN_IN = 1
+INDEFINITE = 2
+"""What a filter made of a pose."""
+DEVIATIONS = 5.0
+"""A departure from the expected pose by so many standard deviations is no surprise."""
+TURN_RAD = math.tau
+FARTHEST_M = 1e3
+MOST_TURNED_RAD = 1e4
+"""Poses beyond are not of a laboratory."""
 
 
 @part
-def propagated(transition: Array, covariance: Array, process: Array) -> Array:
-    """F P F' + Q, shapes (n, n); entries of F that are zero cost nothing."""
+def propagate(transition: Array, covariance: Array, process: Array) -> None:
+    """Replace P by F P F' + Q, shapes (n, n); entries of F that are zero cost nothing."""
     size = transition.shape[0]
     moved = np.zeros((size, size))
     for row in range(size):
@@ -31,15 +43,17 @@ def propagated(transition: Array, covariance: Array, process: Array) -> Array:
                 for column in range(size):
                     moved[row, column] += factor * covariance[inner, column]
     # Row i of the transpose is the sum of F_ij times column j of F P: P is symmetric, so rows serve as well.
-    turned = moved.T.copy()
-    result = process.copy()
+    turned = np.empty((size, size))
+    for row in range(size):
+        for column in range(size):
+            turned[column, row] = moved[row, column]
+            covariance[row, column] = process[row, column]
     for row in range(size):
         for inner in range(size):
             factor = transition[row, inner]
             if factor != 0.0:
                 for column in range(size):
-                    result[row, column] += factor * turned[inner, column]
-    return result
+                    covariance[row, column] += factor * turned[inner, column]
 
 
 @part
@@ -78,8 +92,8 @@ def solve_factorized(factor: Array, right_sides: Array) -> None:
 
 
 @part
-def joseph(covariance: Array, gain: Array, spread: Array, observed: Array, variance: Array) -> Array:
-    """(I - K H) P (I - K H)' + K V K', which stays symmetric and positive whatever the rounding of the gain.
+def joseph(covariance: Array, gain: Array, spread: Array, observed: Array, variance: Array) -> None:
+    """Replace P by (I - K H) P (I - K H)' + K V K', which stays symmetric and positive whatever the rounding.
 
     Parameters
     ----------
@@ -95,55 +109,89 @@ def joseph(covariance: Array, gain: Array, spread: Array, observed: Array, varia
         Diagonal of V, shape (m,).
     """
     count, size = gain.shape
-    kept = covariance.copy()
     for row in range(size):
         for number in range(count):
             for column in range(size):
-                kept[row, column] -= gain[number, row] * spread[number, column]
-    result = kept.copy()
+                covariance[row, column] -= gain[number, row] * spread[number, column]
+    # Each row of the product needs no other one.
     for row in range(size):
+        kept = covariance[row].copy()
         for number in range(count):
             seen = -variance[number] * gain[number, row]
             for inner in range(size):
                 if observed[number, inner] != 0.0:
-                    seen += kept[row, inner] * observed[number, inner]
+                    seen += kept[inner] * observed[number, inner]
             for column in range(size):
-                result[row, column] -= seen * gain[number, column]
-    return result
+                covariance[row, column] -= seen * gain[number, column]
 
 
-@compiled(VECTOR, MATRIX, ANY_MATRIX, ANY_MATRIX, MATRIX, ANY_VECTOR, NUMBER, ANY_VECTOR, NUMBER, COUNT)
+@part
+def corrected(state: Array, covariance: Array, observed: Array, surprise: Array, variance: Array) -> bool:
+    """Correct a state by what it does not explain of measurements; shapes of `joseph`, both in place.
+
+    Returns
+    -------
+    bool
+        Whether H P H' + V is definite; if not, nothing is changed.
+    """
+    count, size = observed.shape
+    spread = np.zeros((count, size))
+    for number in range(count):
+        for inner in range(size):
+            factor = observed[number, inner]
+            if factor != 0.0:
+                for column in range(size):
+                    spread[number, column] += factor * covariance[inner, column]
+    innovation = np.zeros((count, count))
+    for number in range(count):
+        for other in range(count):
+            for inner in range(size):
+                if observed[other, inner] != 0.0:
+                    innovation[number, other] += spread[number, inner] * observed[other, inner]
+        innovation[number, number] += variance[number]
+    if not factorized(innovation):
+        return False
+    gain = spread.copy()
+    solve_factorized(innovation, gain)
+    for number in range(count):
+        for row in range(size):
+            state[row] += gain[number, row] * surprise[number]
+    joseph(covariance, gain, spread, observed, variance)
+    return True
+
+
+@compiled(MATRIX, BLOCKS, ANY_VECTOR, NUMBER, MATRIX, MATRIX, MATRIX, ANY_VECTOR, NUMBER, COUNT)
 def predict_tilt(
-    state: Array,
-    covariance: Array,
+    states: Array,
+    covariances: Array,
+    stick: Array,
+    yaw_rad: float,
     transition: Array,
     demand: Array,
     process: Array,
     gain: Array,
-    yaw_rad: float,
-    stick: Array,
     pole: float,
     moving: int,
 ) -> None:
-    """Move the tilt filter on by a period: x = F x + G stick, P = F P F' + Q.
+    """Move tilt filters of a vehicle on by a period: x = F x + G stick, P = F P F' + Q.
 
     The states are the `moving` first ones of the lateral system, servo, wind, and beyond the system trim and
     offset. In the system the servo is a demand; here it is a stick, which heading and gain make a demand.
 
     Parameters
     ----------
-    state, covariance
-        Shapes (n + 4,) and (n + 4, n + 4), changed in place.
+    states, covariances
+        Of each filter, shapes (k, n + 4) and (k, n + 4, n + 4), changed in place.
+    stick
+        What acted, the first two are pitch and roll.
+    yaw_rad
+        Heading during the period.
     transition, demand
         Of the lateral system, shapes (n, n) and (n, 2).
     process
         Q, shape (n + 4, n + 4).
     gain
         Demand per stick, of which the first two are those of pitch and roll.
-    yaw_rad
-        Heading during the period.
-    stick
-        What acted, the first two are pitch and roll.
     pole
         Of the servo.
     """
@@ -152,56 +200,61 @@ def predict_tilt(
     turned = np.empty((2, 2))
     turned[0, 0], turned[0, 1] = c * gain[0], -s * gain[1]
     turned[1, 0], turned[1, 1] = s * gain[0], c * gain[1]
-    whole = np.eye(size + 4)
-    whole[:size, :size] = transition
-    pushed = np.empty((moving, 2))
+    whole = np.zeros((size + 4, size + 4))
+    for row in range(size):
+        for column in range(size):
+            whole[row, column] = transition[row, column]
+    for row in range(size, size + 4):
+        whole[row, row] = 1.0
+    pushed = np.zeros(size + 4)
     for row in range(moving):
         for axis in range(2):
-            pushed[row, axis] = demand[row, 0] * turned[0, axis] + demand[row, 1] * turned[1, axis]
+            push = demand[row, 0] * turned[0, axis] + demand[row, 1] * turned[1, axis]
+            pushed[row] += push * stick[axis]
             whole[row, moving + axis] = (
                 transition[row, moving] * turned[0, axis] + transition[row, moving + 1] * turned[1, axis]
             )
-            whole[row, size + axis] = pushed[row, axis]
+            whole[row, size + axis] = push
     for axis in range(2):
         whole[moving + axis, size + axis] = 1.0 - pole
-    predicted = np.zeros(size + 4)
-    for row in range(size + 4):
-        for inner in range(size + 4):
-            predicted[row] += whole[row, inner] * state[inner]
-    for row in range(moving):
-        predicted[row] += pushed[row, 0] * stick[0] + pushed[row, 1] * stick[1]
-    for axis in range(2):
-        predicted[moving + axis] += (1.0 - pole) * stick[axis]
-    state[:] = predicted
-    covariance[:] = propagated(whole, covariance, process)
+        pushed[moving + axis] = (1.0 - pole) * stick[axis]
+    for number in range(len(states)):
+        predicted = pushed.copy()
+        for row in range(size + 4):
+            for inner in range(size + 4):
+                predicted[row] += whole[row, inner] * states[number, inner]
+        for row in range(size + 4):
+            states[number, row] = predicted[row]
+        propagate(whole, covariances[number], process)
 
 
-@compiled(VECTOR, MATRIX, ANY_VECTOR, ANY_VECTOR, FLAG, COUNT, NUMBER, VECTOR, VECTOR, NUMBER)
+@compiled(MATRIX, BLOCKS, ANY_VECTOR, ANY_VECTOR, FLAG, *3 * [NUMBER], COUNT, VECTOR, NUMBER)
 def correct_tilt(
-    state: Array,
-    covariance: Array,
+    states: Array,
+    covariances: Array,
     position_m: Array,
     tilt: Array,
     measured: bool,
-    tilted: int,
     yaw_rad: float,
-    variances: Array,
+    position_variance: float,
+    tilt_variance: float,
+    tilted: int,
     limit: Array,
     gate: float,
 ) -> tuple[bool, bool]:
-    """Take a position and perhaps a tilt into the tilt filter.
+    """Take a position into the tilt filters of a vehicle, and perhaps a tilt into the first one.
 
     Measured are the first two states, and the states from `tilted` on with the offset (the last two states)
     turned by the heading.
 
     Parameters
     ----------
-    state, covariance
-        Shapes (n,) and (n, n), changed in place.
+    states, covariances
+        Of each filter, shapes (k, n) and (k, n, n), changed in place.
     position_m, tilt
         The first two entries count, those of a tilt only if it is `measured`.
-    variances
-        Of position and tilt, shape (4,).
+    position_variance, tilt_variance
+        Of what is measured.
     limit
         States stay within plus and minus these, shape (n,).
     gate
@@ -210,49 +263,38 @@ def correct_tilt(
     Returns
     -------
     tuple
-        Whether the tilt was taken in, and whether the innovation is definite: if not, state and covariance
-        stay what they are.
+        Whether the tilt was taken in, and whether all innovations are definite: where one is not, state and
+        covariance of that filter stay what they are.
     """
-    size = len(state)
+    size = states.shape[1]
     observed = np.zeros((4, size))
     observed[0, 0] = observed[1, 1] = observed[2, tilted] = observed[3, tilted + 1] = 1.0
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     observed[2, size - 2], observed[2, size - 1] = c, -s
     observed[3, size - 2], observed[3, size - 1] = s, c
-    surprise = np.empty(4)
-    for axis in range(2):
-        surprise[axis] = position_m[axis] - state[axis]
-        expected = state[tilted + axis]
-        for inner in range(size - 2, size):
-            expected += observed[2 + axis, inner] * state[inner]
-        surprise[2 + axis] = tilt[axis] - expected
-        if measured and abs(surprise[2 + axis]) > gate:
-            measured = False
-    count = 4 if measured else 2
-    spread = np.zeros((count, size))
-    for number in range(count):
-        for inner in range(size):
-            if observed[number, inner] != 0.0:
-                for column in range(size):
-                    spread[number, column] += observed[number, inner] * covariance[inner, column]
-    innovation = np.zeros((count, count))
-    for number in range(count):
-        for other in range(count):
-            for inner in range(size):
-                if observed[other, inner] != 0.0:
-                    innovation[number, other] += spread[number, inner] * observed[other, inner]
-        innovation[number, number] += variances[number]
-    if not factorized(innovation):
-        return measured, False
-    gain = spread.copy()
-    solve_factorized(innovation, gain)
-    for number in range(count):
-        for row in range(size):
-            state[row] += gain[number, row] * surprise[number]
-    for row in range(size):
-        state[row] = min(max(state[row], -limit[row]), limit[row])
-    covariance[:] = joseph(covariance, gain, spread, observed, variances)
-    return measured, True
+    variances, surprise = np.empty(4), np.empty(4)
+    variances[0] = variances[1] = position_variance
+    variances[2] = variances[3] = tilt_variance
+    definite = True
+    for number in range(len(states)):
+        state = states[number]
+        for axis in range(2):
+            surprise[axis] = position_m[axis] - state[axis]
+        count = 2
+        if measured and number == 0:
+            for axis in range(2):
+                expected = state[tilted + axis]
+                for inner in range(size - 2, size):
+                    expected += observed[2 + axis, inner] * state[inner]
+                surprise[2 + axis] = tilt[axis] - expected
+                measured = measured and abs(surprise[2 + axis]) <= gate
+            count = 4 if measured else 2
+        if corrected(state, covariances[number], observed[:count], surprise, variances):
+            for row in range(size):
+                state[row] = min(max(state[row], -limit[row]), limit[row])
+        else:
+            definite = False
+    return measured, definite
 
 
 @compiled(MATRIX, ANY_VECTOR, ANY_VECTOR)
@@ -291,87 +333,106 @@ def lag_jacobian(constant: Array, start: Array, end: Array) -> Array:
     return jacobian
 
 
-@compiled(VECTOR, *4 * [ANY_VECTOR], NUMBER, COUNT, *3 * [MATRIX], VECTOR, VECTOR)
+@compiled(VECTOR, MATRIX, ANY_VECTOR, VECTOR, NUMBER, COUNT, MATRIX, MATRIX)
 def predict_lags(
-    vehicle: Array,
-    motion: Array,
-    actuator: Array,
+    state: Array,
+    covariance: Array,
     sticks: Array,
-    disturbance: Array,
+    vehicle: Array,
     step_s: float,
     steps: int,
     constant: Array,
-    covariance: Array,
     process: Array,
-    moved: Array,
-    held: Array,
-) -> None:
+) -> float:
     """Move the filter on first-order lags on by a period.
 
     Parameters
     ----------
-    vehicle, motion, actuator, sticks, disturbance, step_s, steps
+    state, covariance
+        Motion, actuators, disturbances, and P, shapes (16,) and (16, 16), changed in place.
+    sticks, vehicle, step_s, steps
         See `rcopterx.native.motion.predict_motion`.
     constant
         See `lag_jacobian`.
-    covariance, process
-        P and Q, shapes (n, n); P is changed in place.
-    moved, held
-        Set to motion and actuators after the period.
-    """
-    predict_motion(vehicle, motion, actuator, sticks, disturbance, step_s, steps, moved, held)
-    covariance[:] = propagated(lag_jacobian(constant, motion, moved), covariance, process)
-
-
-@compiled(MATRIX, ANY_VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
-def correct_lags(
-    covariance: Array,
-    innovation: Array,
-    variance: Array,
-    motion: Array,
-    actuator: Array,
-    disturbance: Array,
-    limit: Array,
-) -> bool:
-    """Take a pose into the filter on first-order lags.
-
-    Parameters
-    ----------
-    covariance
-        P, shape (16, 16).
-    innovation, variance
-        Measured minus predicted pose, and the variance of what is measured, shape (4,).
-    motion, actuator, disturbance
-        The state, shapes (8,), (4,) and (4,).
-    limit
-        Disturbances stay within plus and minus these, shape (4,).
+    process
+        Q, shape (16, 16).
 
     Returns
     -------
-    bool
-        Whether the covariance of the innovation is definite. If so, covariance and state have been changed in
-        place, else not.
+    float
+        Heading in the middle of the period.
     """
-    count = len(innovation)
-    observed = np.zeros((count, covariance.shape[0]))
-    spread = covariance[:count].copy()
-    whole = covariance[:count, :count].copy()
-    for number in range(count):
-        observed[number, number] = 1.0
-        whole[number, number] += variance[number]
-    if not factorized(whole):
-        return False
-    gain = spread.copy()
-    solve_factorized(whole, gain)
-    change = np.zeros(covariance.shape[0])
-    for number in range(count):
-        for row in range(covariance.shape[0]):
-            change[row] += gain[number, row] * innovation[number]
-    for row in range(8):
-        motion[row] += change[row]
+    start = state[:8].copy()
+    predict_motion(vehicle, start, state[8:12], sticks, state[12:], step_s, steps, state[:8], state[8:12])
+    propagate(lag_jacobian(constant, start, state[:8]), covariance, process)
+    return float(start[3] + 0.5 * steps * step_s * state[7])
+
+
+@compiled(VECTOR, MATRIX, ANY_VECTOR, NUMBER, VECTOR, VECTOR, VECTOR, NUMBER, *4 * [VECTOR])
+def correct_lags(
+    state: Array,
+    covariance: Array,
+    position_m: Array,
+    yaw_rad: float,
+    expected_m: Array,
+    near: Array,
+    noise: Array,
+    since_pose_s: float,
+    least_noise: Array,
+    variance: Array,
+    limit: Array,
+    pose: Array,
+) -> int:
+    """Take a pose into the filter on first-order lags if it is near the expected one.
+
+    Parameters
+    ----------
+    state, covariance
+        Motion, actuators, disturbances, and P, shapes (16,) and (16, 16), changed in place.
+    position_m, yaw_rad
+        Measured, whatever they are.
+    expected_m
+        Horizontal position that the measured one is compared with, of which the first two entries count.
+    near
+        Departures from the expected pose up to which one is taken in, besides five standard deviations,
+        shape (4,).
+    noise, since_pose_s
+        Memory of the meter of the noise (`rcopterx.native.noise.observe_noise`), and time since the last
+        pose.
+    least_noise
+        Standard deviations of what is measured, at least, shape (4,).
+    variance
+        Variances of what is measured, set to what the meter says, shape (4,).
+    limit
+        Disturbances stay within plus and minus these, shape (4,).
+    pose
+        Set to the pose, its heading counted with the turns of the expected one, shape (4,).
+
+    Returns
+    -------
+    int
+        `TAKEN_IN`, `FAR` for a pose that is not near, which changes nothing else, or `INDEFINITE` for a
+        covariance of the innovation that is not definite, where state and covariance stay what they are.
+    """
+    for axis in range(3):
+        pose[axis] = position_m[axis]
+    pose[3] = yaw_rad + TURN_RAD * np.rint((state[3] - yaw_rad) / TURN_RAD)
+    # Written so that a comparison with nan refuses.
+    if not abs(yaw_rad) <= MOST_TURNED_RAD:
+        return FAR
     for axis in range(4):
-        actuator[axis] += change[8 + axis]
-        pushed = disturbance[axis] + change[12 + axis]
-        disturbance[axis] = min(max(pushed, -limit[axis]), limit[axis])
-    covariance[:] = joseph(covariance, gain, spread, observed, variance)
-    return True
+        if axis < 3 and not abs(pose[axis]) <= FARTHEST_M:
+            return FAR
+        away = abs(pose[axis] - (expected_m[axis] if axis < 2 else state[axis]))
+        if not away <= near[axis] + DEVIATIONS * math.sqrt(covariance[axis, axis] + variance[axis]):
+            return FAR
+    measure_noise(noise, pose, since_pose_s, least_noise, variance)
+    observed, surprise = np.zeros((4, len(state))), np.empty(4)
+    for axis in range(4):
+        observed[axis, axis] = 1.0
+        surprise[axis] = pose[axis] - state[axis]
+    if not corrected(state, covariance, observed, surprise, variance):
+        return INDEFINITE
+    for axis in range(4):
+        state[12 + axis] = min(max(state[12 + axis], -limit[axis]), limit[axis])
+    return TAKEN_IN

@@ -75,6 +75,16 @@ def derivative(vehicle: Array, motion: Array, actuator: Array, disturbance: Arra
     return rates
 
 
+@part
+def moved_on(motion: Array, rates: Array, time_s: float) -> Array:
+    """Motion state after some time at these rates, shape (8,)."""
+    # Expressions and slices of whole arrays take numba seconds to compile.
+    result = motion.copy()
+    for number in range(8):
+        result[number] += time_s * rates[number]
+    return result
+
+
 @compiled(VECTOR, *4 * [ANY_VECTOR], NUMBER, COUNT, VECTOR, VECTOR)
 def predict_motion(
     vehicle: Array,
@@ -108,13 +118,17 @@ def predict_motion(
         middle = after_lag(vehicle, holding, target, half_s)
         end = after_lag(vehicle, holding, followed(vehicle, at[7], holding, given, pushed[3], step_s), step_s)
         f1 = derivative(vehicle, at, now, pushed)
-        f2 = derivative(vehicle, at + half_s * f1, middle, pushed)
-        f3 = derivative(vehicle, at + half_s * f2, middle, pushed)
-        f4 = derivative(vehicle, at + step_s * f3, end, pushed)
-        at = at + step_s / 6 * (f1 + 2 * f2 + 2 * f3 + f4)
+        f2 = derivative(vehicle, moved_on(at, f1, half_s), middle, pushed)
+        f3 = derivative(vehicle, moved_on(at, f2, half_s), middle, pushed)
+        f4 = derivative(vehicle, moved_on(at, f3, step_s), end, pushed)
+        for number in range(8):
+            f1[number] = f1[number] + 2 * f2[number] + 2 * f3[number] + f4[number]
+        at = moved_on(at, f1, step_s / 6)
         holding = end
-    moved[:] = at
-    held[:] = holding
+    for number in range(8):
+        moved[number] = at[number]
+    for axis in range(4):
+        held[axis] = holding[axis]
 
 
 @compiled(VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)
@@ -168,10 +182,11 @@ def predict_with_tilt(
     state = np.empty(size)
     yaw, end = motion[3], moved[3]
     c, s = math.cos(yaw), math.sin(yaw)
-    state[:2] = motion[:2]
+    state[0], state[1] = motion[0], motion[1]
     state[2] = c * motion[4] - s * motion[5]
     state[3] = s * motion[4] + c * motion[5]
-    state[4 : 4 + cores] = core
+    for place in range(cores):
+        state[4 + place] = core[place]
     middle = 0.5 * (yaw + end)
     c, s = math.cos(middle), math.sin(middle)
     stick_x, stick_y = sticks[0] + trim[0], sticks[1] + trim[1]
@@ -186,14 +201,15 @@ def predict_with_tilt(
         for column in range(size):
             total += transition[row, column] * state[column]
         after[row] = total
-    moved[:2] = after[:2]
+    moved[0], moved[1] = after[0], after[1]
     c, s = math.cos(end), math.sin(end)
     moved[4] = c * after[2] + s * after[3]
     moved[5] = c * after[3] - s * after[2]
-    tilted[:cores] = after[4 : 4 + cores]
+    for place in range(cores):
+        tilted[place] = after[4 + place]
     tilted[cores] = stick_x + pole * (servo[0] - stick_x)
     tilted[cores + 1] = stick_y + pole * (servo[1] - stick_y)
-    tilted[cores + 2 :] = after[6 + cores :]
+    tilted[cores + 2], tilted[cores + 3] = after[6 + cores], after[7 + cores]
 
 
 @compiled(*7 * [ANY_VECTOR])

@@ -2,7 +2,6 @@
 
 import math
 from abc import ABC, abstractmethod
-from typing import Final
 
 import numpy as np
 
@@ -10,11 +9,9 @@ from rcopterx.agents.estimators.gate import InnovationGate, Sudden
 from rcopterx.agents.estimators.settings import EstimatorSettings
 from rcopterx.agents.interfaces import Estimate, Measurement
 from rcopterx.agents.references.turns import nearest_heading
+from rcopterx.native.kalman import FARTHEST_M, MOST_TURNED_RAD
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
-
-_FARTHEST_M: Final = 1e3
-_MOST_TURNED_RAD: Final = 1e4
 
 
 class PoseEstimator(ABC):
@@ -208,5 +205,5 @@ def _inertial_rates(motion: Array) -> Array:
 def _readable(measurement: Measurement) -> bool:
     # Written so that a comparison with nan refuses.
     x, y, z = measurement.position_m.tolist()
-    inside = abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M and abs(z) <= _FARTHEST_M
-    return inside and abs(measurement.yaw_rad) <= _MOST_TURNED_RAD
+    inside = abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M and abs(z) <= FARTHEST_M
+    return inside and abs(measurement.yaw_rad) <= MOST_TURNED_RAD

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.estimators.settings import EstimatorSettings
+from rcopterx.native.kalman import DEVIATIONS as _DEVIATIONS
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
-_DEVIATIONS: Final = 5.0
 _SUDDEN_M: Final = 0.02
 """A pose further than this from the predicted one, besides noise, waits for another one to agree."""
 _MOST_LEFT_OUT: Final = 4
@@ -80,12 +80,15 @@ class InnovationGate:
         Poses refused so far.
     restarts
         Times the refused poses were believed after all.
+    near
+        Innovations up to which a pose is nothing to think about, besides five deviations; shape (4,).
     """
 
     def __init__(self, model: Model, settings: EstimatorSettings) -> None:
         position_m, yaw_rad = settings.position_gate_m, settings.yaw_gate_rad
         self._position_m, self._yaw_rad = position_m, yaw_rad
         self._margin = np.array([position_m, position_m, position_m, yaw_rad])
+        self.near: Array = np.array([*3 * [min(position_m, _SUDDEN_M)], yaw_rad])
         speed_m_s = _SPEED_FACTOR * math.hypot(*model.state_max[3:6])
         self._fastest = np.array([speed_m_s] * 3 + [_SPEED_FACTOR * model.state_max[6]])
         self._limit_s = settings.gate_limit_s
@@ -160,6 +163,11 @@ class InnovationGate:
     def open(self) -> None:
         """Forget refused poses, as a good one has arrived."""
         self._run = None
+
+    def note_near(self) -> None:
+        """A pose has arrived that is `near`, which needs no `passes` nor `sudden` to be taken in."""
+        self._run = self._last_sudden = None
+        self._left_out = 0
 
     def refuse(self, pose: Array) -> Restart | None:
         """Count a refused pose.

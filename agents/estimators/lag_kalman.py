@@ -4,21 +4,22 @@ Sixteen states: eight of the motion, four actuators, four disturbance accelerati
 estimated disturbance is what makes the predictive controllers free of offset.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from rcopterx.agents.estimators.base import PoseEstimator, body_motion
-from rcopterx.agents.estimators.linearization import Linearization
+from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE, Linearization
 from rcopterx.agents.estimators.model_noise import model_noise
 from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
 from rcopterx.agents.flight.linear import prepared_period
 from rcopterx.agents.flight.prediction import actuator_response, parameters, split
-from rcopterx.agents.interfaces import Estimate
-from rcopterx.native.kalman import correct_lags, predict_lags
+from rcopterx.agents.interfaces import Estimate, Measurement
+from rcopterx.native.kalman import FAR, INDEFINITE, correct_lags, predict_lags
+from rcopterx.native.noise import measure_noise
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, U_THRUST, YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array
 
 _LIFTING_FRACTION: Final = 0.9
 """Modelled thrust over weight from which a standing vehicle may lift."""
@@ -29,6 +30,17 @@ _START_DEVIATION: Final = np.array(
     [0.001, 0.001, 0.001, 0.005, 0.3, 0.3, 0.3, 1.0, 0.03, 0.03, 0.03, 0.03, 0.3, 0.3, 0.8, 3.0]
 )
 """Standard deviation of the state at a start."""
+_ANYWHERE: Final = np.full(INPUT_SIZE, np.inf)
+
+
+class _Period(NamedTuple):
+    """What the prediction of a period needs to know, in the order in which `predict_lags` takes it."""
+
+    vehicle: Array
+    step_s: float
+    steps: int
+    constant: Array
+    process: Array
 
 
 class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
@@ -84,10 +96,11 @@ class LagKalmanEstimator(PoseEstimator):
 
     def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
         super().__init__(model, settings)
-        self._least_noise = settings.position_noise_m, settings.yaw_noise_rad
+        noise_m, noise_rad = settings.position_noise_m, settings.yaw_noise_rad
+        self._least_noise = np.array((noise_m, noise_m, noise_m, noise_rad))
+        self._measurement_variance = np.square(self._least_noise)
         self._noise = NoiseMeter(INPUT_SIZE)
         self._since_pose_s = 0.0
-        self._expect_noise(*self._least_noise)
         noise = model_noise(model)
         densities = (
             [0.0] * 4,
@@ -97,31 +110,35 @@ class LagKalmanEstimator(PoseEstimator):
         )
         self._densities = np.square(np.concatenate(densities))
         self._limit = np.array(settings.disturbance_limit or noise.disturbance_limit)
-        self._actuator = model.hover_input
-        self._preparations: dict[float, tuple[Linearization, Array]] = {}
+        # Kernels change the state in place; estimates get copies of it.
+        self._state: Array = np.zeros(SIZE)
+        self._motion = self._state[:ACTUATOR]
+        self._actuator, self._disturbance = self._state[ACTUATOR:DISTURBANCE], self._state[DISTURBANCE:]
+        self._actuator[:] = model.hover_input
+        self._pose: Array = np.zeros(INPUT_SIZE)
+        """Measured last, its heading unwrapped."""
+        self._preparations: dict[float, _Period] = {}
         self._prepared(period_s)
         self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
 
-    def _prepared(self, period_s: float) -> tuple[Linearization, Array]:
-        """Linearization and process noise of a period, kept because preparing takes longer than a step."""
+    def _prepared(self, period_s: float) -> _Period:
+        """What a period needs, kept because preparing takes longer than a step."""
         period_s = prepared_period(period_s)
         prepared = self._preparations.get(period_s)
         if prepared is None:
             if len(self._preparations) >= _MOST_PERIODS:
                 self._preparations.clear()
-            prepared = Linearization(self._model, period_s), np.diag(period_s * self._densities)
+            constant = Linearization(self._model, period_s).constant
+            process = np.diag(period_s * self._densities)
+            prepared = _Period(parameters(self._model), *split(period_s), constant, process)
             self._preparations[period_s] = prepared
         return prepared
 
     @property
     def estimate(self) -> Estimate:
         """The current estimate."""
-        return self._lagged
-
-    @property
-    def _lagged(self) -> Estimate:
-        """What first-order lags and disturbances explain; the filter moves on by nothing else."""
-        return Estimate(self._motion, self._actuator, self._disturbance)
+        state = self._state.copy()
+        return Estimate(state[:ACTUATOR], state[ACTUATOR:DISTURBANCE], state[DISTURBANCE:])
 
     @property
     def standing(self) -> bool:
@@ -138,86 +155,92 @@ class LagKalmanEstimator(PoseEstimator):
         return np.asarray(np.sqrt(self._covariance.diagonal()[:YAW]))
 
     def _settle(self, applied_input: Array) -> None:
-        self._actuator = applied_input.astype(float)
+        self._actuator[:] = applied_input
 
     def _start(self, pose: Array, rates: Array) -> None:
-        self._motion = body_motion(pose, rates)
-        self._disturbance = np.zeros(INPUT_SIZE)
+        self._motion[:] = body_motion(pose, rates)
+        self._disturbance[:] = 0.0
         self._covariance = np.diag(np.square(_START_DEVIATION))
         self._standing = not rates.any()
-        self._stood_at_m = pose[:YAW]
+        self._stood_at_m = pose[:YAW].copy()
 
     def take_over(self, estimate: Estimate) -> None:
         """Start from another estimator's estimate, its disturbance included."""
         super().take_over(estimate)
-        self._disturbance = np.clip(estimate.disturbance, -self._limit, self._limit)
+        self._disturbance[:] = np.clip(estimate.disturbance, -self._limit, self._limit)
+
+    def correct(self, measurement: Measurement) -> bool:
+        """Take in a pose (`PoseEstimator.correct`)."""
+        position_m, yaw_rad, gate = measurement.position_m, measurement.yaw_rad, self._gate
+        flying = self._yaw_known and not self._standing
+        if flying and self._correct(position_m, yaw_rad, gate.near):
+            gate.note_near()
+            return True
+        return super().correct(measurement)
 
     def _thrust_carries(self) -> bool:
         thrust = self._model.input_gain[U_THRUST] * float(self._actuator[U_THRUST])
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
 
-    def _expect_noise(self, noise_m: float, noise_rad: float) -> None:
-        """Take positions and headings to have a standard deviation."""
-        variance_m2 = noise_m * noise_m
-        self._measurement_variance = np.array([variance_m2, variance_m2, variance_m2, noise_rad * noise_rad])
-
-    def _measure_noise(self, pose: Array) -> None:
-        """Expect the noise that a Tracker has, but no less than the settings say."""
-        self._noise.observe(pose, self._since_pose_s)
-        self._since_pose_s = 0.0
-        measured = self._noise.deviation
-        if measured is not None:
-            *noise_m, noise_rad = measured
-            least_m, least_rad = self._least_noise
-            self._expect_noise(max(*noise_m, least_m), max(noise_rad, least_rad))
-
     def _move(self, applied_input: Array, period_s: float) -> None:
+        self._advance(applied_input, period_s)
+
+    def _advance(self, applied_input: Array, period_s: float) -> float:
+        """Predict one period; heading in its middle."""
         self._since_pose_s += period_s
         if self._standing:
-            self._actuator = actuator_response(self._model, self._actuator, applied_input, 0.0, period_s)
+            self._actuator[:] = actuator_response(self._model, self._actuator, applied_input, 0.0, period_s)
             self._standing = not self._thrust_carries()
-            return
-        linearization, process = self._prepared(period_s)
-        # Estimates keep the arrays that they were given.
-        motion, actuator = np.empty(MOTION_SIZE), np.empty(INPUT_SIZE)
-        predict_lags(
-            parameters(self._model),
-            self._motion,
-            self._actuator,
-            applied_input,
-            self._disturbance,
-            *split(period_s),
-            linearization.constant,
-            self._covariance,
-            process,
-            motion,
-            actuator,
-        )
-        self._motion, self._actuator = motion, actuator
+            return float(self._motion[YAW])
+        return predict_lags(self._state, self._covariance, applied_input, *self._prepared(period_s))
 
     def _deviation(self) -> Array:
         variance = self._covariance.diagonal()[:INPUT_SIZE] + self._measurement_variance
         return np.asarray(np.sqrt(variance))
 
-    def _take_in(self, innovation: Array) -> None:
-        self._measure_noise(self._motion[:INPUT_SIZE] + innovation)
-        if self._standing:
-            self._motion = self._motion.copy()
-            self._motion[:INPUT_SIZE] += innovation
-            self._standing = bool((np.abs(self._motion[:YAW] - self._stood_at_m) < _MOVED_M).all())
-            return
-        motion, actuator = self._motion.copy(), self._actuator.copy()
-        disturbance, limit = self._disturbance.copy(), self._limit
-        if not correct_lags(
+    def _predicted_pose(self) -> Array:
+        return self._state[:INPUT_SIZE].copy()
+
+    def _expected_m(self) -> Array:
+        """Position that the next pose is compared with, of which x and y count."""
+        return self._motion
+
+    def _correct(self, position_m: Array, yaw_rad: float, near: Array) -> bool:
+        """Take in a pose if it is near the expected one; False, and nothing has changed, if not."""
+        outcome = correct_lags(
+            self._state,
             self._covariance,
-            innovation,
+            position_m,
+            yaw_rad,
+            self._expected_m(),
+            near,
+            self._noise.memory,
+            self._since_pose_s,
+            self._least_noise,
             self._measurement_variance,
-            motion,
-            actuator,
-            disturbance,
-            limit,
-        ):
+            self._limit,
+            self._pose,
+        )
+        if outcome == FAR:
+            return False
+        if outcome == INDEFINITE:
             raise np.linalg.LinAlgError("the covariance of the filter is not positive definite")
-        self._motion, self._actuator, self._disturbance = motion, actuator, disturbance
-        if disturbance[U_THRUST] >= limit[U_THRUST] and not self._thrust_carries():
+        self._since_pose_s = 0.0
+        if self._disturbance[U_THRUST] >= self._limit[U_THRUST] and not self._thrust_carries():
             self._start(self._motion[:INPUT_SIZE], np.zeros(INPUT_SIZE))
+        return True
+
+    def _stay(self, pose: Array) -> None:
+        """Take in a pose while standing."""
+        memory, variance = self._noise.memory, self._measurement_variance
+        measure_noise(memory, pose, self._since_pose_s, self._least_noise, variance)
+        self._since_pose_s = 0.0
+        self._motion[:INPUT_SIZE] = pose
+        self._standing = bool((np.abs(pose[:YAW] - self._stood_at_m) < _MOVED_M).all())
+
+    def _take_in(self, innovation: Array) -> None:
+        pose = self._predicted_pose() + innovation
+        if self._standing:
+            self._stay(pose)
+        else:
+            self._correct(pose[:YAW], float(pose[YAW]), _ANYWHERE)

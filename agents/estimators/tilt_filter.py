@@ -8,7 +8,7 @@ heading, so the matrices of a period are computed once and only the columns of t
 """
 
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
@@ -20,6 +20,7 @@ from rcopterx.agents.flight.lateral import (
     LateralSystem,
     lateral_system,
 )
+from rcopterx.agents.flight.linear import prepared_period
 from rcopterx.agents.interfaces import TiltEstimate
 from rcopterx.native.kalman import correct_tilt, predict_tilt
 from rcopterx.vehicles.model import Model
@@ -34,6 +35,7 @@ LEVEL_FLOOR_RAD: Final = 0.02
 """How level floor and landing gear are taken to be: a standing vehicle shows the offset of its body frame."""
 
 _NO_TILT: Final = np.zeros(2)
+_MOST_PERIODS: Final = 64
 _ANY_PERIOD_S: Final = 0.02
 """Where the states are does not depend on the period."""
 _START_POSITION_M: Final = 0.001
@@ -47,8 +49,22 @@ _OFFSET_DENSITY: Final = 0.0005
 _SERVO_DENSITY: Final = 0.01
 
 
+class _Period(NamedTuple):
+    """What the prediction of a period needs to know, in the order in which `predict_tilt` takes it."""
+
+    transition: Array
+    demand: Array
+    process: Array
+    gain: Array
+    pole: float
+    moving: int
+
+
 class TiltFilter:
     """The filter; all accelerations in m/s^2, tilts as horizontal components of an axis.
+
+    Others may run beside it that never take in a tilt: they say what positions alone let expect. What is
+    asked, is asked of the one that is believed.
 
     Parameters
     ----------
@@ -60,6 +76,8 @@ class TiltFilter:
         Random-walk densities of velocity [m/s] and tilt rate [1/s] per root second: where the model is wrong.
     wind_rms_m_s2
         Standard deviation of the wind's acceleration.
+    blind
+        How many others run beside it.
     """
 
     def __init__(
@@ -70,6 +88,7 @@ class TiltFilter:
         velocity_density: float,
         tilt_density: float,
         wind_rms_m_s2: float,
+        blind: int = 0,
     ) -> None:
         self._model = model
         self._least_noise = position_noise_m, tilt_noise
@@ -82,8 +101,13 @@ class TiltFilter:
         self._trim = slice(system.size, system.size + 2)
         self._offset = slice(system.size + 2, system.size + 4)
         self._size = system.size + 4
-        self._state: Array = np.zeros(self._size)
-        self._covariance: Array = np.zeros((self._size, self._size))
+        self._states: Array = np.zeros((1 + blind, self._size))
+        self._covariances: Array = np.zeros((1 + blind, self._size, self._size))
+        self._periods: dict[float, _Period] = {}
+        # What is asked, is asked of the filter that is believed.
+        self._state: Array
+        self._covariance: Array
+        self.believe(0)
         self.tilts_left_out = 0
         """Measured tilts too far from the predicted one."""
         # What stays the same from step to step is prepared: the matrices are small and the steps many.
@@ -91,6 +115,15 @@ class TiltFilter:
         self._state_limit[self._trim], self._state_limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
         self._state_limit[self._wind] = WIND_LIMIT_M_S2
         self._forget_body()
+
+    def believe(self, number: int) -> None:
+        """Ask the filter itself (0) or another one from now on."""
+        self._state, self._covariance = self._states[number], self._covariances[number]
+
+    @property
+    def state(self) -> Array:
+        """All states, beginning with the position, as they are now, shape (n,)."""
+        return self._state
 
     @property
     def position_m(self) -> Array:
@@ -103,9 +136,10 @@ class TiltFilter:
         return self._state[: VELOCITY.stop]
 
     @property
-    def tilt(self) -> Array:
-        """Estimated horizontal components of the axis of the thrust, inertial frame, shape (2,)."""
-        return self._state[self._tilt]
+    def expected_tilt(self) -> Array:
+        """Horizontal components of the axis of the thrust that positions alone let expect, inertial frame,
+        shape (2,); the others know it."""
+        return self._states[-1, self._tilt]
 
     @property
     def body_offset_rad(self) -> Array:
@@ -116,7 +150,7 @@ class TiltFilter:
     @property
     def variances(self) -> Array:
         """Of a measured position and of a measured tilt, shape (4,)."""
-        return self._variances.copy()
+        return np.array(2 * [self._position_variance] + 2 * [self._tilt_variance])
 
     @property
     def covariance(self) -> Array:
@@ -132,8 +166,8 @@ class TiltFilter:
     def expect_noise(self, position_noise_m: float, tilt_noise: float) -> None:
         """Take measurements to have these standard deviations, but no smaller ones than at first."""
         least_m, least = self._least_noise
-        noise_m, noise = max(position_noise_m, least_m), max(tilt_noise, least)
-        self._variances: Array = np.array((noise_m**2, noise_m**2, noise**2, noise**2))
+        self._position_variance = max(position_noise_m, least_m) ** 2
+        self._tilt_variance = max(tilt_noise, least) ** 2
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Begin anew in the air; what is known of trim and body frame is kept.
@@ -147,50 +181,47 @@ class TiltFilter:
         yaw_rad
             Heading.
         """
-        state = self._state
-        state[POSITION], state[VELOCITY] = position_m, velocity_m_s
-        state[self._core] = state[self._wind] = 0.0
+        states = self._states
+        states[:, POSITION], states[:, VELOCITY] = position_m, velocity_m_s
+        states[:, self._core] = states[:, self._wind] = 0.0
         if tilt is not None:
-            axis = tilt - heading_matrix(yaw_rad) @ state[self._offset]
+            axis = tilt - heading_matrix(yaw_rad) @ states[0, self._offset]
             for place in range(self._core.start, self._core.stop, 2):
                 if place != self._tilt_rate.start:
-                    state[place : place + 2] = axis
+                    states[0, place : place + 2] = axis
         deviation = np.zeros(self._size)
         deviation[POSITION], deviation[VELOCITY] = _START_POSITION_M, 0.3
         deviation[self._core], deviation[self._tilt_rate] = _START_TILT, _START_RATE
         deviation[self._servo], deviation[self._wind] = _START_SERVO, self._wind_rms_m_s2
-        kept = self._covariance[self._trim.start :, self._trim.start :].copy()
-        self._covariance = np.diag(deviation**2)
-        self._covariance[self._trim.start :, self._trim.start :] = kept
+        body = slice(self._trim.start, None)
+        kept = self._covariances[:, body, body].copy()
+        self._covariances[:] = np.diag(deviation**2)
+        self._covariances[:, body, body] = kept
 
     def stand(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Begin anew at rest on the floor, which shows how the markers are glued on; arguments of `start`."""
         self._forget_body()
         if tilt is not None:
-            self._state[self._offset] = heading_matrix(yaw_rad).T @ tilt
-            np.clip(
-                self._state[self._offset],
-                -OFFSET_LIMIT_RAD,
-                OFFSET_LIMIT_RAD,
-                out=self._state[self._offset],
-            )
-            self._covariance[self._offset, self._offset] = LEVEL_FLOOR_RAD**2 * np.eye(2)
+            offset = heading_matrix(yaw_rad).T @ tilt
+            self._states[0, self._offset] = np.clip(offset, -OFFSET_LIMIT_RAD, OFFSET_LIMIT_RAD)
+            self._covariances[0, self._offset, self._offset] = LEVEL_FLOOR_RAD**2 * np.eye(2)
         self.start(position_m, np.zeros(2), tilt, yaw_rad)
 
     def take_over(self, known: TiltEstimate) -> None:
         """Go on from what another filter knew; to be called after `start`."""
-        self._state[self._core], self._state[self._servo] = known.core, known.servo
-        self._state[self._wind], self._state[self._trim] = known.wind_m_s2, known.trim
+        states = self._states
+        states[:, self._core], states[:, self._servo] = known.core, known.servo
+        states[:, self._wind], states[:, self._trim] = known.wind_m_s2, known.trim
 
     def settle(self, stick: Array) -> None:
         """The servo has settled on a stick, shape (2,)."""
-        self._state[self._servo] = stick + self._state[self._trim]
+        self._states[:, self._servo] = stick + self._states[:, self._trim]
 
     def rest(self, stick: Array, period_s: float) -> None:
         """Let a period pass on the floor: only the servo moves."""
-        system = lateral_system(self._model, period_s)
-        target = stick + self._state[self._trim]
-        self._state[self._servo] = target + system.servo_pole * (self._state[self._servo] - target)
+        target = stick + self._states[:, self._trim]
+        pole = self._prepared(period_s).pole
+        self._states[:, self._servo] = target + pole * (self._states[:, self._servo] - target)
 
     def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
         """Move on by a period.
@@ -204,32 +235,40 @@ class TiltFilter:
         period_s
             Its length.
         """
-        system = lateral_system(self._model, period_s)
-        predict_tilt(
-            self._state,
-            self._covariance,
-            system.transition,
-            system.demand,
-            self.process_noise(system),
-            self._model.b,
-            yaw_rad,
-            stick,
-            system.servo_pole,
-            self._core.stop,
-        )
+        predict_tilt(self._states, self._covariances, stick, yaw_rad, *self._prepared(period_s))
+
+    def _prepared(self, period_s: float) -> _Period:
+        """What a period needs, kept because looking it up for a model takes longer than a step."""
+        period_s = prepared_period(period_s)
+        prepared = self._periods.get(period_s)
+        if prepared is None:
+            if len(self._periods) >= _MOST_PERIODS:
+                self._periods.clear()
+            system = lateral_system(self._model, period_s)
+            prepared = _Period(
+                np.ascontiguousarray(system.transition),
+                np.ascontiguousarray(system.demand),
+                self.process_noise(system),
+                self._model.b,
+                system.servo_pole,
+                self._core.stop,
+            )
+            self._periods[period_s] = prepared
+        return prepared
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Take in what was measured; arguments of `start`, of which the first two entries count."""
         measured = tilt is not None
         taken_in, definite = correct_tilt(
-            self._state,
-            self._covariance,
+            self._states,
+            self._covariances,
             position_m,
             _NO_TILT if tilt is None else tilt,
             measured,
-            self._tilt.start,
             yaw_rad,
-            self._variances,
+            self._position_variance,
+            self._tilt_variance,
+            self._tilt.start,
             self._state_limit,
             TILT_GATE,
         )
@@ -239,16 +278,18 @@ class TiltFilter:
 
     def forget_offset(self) -> None:
         """The body frame is not known any more, as what was measured of the tilt was wrong."""
-        self._state[self._offset] = 0.0
-        self._covariance[self._offset, :] = self._covariance[:, self._offset] = 0.0
-        self._covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
+        covariance = self._covariances[0]
+        self._states[0, self._offset] = 0.0
+        covariance[self._offset, :] = covariance[:, self._offset] = 0.0
+        covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
 
     def _forget_body(self) -> None:
         """Trim and body frame as of a vehicle never seen before."""
-        self._state[self._trim] = self._state[self._offset] = 0.0
-        self._covariance[self._trim.start :, :] = self._covariance[:, self._trim.start :] = 0.0
-        self._covariance[self._trim, self._trim] = _START_TRIM**2 * np.eye(2)
-        self._covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
+        covariances, body = self._covariances, slice(self._trim.start, None)
+        self._states[:, self._trim] = self._states[:, self._offset] = 0.0
+        covariances[:, body, :] = covariances[:, :, body] = 0.0
+        covariances[:, self._trim, self._trim] = _START_TRIM**2 * np.eye(2)
+        covariances[:, self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
 
     def process_noise(self, system: LateralSystem) -> Array:
         """Covariance that a period adds, shape (n, n); the same for every heading."""

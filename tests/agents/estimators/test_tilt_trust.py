@@ -30,7 +30,7 @@ def watch(trust: TiltTrust, measured: Callable[[float], Array], seconds: float, 
     for time_s in np.arange(0.0, seconds, PERIOD_S):
         noise = 0.3 * size * random.standard_normal(2)
         expected = swing(time_s, size) + noise
-        trust.observe(tuple(measured(time_s)), tuple(expected), PERIOD_S)
+        trust.observe(measured(time_s), expected, 0.0, PERIOD_S)
 
 
 def test_a_tilt_that_swings_with_the_expected_one_is_trusted_however_the_markers_sit() -> None:
