@@ -3,9 +3,9 @@
 They are rounded before they are used, not only before they are sent: what is recorded is what was flown.
 """
 
-import math
-import time
 from collections.abc import Iterable
+from math import floor
+from time import monotonic
 from typing import Final
 
 TIME_BITS: Final = 20
@@ -17,7 +17,7 @@ _TICKS: Final = 2.0**TIME_BITS
 
 def monotonic_s() -> float:
     """Monotonic clock [s], not finer than times are told."""
-    return math.floor(time.monotonic() * _TICKS) / _TICKS
+    return floor(monotonic() * _TICKS) / _TICKS
 
 
 def rounded(value: float, bits: int) -> float:

@@ -225,6 +225,7 @@ class Session:
         waking: bool = True,
         wake: Callable[[], None] | None = None,
         fleet: str | None = None,
+        own: bool = True,
         deliver: Deliver = Inbox.store,
     ) -> Subscription[M]:
         """Receive a channel of one unit.
@@ -239,13 +240,16 @@ class Session:
             Called on receive threads after each message, instead of what wakes the loop.
         fleet
             Whose channel, by default that of the own fleet.
+        own
+            Whether what this session publishes comes back to it.
         deliver
             Called on receive threads to put a payload into the inbox.
         """
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
         if wake is None:
             wake = self.wake if waking else lambda: None
-        return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth, deliver)
+        origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
+        return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth, origin, deliver)
 
     def subscribe_all(
         self, channel: Channel[M], depth: int = 1, *, waking: bool = True, deliver: Deliver = Inbox.store

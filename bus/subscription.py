@@ -66,13 +66,14 @@ class Inbox(Generic[M]):
         self.unit = unit
         self.reason = ""
         self._rejections = Rejections()
+        self._counts_overruns = depth > 1
         self._payloads: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._arrivals: deque[float] = deque(maxlen=RATE_WINDOW)
         self._newest: Received[M] | None = None
 
     def store(self, payload: bytes, arrived_s: float) -> None:
         """Keep a payload for the loop. Called on the receive thread."""
-        if len(self._payloads) == self._payloads.maxlen and self._payloads.maxlen > 1:
+        if self._counts_overruns and len(self._payloads) == self._payloads.maxlen:
             self._rejections.count("overrun")
         self._payloads.append((payload, arrived_s))
         self._arrivals.append(arrived_s)
@@ -167,6 +168,8 @@ class Subscription(Inbox[M]):
         Called on the receive thread after each message.
     depth
         See `Inbox`.
+    origin
+        Whose messages count: also those of this session, or only those of others.
     deliver
         Called on the receive thread to put a payload into the inbox.
     """
@@ -179,6 +182,7 @@ class Subscription(Inbox[M]):
         clock: Callable[[], float],
         wake: Callable[[], None],
         depth: int = 1,
+        origin: zenoh.Locality = zenoh.Locality.ANY,
         deliver: Deliver = Inbox.store,
     ) -> None:
         super().__init__(channel, depth, full_key.split("/")[-2])
@@ -186,7 +190,9 @@ class Subscription(Inbox[M]):
         self._key = full_key
         self._clock = clock
         self._wake = wake
-        self._subscriber = session.declare_subscriber(full_key, direct(self._on_sample))
+        self._subscriber = session.declare_subscriber(
+            full_key, direct(self._on_sample), allowed_origin=origin
+        )
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         # A put on a wildcard key reaches everyone; only messages for exactly this key count.

@@ -56,9 +56,9 @@ class TrackerGateway:
         self._report_at_s = 0.0
         self._standby_until_s = -math.inf
         self._standbys = 0
-        # One vehicle's poses are enough: our own come back, another gateway's tell that it is there.
+        # One vehicle's poses are enough to tell that another gateway is there.
         vehicle = next(iter(settings.subjects.values()))
-        self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False)
+        self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False, own=False)
         self._flown: tuple[UnitSubscriptions[Any], ...] = (
             session.subscribe_all(channels.APPLIED, waking=False),
             session.subscribe_all(channels.INTENT, waking=False),

@@ -102,6 +102,17 @@ def test_messages_of_other_units_and_topics_do_not_arrive(join: Join) -> None:
     assert not inbox.rejected
 
 
+def test_a_subscription_can_leave_out_what_its_own_session_publishes(join: Join) -> None:
+    session, other = join(), join()
+    everything = session.subscribe(channels.KILL, "fleet", depth=8)
+    from_others = session.subscribe(channels.KILL, "fleet", depth=8, own=False)
+    session.publish(channels.KILL, "fleet", Kill(source="session", reason="test"))
+    wait_for(lambda: everything.latest() is not None, "its own message comes back")
+    other.publish(channels.KILL, "fleet", Kill(source="other", reason="test"))
+    wait_for(lambda: from_others.waiting_since_s() is not None, "the message of the other session arrives")
+    assert [received.message.source for received in from_others.drain()] == ["other"]
+
+
 def test_a_closed_subscription_receives_nothing_more(join: Join) -> None:
     receiver, sender = join(), join()
     closed, open_ = receiver.subscribe(channels.POSE, "h1"), receiver.subscribe(channels.POSE, "h1")
