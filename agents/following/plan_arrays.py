@@ -4,6 +4,9 @@ An agent does both in every control period, and `TrajectoryArray` makes forty ca
 itself, and its reason, are there; other processes have no kernels.
 """
 
+from functools import lru_cache
+from typing import Final
+
 import numpy as np
 
 from rcopterx.bus.messages import Plan
@@ -11,20 +14,26 @@ from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.native.plans import packed_plan, unpacked_plan
 from rcopterx.vehicles.state import Array
 
+_LARGEST: Final = TrajectoryArray.LARGEST
+
 
 def packed(samples: Array, period_s: float) -> TrajectoryArray:
     """`TrajectoryArray.of` finite samples of at least two stages, shape (stages, 12)."""
-    layout = TrajectoryArray
-    octets, rows = packed_plan(
-        samples, layout.units(period_s), layout.scales(period_s), layout.LARGEST, layout.TOLERANCE
-    )
-    return layout((len(samples), layout.COLUMNS), octets[:rows].tobytes())
+    stages, columns = samples.shape
+    octets = np.empty((4, stages * columns), np.uint8)
+    rows = packed_plan(samples, _layout(period_s), _LARGEST, TrajectoryArray.TOLERANCE, octets)
+    return TrajectoryArray((stages, columns), octets[:rows].tobytes())
 
 
 def samples_of(plan: Plan) -> Array:
     """`Plan.samples` of a valid plan."""
-    layout, period_s = TrajectoryArray, plan.period_s
     trajectory = plan.trajectory
-    octets = np.frombuffer(trajectory.data, dtype=np.uint8)
-    stages, _ = trajectory.shape
-    return unpacked_plan(octets, stages, layout.units(period_s), layout.scales(period_s), layout.LARGEST)
+    samples: Array = np.empty(trajectory.shape)
+    unpacked_plan(np.frombuffer(trajectory.data, np.uint8), _layout(plan.period_s), _LARGEST, samples)
+    return samples
+
+
+@lru_cache(maxsize=64)
+def _layout(period_s: float) -> Array:
+    """Units and scales, as the kernels take them."""
+    return np.vstack((TrajectoryArray.units(period_s), TrajectoryArray.scales(period_s)))
