@@ -9,6 +9,8 @@ from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Arr
 
 MOST = 2**31 - 1
 OCTETS = "uint8[:, ::1]"
+NEXT_TO = 1e-6
+"""An instant so close to a stage, in periods, is on it."""
 
 
 @compiled(ANY_MATRIX, MATRIX, NUMBER, NUMBER, OCTETS)
@@ -112,6 +114,53 @@ def unpacked_plan(octets: NDArray[np.uint8], layout: Array, largest: float, valu
                 column = 4 * kind + axis
                 value = values[stage, column] * units[kind, axis]
                 values[stage, column] = min(max(value, -largest), largest)
+
+
+@compiled(ANY_MATRIX, NUMBER, NUMBER, NUMBER, ANY_VECTOR, NUMBER, MATRIX)
+def read_plan(
+    samples: Array,
+    plan_period_s: float,
+    start_s: float,
+    period_s: float,
+    offset_m: Array,
+    yaw_offset_rad: float,
+    values: Array,
+) -> None:
+    """Read a trajectory at other instants, displaced (`rcopterx.agents.references.trajectory`).
+
+    Parameters
+    ----------
+    samples, plan_period_s
+        The trajectory: shape (stages, 12), and the time between them.
+    start_s, period_s
+        First instant, counted from the first stage, and the time between instants.
+    offset_m, yaw_offset_rad
+        Added to positions, shape (3,), and headings.
+    values
+        Becomes the trajectory at the instants, shape (N, 12).
+    """
+    last = len(samples) - 1
+    for stage in range(len(values)):
+        at = (start_s + period_s * stage) / plan_period_s
+        nearest = np.rint(at)
+        if abs(at - nearest) < NEXT_TO:
+            at = nearest
+        inside = min(max(at, 0.0), float(last))
+        lower = min(int(inside), max(last - 1, 0))
+        upper = min(lower + 1, last)
+        share = inside - lower
+        for column in range(12):
+            values[stage, column] = samples[lower, column] * (1 - share) + samples[upper, column] * share
+        if at != inside:
+            outside_s = (at - inside) * plan_period_s
+            end = last if at > inside else 0
+            for column in range(4):
+                values[stage, column] += outside_s * samples[end, 4 + column]
+            if at > inside or at <= -1.0:
+                values[stage, 8:] = 0.0
+        for axis in range(3):
+            values[stage, axis] += offset_m[axis]
+        values[stage, 3] += yaw_offset_rad
 
 
 @compiled(ANY_MATRIX, ANY_MATRIX, ANY_VECTOR)

@@ -10,7 +10,7 @@ from rcopterx.bus.messages import LeaderLink
 def followed_leader(following: LeaderLink) -> FollowedLeader:
     """A link of the guidance from its message."""
     offset = FormationOffset(
-        np.array(following.offset_m),
+        np.array(following.offset_m, dtype=np.float64),
         following.yaw_offset_rad,
         "heading" if following.frame == "heading" else "inertial",
     )

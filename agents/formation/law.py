@@ -97,11 +97,9 @@ def follower_reference(
         The plan, read at the follower's stages and displaced by the offset, with the velocity and the
         acceleration that a turning or moving offset brings.
     """
-    reference = plan.resampled(start_s, period_s, stages)
     if isinstance(offset, FormationOffset) and offset.frame == "inertial":
-        reference.samples[:, POSITION] += offset.position_m
-        reference.samples[:, YAW] += offset.yaw_rad
-        return reference
+        return plan.displaced(start_s, period_s, stages, offset.position_m, offset.yaw_rad)
+    reference = plan.resampled(start_s, period_s, stages)
     samples = reference.samples.copy()
     if isinstance(offset, OffsetTransition):
         frame = offset.target.frame

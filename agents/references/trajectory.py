@@ -20,6 +20,8 @@ ACCELERATION: Final = slice(8, 11)
 YAW_ACCELERATION: Final = 11
 COLUMNS: Final = 12
 
+_NO_OFFSET_M: Final[Array] = np.zeros(3)
+
 
 class Trajectory(Struct, frozen=True):
     """Stages of a trajectory, `period_s` apart.
@@ -93,57 +95,22 @@ class Trajectory(Struct, frozen=True):
         Trajectory
             The new stages, in an array of their own.
         """
-        shift = start_s / self.period_s
-        first = round(shift)
-        if period_s == self.period_s and abs(shift - first) < 1e-6 and 0 <= first < self.stages:
-            return Trajectory(self._from_stage(first, stages), period_s)
-        at = (start_s + period_s * np.arange(stages)) / self.period_s
-        nearest = np.round(at)
-        at = np.where(np.abs(at - nearest) < 1e-6, nearest, at)
-        last = self.stages - 1
-        inside = np.clip(at, 0, last)
-        lower = np.minimum(inside.astype(np.intp), max(last - 1, 0))
-        fraction = (inside - lower)[:, None]
-        upper = np.minimum(lower + 1, last)
-        samples = self.samples[lower] * (1 - fraction) + self.samples[upper] * fraction
-        beyond_s = np.maximum(at - last, 0.0) * self.period_s
-        if beyond_s[-1] > 0:
-            samples[:, :4] += beyond_s[:, None] * self.samples[-1, 4:8]
-            samples[beyond_s > 0, 8:] = 0.0
-        before_s = np.minimum(at, 0.0) * self.period_s
-        if before_s[0] < 0:
-            samples[:, :4] += before_s[:, None] * self.samples[0, 4:8]
-            samples[at <= -1, 8:] = 0.0
+        return self.displaced(start_s, period_s, stages, _NO_OFFSET_M, 0.0)
+
+    def displaced(
+        self, start_s: float, period_s: float, stages: int, offset_m: Array, yaw_offset_rad: float
+    ) -> "Trajectory":
+        """As `resampled`, with an offset of the positions, shape (3,), and one of the headings."""
+        # Scripts and the web page have paths, which are trajectories, but need no kernels.
+        from rcopterx.native.plans import read_plan
+
+        samples = np.empty((stages, COLUMNS))
+        read_plan(self.samples, self.period_s, start_s, period_s, offset_m, yaw_offset_rad, samples)
         return Trajectory(samples, period_s)
 
-    def _from_stage(self, first: int, stages: int) -> Array:
-        """Samples from a stage on, shape (`stages`, 12)."""
-        samples = np.empty((stages, COLUMNS))
-        inside = self.samples[first : first + stages]
-        samples[: len(inside)] = inside
-        beyond, last = samples[len(inside) :], self.samples[-1]
-        if len(beyond):
-            ahead_s = self.period_s * np.arange(1, len(beyond) + 1)[:, None]
-            beyond[:, :4] = last[:4] + ahead_s * last[4:8]
-            beyond[:, 4:8], beyond[:, 8:] = last[4:8], 0.0
-        return samples
-
     def positions_from(self, start_s: float, period_s: float, stages: int) -> Array:
-        """Positions at other instants, as of `resampled` but without the rest; shape (`stages`, 3)."""
-        shift = start_s / self.period_s
-        first = round(shift)
-        if first < 0 or first >= self.stages or abs(shift - first) > 1e-6 or period_s != self.period_s:
-            return self.resampled(start_s, period_s, stages).position_m
-        inside = self.samples[first : first + stages, POSITION]
-        missing = stages - len(inside)
-        if not missing:
-            return inside
-        ahead_s = period_s * np.arange(1, missing + 1)[:, None]
-        last = self.samples[-1]
-        positions_m = np.empty((stages, 3))
-        positions_m[:-missing] = inside
-        positions_m[-missing:] = last[POSITION] + ahead_s * last[VELOCITY]
-        return positions_m
+        """Positions at other instants, as of `resampled`; shape (`stages`, 3)."""
+        return self.resampled(start_s, period_s, stages).position_m
 
 
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:

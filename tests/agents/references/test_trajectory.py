@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from rcopterx.agents.references.trajectory import COLUMNS, POSITION, VELOCITY, Trajectory
+from rcopterx.vehicles.state import Array
 
 PERIOD_S = 0.02
 
@@ -36,8 +38,42 @@ def test_long_before_the_first_stage_and_beyond_the_last_it_keeps_its_velocity()
     assert not read.acceleration_m_s2[[0, -1]].any()
 
 
-@given(st.floats(-0.05, 0.5))
-def test_positions_alone_are_the_same(start_s: float) -> None:
+def read_by_numpy(plan: Trajectory, start_s: float, period_s: float, stages: int) -> Array:
+    """Linear between stages; outside, the first or last velocity, unaccelerated from a period off."""
+    at = (start_s + period_s * np.arange(stages)) / plan.period_s
+    nearest = np.round(at)
+    at = np.where(np.abs(at - nearest) < 1e-6, nearest, at)
+    last = plan.stages - 1
+    columns = [np.interp(at, np.arange(plan.stages), column) for column in plan.samples.T]
+    samples: Array = np.column_stack(columns)
+    beyond_s = np.maximum(at - last, 0.0)[:, None] * plan.period_s
+    before_s = np.minimum(at, 0.0)[:, None] * plan.period_s
+    samples[:, :4] += beyond_s * plan.samples[-1, 4:8] + before_s * plan.samples[0, 4:8]
+    samples[(at > last) | (at <= -1), 8:] = 0.0
+    return samples
+
+
+@settings(deadline=None)
+@given(
+    arrays(np.float64, st.tuples(st.integers(1, 8), st.just(COLUMNS)), elements=st.floats(-10, 10)),
+    st.integers(-3, 10).map(lambda stage: stage * PERIOD_S) | st.floats(-0.1, 0.4),
+    st.sampled_from([PERIOD_S, 0.5 * PERIOD_S, 0.03]),
+    arrays(np.float64, 4, elements=st.floats(-3, 3)),
+)
+def test_what_is_read_is_what_stands_between_the_stages_and_its_offset(
+    samples: Array, start_s: float, period_s: float, offset: Array
+) -> None:
+    plan = Trajectory(samples, PERIOD_S)
+    read = plan.resampled(start_s, period_s, 12)
+    assert read.samples == pytest.approx(read_by_numpy(plan, start_s, period_s, 12), abs=1e-9)
+    assert np.array_equal(read.position_m, plan.positions_from(start_s, period_s, 12))
+    moved = plan.displaced(start_s, period_s, 12, offset[:3], float(offset[3]))
+    read.samples[:, :4] += offset
+    assert np.array_equal(moved.samples, read.samples)
+
+
+@given(st.integers(0, 12))
+def test_on_its_stages_a_plan_is_read_bit_for_bit(first: int) -> None:
     plan = moving()
-    whole = plan.resampled(start_s, PERIOD_S, 10).position_m
-    assert plan.positions_from(start_s, PERIOD_S, 10) == pytest.approx(whole, abs=1e-12)
+    read = plan.resampled(first * PERIOD_S, PERIOD_S, plan.stages - first)
+    assert np.array_equal(read.samples, plan.samples[first:])
