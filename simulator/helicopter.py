@@ -10,7 +10,8 @@ To fly one by itself, without weather and delay::
 """
 
 import math
-from dataclasses import replace
+
+from msgspec import structs
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
@@ -129,7 +130,7 @@ class Helicopter(Plant):
             return turned
         axis = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
         x_m, y_m, z_m = (centre + up_m * part for centre, part in zip(turned.position_m, axis, strict=True))
-        return replace(turned, position_m=(x_m, y_m, z_m))
+        return structs.replace(turned, position_m=(x_m, y_m, z_m))
 
     def _pose_with(self, w: float, x: float, y: float, z: float) -> Pose:
         yaw = math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))

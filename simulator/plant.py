@@ -10,6 +10,8 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from msgspec import Struct
+
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
 from rcopterx.vehicles.model import Model
@@ -20,8 +22,7 @@ CALM: Four = (0.0, 0.0, 0.0, 0.0)
 _TIME_TOLERANCE_S = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(Struct, frozen=True):
     """Position of a vehicle's origin in the inertial frame, and its attitude.
 
     Attributes

@@ -7,6 +7,10 @@ from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import Final
+
+from msgspec import Struct
 
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 
@@ -15,10 +19,10 @@ AIR_PERIOD_S = 0.022
 PAUSE_BYTES = 4
 
 Timer = tuple[float, Callable[[float], None]]
+_TIME: Final[Callable[[Timer], float]] = itemgetter(0)
 
 
-@dataclass(frozen=True, slots=True)
-class SerialFrame:
+class SerialFrame(Struct, frozen=True):
     """A frame the module accepted.
 
     Parameters
@@ -35,8 +39,7 @@ class SerialFrame:
     bind: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class AirPacket:
+class AirPacket(Struct, frozen=True):
     """What a module sends to the receivers.
 
     Parameters
@@ -162,7 +165,7 @@ class RadioModule(ABC):
         """Do everything due until `now_s`; return the bytes the module answers."""
         while True:
             events: list[Timer] = [(self._input.next_end_s(), self._take_burst), *self._timers()]
-            time_s, handler = min(events, key=lambda event: event[0])
+            time_s, handler = min(events, key=_TIME)
             if time_s > now_s:
                 break
             handler(time_s)

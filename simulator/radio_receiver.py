@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from rcopterx.simulator.radio_module import AirPacket
 
@@ -25,8 +26,7 @@ class ReceiverState(StrEnum):
     BIND = "bind"
 
 
-@dataclass(frozen=True, slots=True)
-class ReceiverOutput:
+class ReceiverOutput(Struct, frozen=True):
     """State and the channel pulse widths [us] given to the vehicle, throttle, aileron, elevator, ..."""
 
     state: ReceiverState
