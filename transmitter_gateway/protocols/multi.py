@@ -25,6 +25,8 @@ from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, M
 
 FRAME_LENGTH = 27
 CHANNEL_COUNT = 16
+CHANNELS_AT = 4
+CHANNEL_BYTES = 22
 DSM = 6
 CENTER_COUNT = 1024
 KILL_CHANNEL = 13
@@ -63,13 +65,13 @@ def pack_channels(counts: Sequence[int]) -> bytes:
     stream = 0
     for count in reversed(counts):
         stream = stream << 11 | count
-    return stream.to_bytes(22, "little")
+    return stream.to_bytes(CHANNEL_BYTES, "little")
 
 
 def unpack_channels(packed: bytes) -> tuple[int, ...]:
     """Read 16 values of 11 bits from 22 bytes."""
     stream = int.from_bytes(packed, "little")
-    return tuple((stream >> (11 * index)) & 0x7FF for index in range(CHANNEL_COUNT))
+    return tuple([(stream >> (11 * index)) & 0x7FF for index in range(CHANNEL_COUNT)])
 
 
 class MultiFrame(Struct, frozen=True):
@@ -196,6 +198,8 @@ class MultiProtocol(RadioProtocol):
         # A little above the command period of 20 ms: a keep-alive just before a late command delays it by
         # the time of a frame. The module's dead-man's stop is at 70 ms, section 8.2 allows 40 ms.
         self.keepalive_s = 0.025
+        self._envelope_flags: FrameFlags | None = None
+        self._envelope = (b"", b"")
         self._parser = AnswerParser()
         self._opened_s: float | None = None
         self._answered_s = -math.inf
@@ -211,9 +215,16 @@ class MultiProtocol(RadioProtocol):
         counts += [CENTER_COUNT] * (CHANNEL_COUNT - len(counts))
         if flags.kill:
             counts[KILL_CHANNEL] = KILL_COUNT
+        if flags != self._envelope_flags:
+            self._envelope_flags, self._envelope = flags, self._envelope_of(flags)
+        before, after = self._envelope
+        return before + pack_channels(counts) + after
+
+    def _envelope_of(self, flags: FrameFlags) -> tuple[bytes, bytes]:
+        """Bytes of a frame before and after its channels; they hardly ever change."""
         settings = self.settings
-        return MultiFrame(
-            counts=tuple(counts),
+        frame = MultiFrame(
+            counts=(CENTER_COUNT,) * CHANNEL_COUNT,
             sub_protocol=settings.sub_protocol,
             rx_num=settings.rx_num,
             option=settings.option,
@@ -223,6 +234,7 @@ class MultiProtocol(RadioProtocol):
             inverted_line=settings.inverted_line,
             telemetry_off=not settings.answers_wired,
         ).to_bytes()
+        return frame[:CHANNELS_AT], frame[CHANNELS_AT + CHANNEL_BYTES :]
 
     def decode(self, frame: bytes) -> DecodedFrame:
         """Read a frame back; see `RadioProtocol.decode`."""
