@@ -153,10 +153,10 @@ class PiqpChainQP(ChainQP):
         parts[-1, : self._states] = -self._cost @ target.terminal
         lower, upper = np.full((2, p.stages, self._block), np.inf)
         lower *= -1.0
-        for bounds, values in ((lower, target.lower), (upper, target.upper)):
-            bounds[:, self._states : self._states + m] = values[2 * m :]
-        soft_lower = np.tile(target.lower[self._soft], p.stages - 1)
-        soft_upper = np.tile(target.upper[self._soft], p.stages - 1)
+        lowest, highest = target.bounds_of_stages()
+        for bounds, values in ((lower, lowest), (upper, highest)):
+            bounds[:, self._states : self._states + m] = values[:, 2 * m :]
+        soft_lower, soft_upper = (values[1:, self._soft].ravel() for values in (lowest, highest))
         vectors = {"c": self._gradient, "b": self._right, "h_l": soft_lower, "h_u": soft_upper}
         vectors |= {"x_l": lower.ravel(), "x_u": upper.ravel()}
         if self._started:

@@ -6,7 +6,7 @@ bounds of inputs, columns `first` to `last`, are hard.
 
 import numpy as np
 
-from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, BLOCKS, COUNT, MATRIX, NUMBER, Array, compiled
+from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, BLOCKS, MATRIX, NUMBER, Array, compiled, part
 
 
 @compiled(ANY_MATRIX, NUMBER)
@@ -29,16 +29,8 @@ def rows_within(values: Array, low: Array, high: Array) -> bool:
     return True
 
 
-@compiled(*4 * [MATRIX])
-def pull_of(values: Array, rows: Array, weights: Array, pull: Array) -> None:
-    """Set the derivative of the cost by the rows where no bound presses, shape (N, r)."""
-    for stage in range(values.shape[0]):
-        for row in range(values.shape[1]):
-            pull[stage, row] = weights[stage, row] * (values[stage, row] - rows[stage, row])
-
-
-@compiled(*8 * [MATRIX], COUNT, MATRIX, MATRIX)
-def pressed_pull(
+@part
+def pull_at(
     values: Array,
     rows: Array,
     weights: Array,
@@ -49,9 +41,8 @@ def pressed_pull(
     upper: Array,
     first: int,
     pull: Array,
-    total: Array,
 ) -> None:
-    """Derivative of the augmented Lagrangian by the rows, and weights of the rows with the active penalties.
+    """Set the derivative of the augmented Lagrangian by the rows.
 
     Parameters
     ----------
@@ -63,11 +54,8 @@ def pressed_pull(
         -1 or 1 where the lower or upper bound is active.
     multipliers
         Of the inputs, shape (N, m).
-    pull, total
-        Set to derivative and weights.
     """
     stages, count = values.shape
-    total[:] = weights
     last = first + multipliers.shape[1]
     for stage in range(stages):
         at = stage if len(lower) > 1 else 0
@@ -75,66 +63,68 @@ def pressed_pull(
             pulled = weights[stage, row] * (values[stage, row] - rows[stage, row])
             if side[stage, row] != 0.0:
                 bound = upper[at, row] if side[stage, row] > 0.0 else lower[at, row]
-                total[stage, row] += penalty[stage, row]
                 pulled += penalty[stage, row] * (values[stage, row] - bound)
                 if first <= row < last:
                     pulled += multipliers[stage, row - first]
             pull[stage, row] = pulled
 
 
-@compiled(*6 * [MATRIX], COUNT, NUMBER, MATRIX)
-def pressed_side(
+@part
+def press(
     values: Array,
     bounded: Array,
     multipliers: Array,
-    before: Array,
     lower: Array,
     upper: Array,
     first: int,
     penalty: float,
     side: Array,
-) -> tuple[bool, bool]:
-    """Which bound each row presses on.
+) -> bool:
+    """Find which bound each row presses on.
 
     Parameters
     ----------
     values, bounded
         Present rows; positive where a bound binds.
     multipliers
-        Of the inputs, shape (N, m); inputs press by them over the penalty beyond their value.
-    before
-        What was found the last time.
+        Of the inputs, shape (N, m); inputs press by them over the penalty beyond their value. Set to zero
+        where nothing presses any more.
     side
         Set to -1, 0 or 1.
 
     Returns
     -------
-    tuple
-        Whether any row presses, and whether all is as `before`.
+    bool
+        Whether all is as it was.
     """
     stages, count = values.shape
     last = first + multipliers.shape[1]
-    side[:] = 0.0
     presses, same = False, True
     for stage in range(stages):
         at = stage if len(lower) > 1 else 0
         for row in range(count):
+            found = 0.0
             if bounded[stage, row] > 0.0:
                 value = values[stage, row]
                 if first <= row < last:
                     value += multipliers[stage, row - first] / penalty
                 if value > upper[at, row]:
-                    side[stage, row] = 1.0
+                    found = 1.0
                 elif value < lower[at, row]:
-                    side[stage, row] = -1.0
-            if side[stage, row] != 0.0:
+                    found = -1.0
+            if found != 0.0:
                 presses = True
-            if side[stage, row] != before[stage, row]:
+            if found != side[stage, row]:
                 same = False
-    return presses, same
+                side[stage, row] = found
+    if not presses:
+        for stage in range(stages):
+            for axis in range(multipliers.shape[1]):
+                multipliers[stage, axis] = 0.0
+    return same
 
 
-@compiled(*4 * [MATRIX], COUNT, NUMBER)
+@part
 def update_multipliers(
     values: Array, multipliers: Array, lower: Array, upper: Array, first: int, penalty: float
 ) -> float:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from rcopterx.native.bounds import press, pull_at, update_multipliers
 from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
@@ -14,6 +15,7 @@ from rcopterx.native.compiled import (
     VECTOR,
     Array,
     compiled,
+    part,
 )
 
 
@@ -42,11 +44,12 @@ def chain_values(rows: Array, flat: Array, axes: int, values: Array) -> None:
             values[stage, row] = total
 
 
-@compiled(BLOCKS, MATRIX, COUNT, VECTOR)
+@part
 def chain_gradient(rows: Array, pull: Array, axes: int, gradient: Array) -> None:
     """Set the derivative of sum(pull * rows) with respect to all positions, shape ((N - 1) m + w,)."""
     stages, count, width = rows.shape
-    gradient[:] = 0.0
+    for place in range(len(gradient)):
+        gradient[place] = 0.0
     for stage in range(stages):
         begin = stage * axes
         for row in range(count):
@@ -56,7 +59,7 @@ def chain_gradient(rows: Array, pull: Array, axes: int, gradient: Array) -> None
                     gradient[begin + place] += factor * rows[stage, row, place]
 
 
-@compiled(VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, COUNT)
+@part
 def add_terminal_gradient(
     gradient: Array, flat: Array, terminal_map: Array, cost: Array, terminal: Array, begin: int
 ) -> None:
@@ -187,7 +190,7 @@ def chain_factor(rows: Array, weights: Array, terminal: Array, axes: int, fixed:
     return free, True
 
 
-@compiled(MATRIX, VECTOR)
+@part
 def chain_solve(factor: Array, solution: Array) -> None:
     """Replace a right side, shape (free,), by the solution with a factor of `chain_factor`."""
     size, width = factor.shape
@@ -201,6 +204,102 @@ def chain_solve(factor: Array, solution: Array) -> None:
         for place in range(1, min(width, size - column)):
             value -= factor[column, place] * solution[column + place]
         solution[column] = value / factor[column, 0]
+
+
+@compiled(BLOCKS, VECTOR, MATRIX, MATRIX, VECTOR, MATRIX, MATRIX, COUNT, VECTOR)
+def chain_step(
+    rows: Array,
+    flat: Array,
+    terminal_map: Array,
+    cost: Array,
+    terminal: Array,
+    factor: Array,
+    pull: Array,
+    fixed: int,
+    step: Array,
+) -> None:
+    """Newton step of the free positions from a point, where the derivative of the cost by the rows is `pull`.
+
+    Parameters
+    ----------
+    rows, flat, terminal_map, cost, terminal
+        As in `chain_values` and `add_terminal_gradient`.
+    factor
+        Of `chain_factor`.
+    fixed
+        How many of the first positions are not free.
+    step
+        Set to it, shape (free,).
+    """
+    stages, _, width = rows.shape
+    axes = (len(flat) - width) // (stages - 1)
+    gradient = np.empty(len(flat))
+    chain_gradient(rows, pull, axes, gradient)
+    add_terminal_gradient(gradient, flat, terminal_map, cost, terminal, (stages - 1) * axes)
+    for place in range(len(step)):
+        step[place] = -gradient[fixed + place]
+    chain_solve(factor, step)
+
+
+@compiled(BLOCKS, VECTOR, MATRIX, MATRIX, VECTOR, *9 * [MATRIX], COUNT, COUNT, COUNT, NUMBER, NUMBER)
+def chain_settle(
+    rows: Array,
+    flat: Array,
+    terminal_map: Array,
+    cost: Array,
+    terminal: Array,
+    factor: Array,
+    aim: Array,
+    weights: Array,
+    penalty: Array,
+    lower: Array,
+    upper: Array,
+    values: Array,
+    side: Array,
+    multipliers: Array,
+    first: int,
+    fixed: int,
+    most: int,
+    hardness: float,
+    tolerance: float,
+) -> tuple[int, bool, bool]:
+    """Newton steps and updates of the multipliers with one factor, until other bounds press or it is solved.
+
+    Parameters
+    ----------
+    rows, terminal_map, cost, terminal, factor, fixed
+        As in `chain_step`.
+    aim, weights, penalty, lower, upper, side, multipliers, first
+        As in `pull_at`; the penalty is positive where a row is bounded.
+    flat, values, side, multipliers
+        Point, its rows and what presses there, changed in place.
+    most
+        Number of steps after which it ends.
+    hardness
+        Penalty of the inputs.
+    tolerance
+        Distance of inputs to their bounds up to which it is solved.
+
+    Returns
+    -------
+    tuple
+        Number of steps, whether it is solved, and whether what presses is still what the factor is of.
+    """
+    stages, _, width = rows.shape
+    axes = (len(flat) - width) // (stages - 1)
+    pull, step = np.empty(values.shape), np.empty(len(factor))
+    chain_values(rows, flat, axes, values)
+    for count in range(1, most + 1):
+        pull_at(values, aim, weights, penalty, side, multipliers, lower, upper, first, pull)
+        chain_step(rows, flat, terminal_map, cost, terminal, factor, pull, fixed, step)
+        for place in range(len(step)):
+            flat[fixed + place] += step[place]
+        chain_values(rows, flat, axes, values)
+        if not press(values, penalty, multipliers, lower, upper, first, hardness, side):
+            return count, False, False
+        if update_multipliers(values, multipliers, lower, upper, first, hardness) <= tolerance:
+            return count, True, True
+    return most, False, True
 
 
 @compiled(BLOCKS, MATRIX, VECTOR, COUNT, COUNT)

@@ -15,15 +15,10 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.chains.chain import ChainTarget
+from rcopterx.agents.controllers.chains.chain import INPUT_PENALTY, ActiveBounds, ChainTarget
 from rcopterx.agents.controllers.chains.interior_point import InteriorPoint, StageProblem
-from rcopterx.native.bounds import pressed_pull, pressed_side, pull_of, update_multipliers
 from rcopterx.vehicles.state import Array
 
-INPUT_PENALTY: Final = 1e6
-"""Penalty parameter of the augmented Lagrangian, against input weights of about one."""
-INPUT_TOLERANCE: Final = 1e-5
-"""Largest distance to an active input bound that counts as solved; what is left is cut off."""
 ACTIVE_SET_STEPS: Final = 5
 SECOND_GUESS_STEPS: Final = 3
 MULTIPLIER_STEPS: Final = 12
@@ -57,36 +52,6 @@ class Budget:
 
 
 UNLIMITED: Final = Budget()
-
-
-@dataclass(slots=True)
-class ActiveBounds:
-    """Guess of what binds.
-
-    Attributes
-    ----------
-    side
-        Bound each row presses on, shape (N, 3 m + K): -1 lower, 1 upper, 0 none; None if no row
-        presses on any.
-    multipliers
-        Of the input bounds, shape (N, m).
-    """
-
-    side: Array | None
-    multipliers: Array
-
-    def copy(self) -> "ActiveBounds":
-        """An independent copy."""
-        return ActiveBounds(None if self.side is None else self.side.copy(), self.multipliers.copy())
-
-    def moved_on(self, bounded: Array) -> "ActiveBounds":
-        """The same bounds one stage earlier, where rows are `bounded`."""
-        moved = self.copy()
-        if moved.side is not None:
-            moved.multipliers[:-2] = self.multipliers[1:-1]
-            moved.side[:-1] = moved.side[1:].copy()
-            moved.side *= bounded
-        return moved
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,26 +89,22 @@ class ActiveSetQP:
 
     def __init__(self, chain: StageProblem, max_iterations: int) -> None:
         self._chain = chain
-        parameters = chain.parameters
         self._max_iterations = max_iterations
         self._weigh_bounds()
-        self._unbound = ActiveBounds(None, np.zeros((parameters.stages, parameters.axes)))
-        self._active = self._unbound.copy()
+        self._active = ActiveBounds.none(chain.bounded.shape, chain.parameters.axes)
+        self._presses = False
+        """Whether any bound is active."""
         self._cruising = False
         self._factor: Array | None = None
         self._factor_side: Array | None = None
+        """The active bounds that the factor is of; None for none."""
         self._warm = False
         self._expired: Callable[[], bool] = _never
-        self._bounds: tuple[Array, Array] = self._penalty, self._penalty
-        """Of the present problem, shape (1, 3 m + K) or (N, 3 m + K)."""
-        self._values: Array = chain.values()
-        """Rows at the point that solves the problem."""
 
     def _weigh_bounds(self) -> None:
         chain = self._chain
         self._penalty: Array = chain.bounded * chain.soft_weights
         self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
-        self._nothing_pressed: Array = np.zeros(chain.bounded.shape)
 
     def forget(self) -> None:
         """Start the next solve from nothing, also after one that was interrupted anywhere."""
@@ -173,7 +134,6 @@ class ActiveSetQP:
         """
         chain = self._chain
         self._expired = budget.expired
-        self._bounds = target.rows_of_bounds()
         if self._warm:
             chain.shift()
         start()
@@ -185,7 +145,7 @@ class ActiveSetQP:
             iterations += further
         self._warm = True
         if solved:
-            inputs = self._values[:-1, chain.inputs]
+            inputs = self._active.values[:-1, chain.inputs]
         else:
             known = [chain.values()[:-1, chain.inputs]]
             planned = budget.planned()
@@ -197,7 +157,7 @@ class ActiveSetQP:
     def _best(self, known: list[Array], target: ChainTarget) -> Array:
         """Go to the least costly of these inputs, cut to their bounds."""
         chain = self._chain
-        within = [np.clip(inputs, *self._input_bounds()) for inputs in known]
+        within = [np.clip(inputs, *self._input_bounds(target)) for inputs in known]
         costs = []
         for inputs in within:
             chain.roll_out(inputs)
@@ -219,17 +179,19 @@ class ActiveSetQP:
     def _warm_start(self, target: ChainTarget) -> tuple[bool, int]:
         """Active-set steps from either guess, the one that was right last time first."""
         if not self._warm:
-            self._active = self._unbound.copy()
+            self._active.clear()
+            self._presses = False
+        if not self._presses:
             return self._active_set(target, ACTIVE_SET_STEPS)
         moved, same = self._active.moved_on(self._chain.bounded), self._active
         first, second = (same, moved) if self._cruising else (moved, same)
         start = self._chain.point()
         self._active = first.copy()
         solved, iterations = self._active_set(target, ACTIVE_SET_STEPS)
-        if solved or same.side is None:
+        if solved:
             return solved, iterations
         self._chain.restore(start)
-        self._active = second
+        self._active, self._presses = second, True
         solved, further = self._active_set(target, SECOND_GUESS_STEPS)
         self._cruising = solved and not self._cruising
         return solved, iterations + further
@@ -241,91 +203,40 @@ class ActiveSetQP:
         factorisation and are not counted against `most`.
         """
         chain, active = self._chain, self._active
-        values = chain.values()
-        changes = 0
-        for iteration in range(1, MULTIPLIER_STEPS + most + 1):
-            if self._expired():
-                return False, iteration
-            step = self._newton_step(values, target)
-            if step is None:
-                return False, iteration
-            chain.move(step)
-            values = chain.values()
-            side, settled = self._pressed_side(values)
-            active.side = side
-            if settled and self._update_multipliers(values):
-                self._values = values
-                return True, iteration
-            changes += not settled
-            if changes == most:
-                return False, iteration
-        return False, MULTIPLIER_STEPS + most
+        steps = changes = 0
+        while changes < most and steps < MULTIPLIER_STEPS + most:
+            factor = self._present_factor()
+            if factor is None:
+                return False, steps + 1
+            left = MULTIPLIER_STEPS + most - steps
+            further, solved, same = chain.settle(factor, target, self._penalty, active, left)
+            steps += further
+            if solved:
+                return True, steps
+            if not same:
+                changes += 1
+                self._presses = bool(active.side.any())
+        return False, steps
 
-    def _newton_step(self, values: Array, target: ChainTarget) -> Array | None:
-        """Step to the minimum with the present side's bounds active; None if there is none."""
-        chain, side, pull = self._chain, self._active.side, np.empty(values.shape)
-        if side is None:
-            weights = chain.weights
-            pull_of(values, target.rows, weights, pull)
-        else:
-            weights = np.empty(values.shape)
-            pressed_pull(
-                values,
-                target.rows,
-                chain.weights,
-                self._penalty,
-                side,
-                self._active.multipliers,
-                *self._bounds,
-                chain.inputs.start,
-                pull,
-                weights,
-            )
-        if self._factor is None or not _same(side, self._factor_side):
-            self._factor, self._factor_side = chain.factorize(weights), side
-            if self._factor is None:
-                return None
-        return chain.solve(self._factor, -chain.cost_gradient(pull, target))
-
-    def _pressed_side(self, values: Array) -> tuple[Array | None, bool]:
-        """Which bound each row presses on, -1 lower, 1 upper, 0 none; None if no row presses on any.
-
-        And whether that is as it was.
-        """
-        active, chain, side = self._active, self._chain, np.empty(values.shape)
-        presses, same = pressed_side(
-            values,
-            chain.bounded,
-            # Where nothing was active, no multiplier counts.
-            self._unbound.multipliers if active.side is None else active.multipliers,
-            self._nothing_pressed if active.side is None else active.side,
-            *self._bounds,
-            chain.inputs.start,
-            INPUT_PENALTY,
-            side,
+    def _present_factor(self) -> Array | None:
+        """Factor of the Hessian with the active bounds; None if there is none, or no time for a new one."""
+        side = self._active.side if self._presses else None
+        if self._factor is not None and _same(side, self._factor_side):
+            return self._factor
+        self._factor = None
+        if self._expired():
+            return None
+        weights = self._chain.weights
+        self._factor_side = None if side is None else side.copy()
+        self._factor = self._chain.factorize(
+            weights if side is None else np.where(side == 0.0, weights, weights + self._penalty)
         )
-        if not presses:
-            return None, active.side is None
-        return side, same and active.side is not None
+        return self._factor
 
-    def _update_multipliers(self, values: Array) -> bool:
-        """One step of the method of multipliers; True if the inputs lie within and on their bounds."""
-        if self._active.side is None:
-            self._active.multipliers[:] = 0.0
-            return True
-        distance = update_multipliers(
-            values,
-            self._active.multipliers,
-            *self._bounds,
-            self._chain.inputs.start,
-            INPUT_PENALTY,
-        )
-        return distance <= INPUT_TOLERANCE
-
-    def _input_bounds(self) -> tuple[Array, Array]:
+    def _input_bounds(self, target: ChainTarget) -> tuple[Array, Array]:
         """Of the inputs of the horizon, which are the same at every stage."""
         columns = self._chain.inputs
-        lower, upper = self._bounds
+        lower, upper = target.rows_of_bounds()
         return lower[0, columns], upper[0, columns]
 
     def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
@@ -339,7 +250,7 @@ class ActiveSetQP:
             if solved:
                 return True, method.iterations
             self._chain.restore(inside)
-            self._values = self._chain.values()
+            self._active.values[:] = self._chain.values()
             if not closed:
                 break
         return closed, method.iterations
@@ -347,7 +258,8 @@ class ActiveSetQP:
     def _take_over(self, method: InteriorPoint) -> None:
         """Active bounds and multipliers of an interior point."""
         pressing = method.multipliers > method.slacks
-        self._active.side = pressing[0].astype(float) - pressing[1]
+        self._active.side[:] = pressing[0].astype(float) - pressing[1]
+        self._presses = bool(self._active.side.any())
         upper, lower = method.multipliers * pressing
         self._active.multipliers[:] = (upper - lower)[:, self._chain.inputs]
         self._factor = None

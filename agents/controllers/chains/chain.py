@@ -14,19 +14,24 @@ Rows that keep the vehicle clear of others are of the same kind: a direction tim
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from rcopterx.native.chain import (
-    add_terminal_gradient,
     chain_factor,
-    chain_gradient,
     chain_roll_out,
-    chain_solve,
+    chain_settle,
     chain_start,
+    chain_step,
     chain_values,
 )
 from rcopterx.vehicles.state import Array
+
+INPUT_PENALTY: Final = 1e6
+"""Penalty parameter of the augmented Lagrangian, against input weights of about one."""
+INPUT_TOLERANCE: Final = 1e-5
+"""Largest distance to an active input bound that counts as solved; what is left is cut off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +84,47 @@ class ChainParameters:
     def levels(self) -> int:
         """States per axis."""
         return 2 if self.pole is None else 3
+
+
+@dataclass(slots=True)
+class ActiveBounds:
+    """Guess of what binds.
+
+    Attributes
+    ----------
+    side
+        Bound each row presses on, shape (N, 3 m + K): -1 lower, 1 upper, 0 none.
+    multipliers
+        Of the input bounds, shape (N, m).
+    values
+        Rows at the point at which these bounds were found, shape (N, 3 m + K).
+    """
+
+    side: Array
+    multipliers: Array
+    values: Array
+
+    @classmethod
+    def none(cls, rows: tuple[int, ...], axes: int) -> "ActiveBounds":
+        """No bound binds, where rows have this shape."""
+        return cls(np.zeros(rows), np.zeros((rows[0], axes)), np.zeros(rows))
+
+    def clear(self) -> None:
+        """No bound binds."""
+        self.side[:] = 0.0
+        self.multipliers[:] = 0.0
+
+    def copy(self) -> "ActiveBounds":
+        """An independent copy."""
+        return ActiveBounds(self.side.copy(), self.multipliers.copy(), self.values)
+
+    def moved_on(self, bounded: Array) -> "ActiveBounds":
+        """The same bounds one stage earlier, where rows are `bounded`."""
+        moved = self.copy()
+        moved.multipliers[:-2] = self.multipliers[1:-1]
+        moved.side[:-1] = self.side[1:]
+        moved.side *= bounded
+        return moved
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,27 +327,52 @@ class Chain:
         flat = self.flat.reshape(-1)
         chain_roll_out(self._rows, inputs.copy(), flat, self.parameters.axes, self.inputs.start)
 
-    def gradient(self, pull: Array) -> Array:
-        """Derivative with respect to the free positions of sum(pull * rows), both of the same shape."""
-        return self._gradient(pull)[self._free]
+    def step(self, factor: Array, pull: Array, target: ChainTarget) -> Array:
+        """Newton step of the free positions with a factor from `factorize`.
 
-    def _gradient(self, pull: Array) -> Array:
-        gradient = np.empty(self._change.shape)
-        chain_gradient(self._rows, pull, self.parameters.axes, gradient)
-        return gradient
-
-    def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
-        """As `gradient`, with the terminal cost's part."""
-        gradient = self._gradient(pull)
-        add_terminal_gradient(
-            gradient,
+        Parameters
+        ----------
+        pull
+            Derivative of all but the terminal cost by the rows, shape (N, 3 m + K).
+        """
+        step = np.empty(len(factor))
+        chain_step(
+            self._rows,
             self.flat.reshape(-1),
             self._terminal_map,
             self._terminal_cost,
             target.terminal,
-            self.parameters.axes * (self.parameters.stages - 1),
+            factor,
+            pull,
+            self._free.start,
+            step,
         )
-        return gradient[self._free]
+        return step
+
+    def settle(
+        self, factor: Array, target: ChainTarget, penalty: Array, active: ActiveBounds, most: int
+    ) -> tuple[int, bool, bool]:
+        """Newton steps with one factor (`rcopterx.native.chain.chain_settle`)."""
+        return chain_settle(
+            self._rows,
+            self.flat.reshape(-1),
+            self._terminal_map,
+            self._terminal_cost,
+            target.terminal,
+            factor,
+            target.rows,
+            self.weights,
+            penalty,
+            *target.rows_of_bounds(),
+            active.values,
+            active.side,
+            active.multipliers,
+            self.inputs.start,
+            self._free.start,
+            most,
+            INPUT_PENALTY,
+            INPUT_TOLERANCE,
+        )
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
         """Terminal cost of the present positions."""
@@ -317,10 +388,3 @@ class Chain:
         m, fixed = self.parameters.axes, self._free.start
         factor, definite = chain_factor(self._rows, weights, self._terminal_hessian, m, fixed)
         return factor if definite else None
-
-    @staticmethod
-    def solve(factor: Array, right_side: Array) -> Array:
-        """Solve with a factor from `factorize`."""
-        solution = right_side.copy()
-        chain_solve(factor, solution)
-        return solution

@@ -10,7 +10,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain import ActiveBounds, ChainParameters, ChainTarget
 from rcopterx.native.bounds import complementarity_ahead, direction_of, residual_of, shift_of, softened_of
 from rcopterx.vehicles.state import Array
 
@@ -66,14 +66,6 @@ class StageProblem(Protocol):
         """Go to the point that inputs lead to."""
         ...
 
-    def gradient(self, pull: Array) -> Array:
-        """Derivative of sum(pull * rows)."""
-        ...
-
-    def cost_gradient(self, pull: Array, target: ChainTarget) -> Array:
-        """As `gradient`, with the terminal cost's part."""
-        ...
-
     def terminal_cost_of(self, target: ChainTarget) -> float:
         """Terminal cost of the present point."""
         ...
@@ -82,8 +74,29 @@ class StageProblem(Protocol):
         """Factor of the Hessian with row weights; None if it is not definite."""
         ...
 
-    def solve(self, factor: Array, right_side: Array) -> Array:
-        """Solve with a factor from `factorize`."""
+    def step(self, factor: Array, pull: Array, target: ChainTarget) -> Array:
+        """Newton step with a factor, where the derivative by the rows is `pull`."""
+        ...
+
+    def settle(
+        self, factor: Array, target: ChainTarget, penalty: Array, active: ActiveBounds, most: int
+    ) -> tuple[int, bool, bool]:
+        """Newton steps with one factor, until other bounds are active or it is solved.
+
+        Parameters
+        ----------
+        penalty
+            Weights of the squared distances to active bounds, shape (N, 3 m + K).
+        active
+            The bounds that are active, changed in place.
+        most
+            Number of steps after which it ends.
+
+        Returns
+        -------
+        tuple
+            Number of steps, whether it is solved, and whether the same bounds are active.
+        """
         ...
 
 
@@ -158,11 +171,10 @@ class InteriorPoint:
         factor = chain.factorize(weights)
         if factor is None:
             return False
-        gradient = chain.cost_gradient(pull, self._target)
 
         def direction(product: Array) -> tuple[Array, Array, Array, Array, float]:
             shift, pushed = shift_of(stiffness, residual, product, softened)
-            step = chain.solve(factor, -gradient - chain.gradient(pushed))
+            step = chain.step(factor, pull + pushed, self._target)
             values = chain.change_of_values(step)
             ahead = direction_of(
                 values, self._give, stiffness, shift, residual, self._mask, slacks, multipliers, _LONGEST
