@@ -5,10 +5,10 @@ remembers its plan. What happens where a law finds nothing, raises or errs is up
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.agents.controllers.roll_out import one_stage_on
 from rcopterx.agents.controllers.settings import Limits
@@ -23,8 +23,7 @@ EARLY_STOP: Final = "early_stop"
 _REFERENCE_YAW_CAP_RAD: Final = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
+class Solution(Struct, frozen=True):
     """What a control law computed.
 
     Attributes

@@ -5,10 +5,11 @@ heading of the vehicle's own yaw plan, so a reference that is another vehicle's 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, Protocol
 
 import numpy as np
+from msgspec import Struct
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.agents.controllers.cascade.clearance import Clearances
@@ -17,6 +18,7 @@ from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarge
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.native.bounds import rows_within
 from rcopterx.native.cascade import chain_rows, cut_to_bounds
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -27,8 +29,7 @@ _NARROWEST: Final = 0.01
 """Range of a command that is still worth planning with."""
 
 
-@dataclass(frozen=True, slots=True)
-class HorizontalTask:
+class HorizontalTask(Struct, frozen=True):
     """What the horizontal problem of a control step is given.
 
     Attributes
@@ -153,9 +154,9 @@ def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> Cha
         Share of the excess that is allowed at each stage, shape (N,).
     """
     columns = slice(len(velocity), 2 * len(velocity))
-    lowest, highest = (bounds[0, columns] for bounds in target.rows_of_bounds())
-    within = zip(lowest.tolist(), velocity.tolist(), highest.tolist(), strict=True)
-    if all(low <= measured <= high for low, measured, high in within):
+    lower, upper = target.rows_of_bounds()
+    lowest, highest = lower[0, columns], upper[0, columns]
+    if rows_within(velocity[None], lowest, highest):
         return target
     below, above = np.minimum(velocity - lowest, 0.0), np.maximum(velocity - highest, 0.0)
     lower, upper = target.bounds_of_stages()

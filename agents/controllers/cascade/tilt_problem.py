@@ -3,6 +3,7 @@
 The lateral model is predicted whole: bar, disc, coupling of the axes, servo, and the wind as it fades.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +19,7 @@ from rcopterx.native.cascade import lateral_reference
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     GRAVITY_M_S2,
-    XD_BODY,
     YAW,
-    ZD_BODY,
     Array,
     heading_matrix,
 )
@@ -121,14 +120,16 @@ class TiltProblem:
         )
 
     def _first_state(self, estimate: Estimate, tilt: TiltEstimate) -> Array:
-        yaw_rad = float(estimate.motion[YAW])
-        return np.concatenate(
+        """State of the lateral system: number by number, because for so few numpy only costs time."""
+        x, y, _, yaw_rad, forward, left, *_ = estimate.motion.tolist()
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        pitch, roll = (tilt.servo * self._gain).tolist()
+        return np.array(
             (
-                estimate.motion[:2],
-                heading_matrix(yaw_rad) @ estimate.motion[XD_BODY:ZD_BODY],
-                tilt.core,
-                demand_matrix(self._model, yaw_rad) @ tilt.servo,
-                tilt.wind_m_s2,
+                *(x, y, c * forward - s * left, s * forward + c * left),
+                *tilt.core.tolist(),
+                *(c * pitch - s * roll, s * pitch + c * roll),
+                *tilt.wind_m_s2.tolist(),
             )
         )
 

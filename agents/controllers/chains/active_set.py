@@ -10,10 +10,10 @@ inputs of the previous plan.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.agents.controllers.chains.chain import INPUT_PENALTY, ActiveBounds, ChainTarget
 from rcopterx.agents.controllers.chains.interior_point import InteriorPoint, StageProblem
@@ -34,8 +34,7 @@ def _nothing() -> None:
     return None
 
 
-@dataclass(frozen=True, slots=True)
-class Budget:
+class Budget(Struct, frozen=True):
     """What a solve may take, and what it has to beat where that does not suffice.
 
     Attributes
@@ -54,8 +53,7 @@ class Budget:
 UNLIMITED: Final = Budget()
 
 
-@dataclass(frozen=True, slots=True)
-class ChainSolution:
+class ChainSolution(Struct, frozen=True):
     """What was found.
 
     Attributes
