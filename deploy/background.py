@@ -25,9 +25,18 @@ def begun_behind_others(command: Sequence[str]) -> "subprocess.Popen[bytes]":
     process = subprocess.Popen(
         command, stdin=pipe, stdout=pipe, stderr=pipe, env=child_environment(), start_new_session=True
     )
+    _set_back(process.pid)
+    return process
+
+
+def step_behind_others() -> None:
+    """Set this process and its session back, as one that is begun behind others."""
+    _set_back(os.getpid())
+
+
+def _set_back(process: int) -> None:
     # It may have ended already, or another kernel may know no such groups.
     with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
+        os.setpriority(os.PRIO_PROCESS, process, NICE)
         # Linux shares processors among sessions first (autogroups), whose nice values are their own.
-        Path(f"/proc/{process.pid}/autogroup").write_text(str(NICE), encoding="ascii")
-    return process
+        Path(f"/proc/{process}/autogroup").write_text(str(NICE), encoding="ascii")

@@ -1,30 +1,40 @@
-"""How many vehicles a computer flies, about, measured on it while its fleet waits for take-off."""
+"""How many vehicles a computer flies, about, measured on it while its fleet waits for take-off.
+
+A vehicle that stands costs what it costs in flight, except for its control periods: its agent hears and
+filters, router, gateways and simulated laboratory pass everything on. So what all processes of a fleet take
+while it stands is read from the kernel, and control periods are timed in a process that ends.
+"""
 
 import os
-import subprocess
 import sys
-import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
-from rcopterx.deploy.background import begun_behind_others
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.deploy.fleet_file.snapshot import encoded
+from rcopterx.deploy.forking import ForkedProcess, ForkServer
+from rcopterx.deploy.processor_time import Threads, threads_of
 
-WHOLE: Final = 3.5
-"""Processor time of all processes per vehicle, in that of its control periods alone: the rest of its agent,
-its part of router, gateways and simulated laboratory (`rcopterx bench cost`)."""
+MODULE: Final = "rcopterx.deploy.control_time"
+AGENT: Final = "agent"
 USABLE: Final = 0.8
 """Share of the processors beyond which control periods are missed."""
-LOOK_S: Final = 0.1
+STANDING_S: Final = 3.0
+"""How long the processes of the fleet are watched."""
 LIMIT_S: Final = 120.0
 
+Roles = Mapping[int, str]
+"""Roles of processes by their ids."""
 
-def vehicles_flown(control_s: float, period_s: float, processors: int) -> int:
+
+def vehicles_flown(standing_share: float, control_s: float, period_s: float, processors: int) -> int:
     """About how many vehicles a computer flies without missing control periods, at least 0.
 
     Parameters
     ----------
+    standing_share
+        Of one processor that all processes take for each vehicle that stands.
     control_s
         Processor time of a control period.
     period_s
@@ -32,71 +42,124 @@ def vehicles_flown(control_s: float, period_s: float, processors: int) -> int:
     processors
         How many there are.
     """
-    return int(USABLE * processors * period_s / (WHOLE * control_s))
+    return int(USABLE * processors / (standing_share + control_s / period_s))
 
 
 class CapacityMeasurement:
-    """Measures in a process of its own, at the lowest priority, and tells once.
+    """Measures once, a step at each look, which takes no longer than starting a process.
 
     Parameters
     ----------
-    fleet, vehicle
-        The fleet, and which of its vehicles is counted with.
-    ready
-        Whether the computer has done what it does at the start.
-    tell
-        Called in another thread with the number of vehicles, or with the reason why it is not known.
+    snapshot
+        Snapshot of the fleet file.
+    vehicle, period_s
+        Whose control periods are timed, and how long they are.
+    forks
+        Starts the process that times them.
+    roles
+        The processes of the fleet that run here now.
+    clock
+        Monotonic clock [s].
     """
 
     def __init__(
-        self, fleet: FleetFile, vehicle: str, ready: Callable[[], bool], tell: Callable[[int | str], None]
+        self,
+        snapshot: Path,
+        vehicle: str,
+        period_s: float,
+        forks: ForkServer,
+        roles: Callable[[], Roles],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._fleet, self._vehicle, self._ready, self._tell = fleet, vehicle, ready, tell
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="capacity", daemon=True)
-        self._thread.start()
+        self._snapshot, self._vehicle, self._period_s = snapshot, vehicle, period_s
+        self._forks, self._roles, self._clock = forks, roles, clock
+        self._place: TemporaryDirectory[str] | None = None
+        self._process: ForkedProcess | None = None
+        self._began_s = 0.0
+        self._before: dict[int, Threads] = {}
+        self._standing_share: float | None = None
+        self._done = False
 
-    def stop(self) -> None:
-        """Measure no more."""
-        self._stopping.set()
-        self._thread.join()
+    def look(self, ready: bool) -> int | str | None:
+        """Begin when the computer has done what it does at the start, later see whether the time is known.
 
-    def _run(self) -> None:
-        while not self._ready():
-            if self._stopping.wait(LOOK_S):
-                return
-        try:
-            told = self._measured()
-        except (OSError, ValueError, subprocess.SubprocessError) as error:
-            told = f"how many vehicles this computer flies cannot be measured: {error}"
-        if told is not None:
-            self._tell(told)
+        Parameters
+        ----------
+        ready
+            Whether it has.
 
-    def _measured(self) -> int | str | None:
-        """The number of vehicles; None if it is not wanted any more."""
-        command = [sys.executable, "-m", "rcopterx.deploy.control_time", self._vehicle]
-        with begun_behind_others(command) as process:
-            told = self._told(process)
-        if told is None:
+        Returns
+        -------
+        int, str or None
+            Once the number of vehicles, or the reason why it is not known.
+        """
+        if self._done:
             return None
-        output, complaint = told
-        if process.returncode:
-            reason = complaint.decode(errors="replace").strip().rpartition("\n")[2]
-            raise OSError(f"exit code {process.returncode} {reason}".strip())
-        control_s = float(output)
-        period_s = self._fleet.vehicles[self._vehicle].control.period_s
-        return vehicles_flown(control_s, period_s, len(os.sched_getaffinity(0)))
-
-    def _told(self, process: "subprocess.Popen[bytes]") -> tuple[bytes, bytes] | None:
-        """Output and errors of a process that is given the fleet; None if it is not wanted any more."""
-        given: bytes | None = encoded(self._fleet)
-        for _ in range(round(LIMIT_S / LOOK_S)):
-            try:
-                return process.communicate(given, LOOK_S)
-            except subprocess.TimeoutExpired:
-                given = None
-            if self._stopping.is_set():
-                process.kill()
+        try:
+            if self._process is None:
+                if ready and AGENT in self._roles().values():
+                    self._begin()
                 return None
-        process.kill()
-        raise OSError(f"it takes more than {LIMIT_S:g} s")
+            told: int | str | None = self._known(self._process)
+            if told is None:
+                return None
+        except (OSError, ValueError) as error:
+            told = f"how many vehicles this computer flies cannot be measured: {error}"
+        self.close()
+        return told
+
+    def _begin(self) -> None:
+        self._place = TemporaryDirectory(prefix="rcopterx-")
+        command = [sys.executable, "-m", MODULE, str(self._snapshot), self._vehicle]
+        self._process = self._forks.start(command, self._output).process
+        self._began_s = self._clock()
+        self._before = {process: threads_of(process) for process in self._roles()}
+
+    @property
+    def _output(self) -> Path:
+        assert self._place is not None
+        return Path(self._place.name) / "output"
+
+    def _known(self, process: ForkedProcess) -> int | None:
+        """The number of vehicles, None as long as something is missing."""
+        elapsed_s = self._clock() - self._began_s
+        if self._standing_share is None and elapsed_s >= STANDING_S:
+            self._standing_share = self._share_per_vehicle(elapsed_s)
+        code = process.poll()
+        if code is None and elapsed_s >= LIMIT_S:
+            raise OSError(f"it takes more than {LIMIT_S:g} s")
+        if code is None:
+            return None
+        told = self._output.read_text(encoding="utf-8", errors="replace").strip().rpartition("\n")[2]
+        if code:
+            raise OSError(f"exit code {code} {told}".strip())
+        if self._standing_share is None:
+            return None
+        processors = len(os.sched_getaffinity(0))
+        return vehicles_flown(self._standing_share, float(told), self._period_s, processors)
+
+    def _share_per_vehicle(self, elapsed_s: float) -> float:
+        """Of one processor, for each vehicle whose agent has run all the time."""
+        stayed = {process: role for process, role in self._roles().items() if process in self._before}
+        agents = sum(role == AGENT for role in stayed.values())
+        if not agents:
+            raise OSError("no agent runs")
+        ran_s = sum(_ran_s(self._before[process], threads_of(process)) for process in stayed)
+        return ran_s / elapsed_s / agents
+
+    def close(self) -> None:
+        """Measure no more."""
+        self._done = True
+        if self._process is not None:
+            if self._process.poll() is None:
+                self._process.kill()
+                self._process.wait()
+            self._process = None
+        if self._place is not None:
+            self._place.cleanup()
+            self._place = None
+
+
+def _ran_s(before: Threads, now: Threads) -> float:
+    """Processor time of the threads of a process between two readings [s]."""
+    return sum(thread.ran_s - before[number].ran_s for number, thread in now.items() if number in before)

@@ -1,27 +1,27 @@
 """Processor time of an agent's control period on this computer.
 
-`python -m rcopterx.deploy.control_time VEHICLE` reads the snapshot of a fleet from its standard input and
-prints it in seconds; see `capacity`.
+`python -m rcopterx.deploy.control_time SNAPSHOT VEHICLE` prints it in seconds; see `capacity`.
 """
 
-import os
 import statistics
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from rcopterx.agents.interfaces import Measurement
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
-from rcopterx.deploy.fleet_file.snapshot import snapshot_of
+from rcopterx.deploy.background import step_behind_others
+from rcopterx.deploy.fleet_file.snapshot import read_snapshot
 from rcopterx.deploy.roles.agent import pilot_of
+from rcopterx.deploy.roles.run import end_with_parent, name_process
 
 PERIODS: Final = 60
 SKIPPED: Final = 20
 """Periods in the beginning, in which what is kept for later ones is computed."""
-LOWEST_PRIORITY: Final = 19
 PLACE_M: Final = (0.0, 0.0, 1.0)
 
 
@@ -56,9 +56,11 @@ def control_time_s(
 
 
 def main() -> int:
-    """Print the processor time of a control period [s] of a vehicle of the fleet on the standard input."""
-    os.nice(LOWEST_PRIORITY)
-    fleet, vehicle = snapshot_of(sys.stdin.buffer.read()), sys.argv[1]
+    """Print the processor time of a control period [s] of a vehicle of a fleet."""
+    end_with_parent()
+    name_process("capacity")
+    step_behind_others()
+    fleet, vehicle = read_snapshot(Path(sys.argv[1])), sys.argv[2]
     _, pilot = pilot_of(fleet, vehicle)
     period_s = fleet.vehicles[vehicle].control.period_s
     print(control_time_s(pilot, period_s, time.sleep, time.thread_time))

@@ -251,7 +251,12 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._floor_due_s = 0.0
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
+        self._home = [name for name in fleet.agents_on(host) if fleet.vehicles[name].host == host]
         self._capacity: CapacityMeasurement | None = None
+        if self._home:
+            vehicle = self._home[0]
+            period_s = fleet.vehicles[vehicle].control.period_s
+            self._capacity = CapacityMeasurement(self._snapshot, vehicle, period_s, forks, self._roles)
 
     def __enter__(self) -> "Launcher":
         write_snapshot(self._fleet, self._snapshot)
@@ -279,17 +284,13 @@ class Launcher(AbstractContextManager["Launcher"]):
                 ),
             )
             begin = self._begin_flight if self._idle else None
-            home = [name for name in agents if self._fleet.vehicles[name].host == self._host]
+            log = self.directory / "log"
             self._membership = MembershipService(
-                address, self._host, self.supervisor, self._news, home, self.directory / "log", begin
+                address, self._host, self.supervisor, self._news, self._home, log, begin
             )
         except BusUnreachableError:
             self.stop()
             raise
-        if home:
-            self._capacity = CapacityMeasurement(
-                self._fleet, home[0], lambda: self.supervisor.spare_ready, self._tell_capacity
-            )
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -305,7 +306,9 @@ class Launcher(AbstractContextManager["Launcher"]):
         # Children are told when the thread that started them ends, so this one starts and stops them all.
         self._tell(self.supervisor.start_all())
         while not self._stopping.is_set():
-            self._tell([*self._replace_lost_agents(), *self.supervisor.watch(WATCH_S)])
+            self._tell([*self._replace_lost_agents(), *self.supervisor.watch(WATCH_S), *self._measure()])
+        if self._capacity is not None:
+            self._capacity.close()
         self.supervisor.stop_all()
 
     def _replace_lost_agents(self) -> list[str]:
@@ -328,12 +331,22 @@ class Launcher(AbstractContextManager["Launcher"]):
                 lines.append(f"{vehicle}: {reason}; its agent runs here now")
         return lines
 
-    def _tell_capacity(self, flies: int | str) -> None:
+    def _roles(self) -> dict[int, str]:
+        """Roles of the processes that run now, by their ids."""
+        children = self.supervisor.children.values()
+        return {child.process.pid: child.spec.role for child in children if child.process is not None}
+
+    def _measure(self) -> list[str]:
+        """Find out how many vehicles this computer flies; a line if that cannot be."""
         membership = self._membership
-        if isinstance(flies, str):
-            self._tell([flies])
-        elif membership is not None:
-            membership.flies = flies
+        if self._capacity is None or membership is None:
+            return []
+        told = self._capacity.look(self.supervisor.spare_ready)
+        if isinstance(told, str):
+            return [told]
+        if told is not None:
+            membership.flies = told
+        return []
 
     def _tell(self, lines: list[str]) -> None:
         """For whoever started the fleet, and for everybody on the bus."""
@@ -345,9 +358,6 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def stop(self) -> None:
         """Stop every process; gateways bring down what still flies."""
-        if self._capacity is not None:
-            self._capacity.stop()
-            self._capacity = None
         if self._membership is not None:
             self._membership.close()
             self._membership = None

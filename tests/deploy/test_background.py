@@ -1,6 +1,7 @@
 """Promises of programs that nobody waits for: they let others pass, and Ctrl-C is not for them."""
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -22,6 +23,15 @@ def test_a_program_gets_what_others_leave_it() -> None:
     with begun_behind_others([sys.executable, "-c", ECHO]) as process:
         assert os.getpriority(os.PRIO_PROCESS, process.pid) == NICE
         process.communicate(b"")
+
+
+def test_a_process_steps_behind_others_itself() -> None:
+    script = (
+        "import os; from rcopterx.deploy.background import step_behind_others; step_behind_others();"
+        "print(os.getpriority(os.PRIO_PROCESS, 0))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert int(done.stdout) == NICE
 
 
 @pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="this kernel knows no autogroups")

@@ -1,6 +1,9 @@
 """Promises of measuring how many vehicles a computer flies."""
 
-import threading
+import os
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -8,60 +11,135 @@ from hypothesis import strategies as st
 from support.fleets import PAIR
 from support.waiting import wait_for
 
+from rcopterx.benchmarks.memory import descendants
 from rcopterx.deploy import capacity
-from rcopterx.deploy.capacity import CapacityMeasurement, vehicles_flown
+from rcopterx.deploy.capacity import AGENT, CapacityMeasurement, vehicles_flown
 from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.snapshot import write_snapshot
+from rcopterx.deploy.forking import ForkServer
+from rcopterx.deploy.processor_time import ThreadTime
+
+PERIOD_S = 0.02
 
 
 @given(
+    share=st.floats(1e-3, 1.0),
     control_s=st.floats(1e-5, 1.0),
     period_s=st.floats(1e-3, 0.1),
     processors=st.integers(1, 64),
     factor=st.integers(2, 5),
 )
 def test_faster_and_more_processors_fly_more(
-    control_s: float, period_s: float, processors: int, factor: int
+    share: float, control_s: float, period_s: float, processors: int, factor: int
 ) -> None:
-    flown = vehicles_flown(control_s, period_s, processors)
-    assert vehicles_flown(control_s, period_s, factor * processors) >= factor * flown
-    assert vehicles_flown(factor * control_s, period_s, processors) <= flown / factor
+    flown = vehicles_flown(share, control_s, period_s, processors)
+    assert vehicles_flown(share, control_s, period_s, factor * processors) >= factor * flown
+    assert vehicles_flown(factor * share, factor * control_s, period_s, processors) <= flown / factor + 1e-9
 
 
-def measured(ready: bool = True) -> tuple[CapacityMeasurement, list[int | str]]:
+def test_a_vehicle_costs_what_it_costs_standing_and_its_control_periods() -> None:
+    # 0.1 of a processor each, and 2 ms of 20: eight of them take 1.6 of two processors.
+    assert vehicles_flown(0.0999, 0.002, PERIOD_S, 2) == 8
+
+
+@pytest.fixture(scope="module")
+def forks() -> Iterator[ForkServer]:
+    with closing(ForkServer(["rcopterx.deploy.roles.agent"])) as server:
+        yield server
+
+
+def measurement_of(forks: ForkServer, tmp_path: Path, text: str = PAIR) -> CapacityMeasurement:
+    snapshot = tmp_path / "fleet.json"
+    write_snapshot(parse_fleet(text), snapshot)
+    # This process stands for the whole fleet.
+    return CapacityMeasurement(snapshot, "h2", PERIOD_S, forks, lambda: {os.getpid(): AGENT})
+
+
+def told_by(measurement: CapacityMeasurement) -> int | str:
     told: list[int | str] = []
-    return CapacityMeasurement(parse_fleet(PAIR), "h2", lambda: ready, told.append), told
+
+    def looked() -> bool:
+        told.extend(found for found in [measurement.look(ready=True)] if found is not None)
+        return bool(told)
+
+    wait_for(looked, "nothing is told", deadline_s=500)
+    assert measurement.look(ready=True) is None
+    return told[0]
 
 
 @pytest.mark.timeout(600)
-def test_this_computer_flies_some_vehicles() -> None:
-    measurement, told = measured()
-    wait_for(lambda: bool(told), "nothing is told", deadline_s=500)
-    measurement.stop()
-    (flies,) = told
-    assert isinstance(flies, int)
-
-
-def test_a_measurement_that_fails_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(capacity.sys, "executable", "/bin/false")
-    measurement, told = measured()
-    wait_for(lambda: bool(told), "nothing is told")
-    measurement.stop()
-    assert told == ["how many vehicles this computer flies cannot be measured: exit code 1"]
+def test_this_computer_flies_some_vehicles_and_nothing_stays(tmp_path: Path, forks: ForkServer) -> None:
+    assert isinstance(told_by(measurement_of(forks, tmp_path)), int)
+    assert descendants(os.getpid()) == [forks.pid]
 
 
 @pytest.mark.timeout(600)
-def test_a_vehicle_that_cannot_be_built_says_why() -> None:
-    told: list[int | str] = []
-    fleet = parse_fleet(PAIR + 'control = { controller = "x" }')
-    measurement = CapacityMeasurement(fleet, "h2", lambda: True, told.append)
-    wait_for(lambda: bool(told), "nothing is told", deadline_s=500)
-    measurement.stop()
-    assert "no controller is called 'x'" in str(told[0])
+def test_processes_of_a_standing_fleet_are_shared_out_among_its_agents(
+    tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    running = {1: AGENT, 2: AGENT, 3: "router", 4: AGENT}
+    ran_s, now_s = [0.0], [0.0]
+    write_snapshot(parse_fleet(PAIR), tmp_path / "fleet.json")
+    monkeypatch.setattr(
+        capacity, "threads_of", lambda process: {process: ThreadTime("S", process * ran_s[0], 0.0)}
+    )
+
+    shares: list[float] = []
+
+    def flown(share: float, *_: float) -> int:
+        shares.append(share)
+        return 7
+
+    monkeypatch.setattr(capacity, "vehicles_flown", flown)
+    measurement = CapacityMeasurement(
+        tmp_path / "fleet.json", "h1", PERIOD_S, forks, lambda: running, lambda: now_s[0]
+    )
+    assert measurement.look(ready=True) is None
+    # One agent has ended meanwhile, and another process is new.
+    running = {1: AGENT, 2: AGENT, 3: "router", 5: AGENT}
+    ran_s, now_s = [0.1], [4.0]
+    assert told_by(measurement) == 7
+    assert shares == [pytest.approx((0.1 + 0.2 + 0.3) / 4.0 / 2)]
 
 
-@pytest.mark.parametrize("ready", [False, True])
-def test_a_stopped_measurement_tells_nothing_and_leaves_nothing(ready: bool) -> None:
-    measurement, told = measured(ready)
-    measurement.stop()
-    assert not told
-    assert all(thread.name != "capacity" for thread in threading.enumerate())
+def test_a_measurement_that_fails_says_so(
+    tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(capacity, "MODULE", "no_such_module")
+    told = str(told_by(measurement_of(forks, tmp_path)))
+    assert told.startswith("how many vehicles this computer flies cannot be measured: exit code 1 ")
+    assert "no_such_module" in told
+
+
+@pytest.mark.timeout(600)
+def test_a_vehicle_that_cannot_be_built_says_why(tmp_path: Path, forks: ForkServer) -> None:
+    told = told_by(measurement_of(forks, tmp_path, PAIR + 'control = { controller = "x" }'))
+    assert "no controller is called 'x'" in str(told)
+
+
+@pytest.mark.timeout(600)
+def test_a_measurement_that_takes_too_long_is_given_up(
+    tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(capacity, "LIMIT_S", 0.0)
+    assert "it takes more than 0 s" in str(told_by(measurement_of(forks, tmp_path)))
+    assert descendants(os.getpid()) == [forks.pid]
+
+
+def test_nothing_is_begun_before_the_computer_is_ready_and_agents_run(tmp_path: Path) -> None:
+    forks = ForkServer()
+    assert measurement_of(forks, tmp_path).look(ready=False) is None
+    alone = CapacityMeasurement(tmp_path / "fleet.json", "h2", PERIOD_S, forks, lambda: {1: "router"})
+    assert alone.look(ready=True) is None
+    assert forks.pid is None
+
+
+@pytest.mark.timeout(600)
+def test_a_measurement_that_is_closed_tells_nothing_and_leaves_nothing(
+    tmp_path: Path, forks: ForkServer
+) -> None:
+    measurement = measurement_of(forks, tmp_path)
+    assert measurement.look(ready=True) is None
+    measurement.close()
+    assert measurement.look(ready=True) is None
+    assert descendants(os.getpid()) == [forks.pid]
