@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 import zenoh
 from msgspec import Struct
 
-from rcopterx.bus.channels import Channel
+from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.receiving import direct
@@ -228,6 +228,8 @@ class UnitSubscriptions(Generic[M]):
         self._clock = clock
         self._wake = wake
         self._unit_at = pattern.split("/").index("*")
+        # The Tracker tells its status, too, but another one than vehicles do.
+        self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
         self._subscriber = session.declare_subscriber(pattern, direct(self._on_sample))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
@@ -236,6 +238,8 @@ class UnitSubscriptions(Generic[M]):
             self._rejections.count("key")
             return
         unit = full_key.split("/")[self._unit_at]
+        if unit in self._others:
+            return
         inbox = self.inboxes.get(unit)
         if inbox is None:
             inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)

@@ -12,11 +12,12 @@ import msgpack
 import pytest
 import zenoh
 from support.bus import Child, RouterProcess, answering, own_address, raw_put, raw_session
+from support.statuses import flying_status
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import Kill, Pose, SetPoint
+from rcopterx.bus.messages import Kill, Pose, SetPoint, TrackerStatus
 from rcopterx.bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply, Request
 from rcopterx.bus.session import BusAddress, BusUnreachableError, Incoming, RequestFailedError, Session
 from rcopterx.bus.subscription import Inbox
@@ -137,6 +138,21 @@ def test_subscribe_all_keeps_an_inbox_for_every_unit(join: Join) -> None:
     newest = {name: inbox.latest() for name, inbox in units.inboxes.items()}
     assert {name: value.message.frame for name, value in newest.items() if value} == {"h1": 1, "h2": 2}
     units.close()
+
+
+def test_what_the_tracker_says_of_itself_is_no_status_of_a_vehicle(join: Join) -> None:
+    receiver, sender = join(), join()
+    statuses = receiver.subscribe_all(channels.AGENT_STATUS)
+    tracker = receiver.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
+    message = TrackerStatus(state="streaming", trying="", address="")
+
+    def both_heard() -> bool:
+        sender.publish(channels.TRACKER_STATUS, channels.TRACKER_UNIT, message)
+        sender.publish(channels.AGENT_STATUS, "h1", flying_status())
+        return tracker.latest() is not None and len(statuses.inboxes) > 0
+
+    wait_for(both_heard, "not both statuses are heard")
+    assert set(statuses.inboxes) == {"h1"}
 
 
 @pytest.mark.parametrize(
