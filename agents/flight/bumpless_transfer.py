@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.state import Array
 
 FADING_TIME_S: Final = 0.09
 """Time constant with which the difference fades that another controller or estimator makes to the input."""
@@ -25,7 +25,7 @@ class BumplessTransfer:
     def __init__(self, model: Model) -> None:
         self._model = model
         self._pending = False
-        self._difference: Array = np.zeros(INPUT_SIZE)
+        self._difference: Array | None = None
 
     def begin(self) -> None:
         """The next inputs come from another controller or estimator."""
@@ -51,9 +51,9 @@ class BumplessTransfer:
         if self._pending:
             self._pending = False
             self._difference = last_input - inputs[0]
-        if not self._difference.any():
+        if self._difference is None:
             return inputs
         ages_s = period_s * np.arange(1, len(inputs) + 1)
         fading: Array = self._difference * np.exp(-ages_s / FADING_TIME_S)[:, None]
-        self._difference = fading[0] if np.abs(fading[0]).max() > END else np.zeros(INPUT_SIZE)
+        self._difference = fading[0] if np.abs(fading[0]).max() > END else None
         return np.clip(inputs + fading, self._model.u_min, self._model.u_max)
