@@ -81,12 +81,13 @@ class CapacityMeasurement:
         self._done = False
 
     def look(self, ready: bool) -> int | str | None:
-        """Begin when the computer has done what it does at the start, later see whether the time is known.
+        """Begin when the computer has nothing else to do, later see whether the time is known.
 
         Parameters
         ----------
         ready
-            Whether it has.
+            Whether it has done what it does at the start, and nobody flies. If that ends meanwhile, what was
+            measured is given up, to begin again: it would disturb, and not be true.
 
         Returns
         -------
@@ -96,8 +97,11 @@ class CapacityMeasurement:
         if self._done:
             return None
         try:
+            if not ready:
+                self._give_up()
+                return None
             if self._process is None:
-                if ready and AGENT in self._roles().values():
+                if AGENT in self._roles().values():
                     self._begin()
                 return None
             told: int | str | None = self._known(self._process)
@@ -150,6 +154,10 @@ class CapacityMeasurement:
     def close(self) -> None:
         """Measure no more."""
         self._done = True
+        self._give_up()
+
+    def _give_up(self) -> None:
+        self._standing_share = None
         if self._process is not None:
             if self._process.poll() is None:
                 self._process.kill()

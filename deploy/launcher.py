@@ -341,7 +341,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         membership = self._membership
         if self._capacity is None or membership is None:
             return []
-        told = self._capacity.look(self.supervisor.spare_ready)
+        told = self._capacity.look(self.supervisor.spare_ready and not self.supervisor.flying)
         if isinstance(told, str):
             return [told]
         if told is not None:

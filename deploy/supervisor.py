@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rcopterx.bus.heartbeat import HeartbeatPage
+from rcopterx.bus.heartbeat import HeartbeatPage, Phase
 from rcopterx.deploy.forking import ForkedProcess, ForkServer, Started
 from rcopterx.deploy.liveness import Liveness
 from rcopterx.deploy.process_log import rotate
@@ -329,6 +329,12 @@ class Supervisor:
     def quick_deaths(self, name: str) -> int:
         """How often in a row a process has died shortly after its start."""
         return self.children[name].quick_deaths
+
+    @property
+    def flying(self) -> bool:
+        """Whether a vehicle is in the air, as far as a process of this host knows."""
+        pages = (child.page for child in self.children.values())
+        return any(page is not None and page.phase is Phase.FLYING for page in pages)
 
     @property
     def spare_ready(self) -> bool:

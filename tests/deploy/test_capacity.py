@@ -135,6 +135,18 @@ def test_nothing_is_begun_before_the_computer_is_ready_and_agents_run(tmp_path: 
 
 
 @pytest.mark.timeout(600)
+def test_a_measurement_is_given_up_for_a_flight_and_begun_again_after_it(
+    tmp_path: Path, forks: ForkServer
+) -> None:
+    measurement = measurement_of(forks, tmp_path)
+    assert measurement.look(ready=True) is None
+    assert len(descendants(os.getpid())) == 2
+    assert measurement.look(ready=False) is None
+    assert descendants(os.getpid()) == [forks.pid]
+    assert isinstance(told_by(measurement), int)
+
+
+@pytest.mark.timeout(600)
 def test_a_measurement_that_is_closed_tells_nothing_and_leaves_nothing(
     tmp_path: Path, forks: ForkServer
 ) -> None:
