@@ -99,7 +99,7 @@ def router_config(
             "endpoints": [f"{endpoint}?{some}" for endpoint in connect for some in LINK_PRIORITIES],
             "timeout_ms": -1,
             "exit_on_failure": False,
-            "retry": {"period_init_ms": 20, "period_max_ms": 50, "period_increase_factor": 1.5},
+            "retry": {"period_init_ms": 20, "period_max_ms": 30, "period_increase_factor": 1.5},
         },
     }
     if protection is not None:

@@ -4,6 +4,7 @@ TCP notices a cut link after seconds to minutes, and Zenoh may then reopen one d
 section 9). So routers send beats all the time and tell in them whose beats they hear.
 """
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -13,11 +14,13 @@ from msgspec import structs
 from rcopterx.bus.clock_offset import ClockFilter
 from rcopterx.bus.link_messages import Beat, Echo, LinkState
 
-SILENCE_S: Final = 0.25
-"""A direction without a beat for so long is dead: five beats."""
+SILENCE_S: Final = 0.3
+"""A direction without a beat for so long is dead: three beats."""
 LONGEST_PATIENCE_S: Final = 2.0
 """With a router that is never heard: where redialling does not help, it must not be all that happens."""
-STALL_S: Final = 0.15
+MOST_DOUBLINGS: Final = 8
+"""Of the patience, which is the longest by then."""
+STALL_S: Final = 0.25
 """A watch that was not called for so long does not know whether others were silent or itself was."""
 LATE_S: Final = 0.1
 RECENT_S: Final = 5.0
@@ -86,12 +89,14 @@ class LinkWatch:
         self._failures: dict[str, int] = {}
         self._redials: dict[str, int] = {}
         self._late: dict[str, int] = {}
+        self.due_s = math.inf
+        """When the next link that `broken` left open counts as silent, unless it is heard of before."""
 
     def hear(self, host: str, beat: Beat, arrived_s: float) -> None:
         """Take a beat of another host into account; arrivals of a host do not decrease."""
         known = self._neighbours.get(host)
         if known is None or known.beat.router != beat.router:
-            known = self._neighbours[host] = _Neighbour(beat, arrived_s, float("-inf"))
+            known = self._neighbours[host] = _Neighbour(beat, arrived_s, -math.inf)
         delay_s = arrived_s - beat.sent_s
         known.delay.add(delay_s, arrived_s)
         if known.delay.value is not None and delay_s - known.delay.value > LATE_S:
@@ -132,9 +137,16 @@ class LinkWatch:
         opened_s = {link: now_s if asleep else self._opened_s.get(link, now_s) for link in links}
         halved = self._halved(links)
         broken: list[RouterLink] = []
+        self.due_s = math.inf
         for router in {link.router for link in links}:
             own = [link for link in links if link.router == router]
-            if self._is_silent(router, min(opened_s[link] for link in own), now_s) or router in halved:
+            silent_at_s = self._silent_at_s(router, min(opened_s[link] for link in own))
+            silent = now_s > silent_at_s
+            if silent:
+                self._failures[router] = self._failures.get(router, 0) + 1
+            else:
+                self.due_s = min(self.due_s, silent_at_s)
+            if silent or router in halved:
                 broken += own
                 opened_s.update(dict.fromkeys(own, now_s))
                 host = self._host_of(router)
@@ -154,17 +166,14 @@ class LinkWatch:
             link.router for link in before.intersection(links)
         }
 
-    def _is_silent(self, router: str, opened_s: float, now_s: float) -> bool:
-        """Whether links that have been open since a moment carry nothing in one direction."""
+    def _silent_at_s(self, router: str, opened_s: float) -> float:
+        """When links that have been open since a moment carry nothing in one direction for too long."""
         host = self._host_of(router)
-        alive_s = float("-inf") if host is None else self._both_ways_s(host)
+        alive_s = -math.inf if host is None else self._both_ways_s(host)
         if alive_s >= opened_s:
             self._failures.pop(router, None)
-        failures = self._failures.get(router, 0)
-        silent: bool = now_s - max(alive_s, opened_s) > min(LONGEST_PATIENCE_S, SILENCE_S * 2**failures)
-        if silent:
-            self._failures[router] = failures + 1
-        return silent
+        doublings = min(self._failures.get(router, 0), MOST_DOUBLINGS)
+        return max(alive_s, opened_s) + min(LONGEST_PATIENCE_S, SILENCE_S * 2.0**doublings)
 
     def states(self, hosts: Collection[str], now_s: float, time_of_day_s: float) -> dict[str, LinkState]:
         """State of the links to these hosts; the same moment on both clocks."""

@@ -16,9 +16,10 @@ from rcopterx.bus.link_sockets import Dials, close_link, hasten
 from rcopterx.bus.link_watch import LinkWatch, RouterLink
 from rcopterx.bus.subscription import Subscription
 
-BEAT_S: Final = 0.05
+BEAT_S: Final = 0.1
 DIAL_CHECK_S: Final = 0.02
 """Between two looks at attempts to dial, while a host is missing."""
+SHORTEST_PAUSE_S: Final = 0.005
 STATUS_S: Final = 0.5
 BEATS_KEPT: Final = 32
 
@@ -85,9 +86,11 @@ class LinkService:
         )
 
     def _run(self) -> None:
-        complete = False
-        while not self._ended.wait(BEAT_S if complete else DIAL_CHECK_S):
-            complete = self._turn()
+        pause_s = DIAL_CHECK_S
+        while not self._ended.wait(pause_s):
+            pause_s = BEAT_S if self._turn() else DIAL_CHECK_S
+            # Both hosts close what falls silent at once, so that neither closes what the other dialled.
+            pause_s = min(pause_s, max(SHORTEST_PAUSE_S, self._watch.due_s - self._clock()))
 
     def _turn(self) -> bool:
         """Listen, judge, act, tell; returns whether every other host is linked completely."""
@@ -99,10 +102,11 @@ class LinkService:
         for link in links - self._links:
             hasten(link)
         self._links = links
-        for link in self._watch.broken(links, now_s):
+        broken = self._watch.broken(links, now_s)
+        for link in broken:
             print(f"links: {_text(link)} is closed, to be dialled again", file=sys.stderr)
             close_link(link)
-        complete = len(links) >= LINKS_PER_ROUTER * len(self._others)
+        complete = len(links) - len(broken) >= LINKS_PER_ROUTER * len(self._others)
         if not complete:
             self._dials.abandon_lost(now_s)
         now_s, time_of_day_s = self._clock(), self._time_of_day()

@@ -1,5 +1,6 @@
 """Promises of the judgement of links: one direction that is silent closes them, a short pause does not."""
 
+import math
 from itertools import pairwise
 
 import pytest
@@ -16,7 +17,7 @@ from rcopterx.bus.link_watch import (
     RouterLink,
 )
 
-BEAT_S = 0.05
+BEAT_S = 0.1
 LINK = RouterLink("b0", ("10.0.0.1", 7447), ("10.0.0.2", 50000))
 SECOND = LINK._replace(remote=("10.0.0.2", 50002))
 
@@ -74,7 +75,7 @@ def test_a_link_is_closed_when_one_direction_is_silent(hears: bool, is_heard: bo
 def test_a_silence_that_is_shorter_than_the_limit_closes_nothing() -> None:
     pair = Pair()
     pair.steps(20)
-    pair.steps(4, hears=False, is_heard=False)
+    pair.steps(2, hears=False, is_heard=False)
     pair.steps(20)
     assert pair.closed == []
 
@@ -175,8 +176,8 @@ def test_beats_that_waited_while_the_link_hung_are_counted_as_late() -> None:
         )
     assert watch.states(["b"], 0.5, 0.0)["b"].late == 0
     for number in range(10, 14):
-        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={}), 0.9)
-    assert watch.states(["b"], 0.9, 0.0)["b"].late == 4
+        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={}), 1.5)
+    assert watch.states(["b"], 1.5, 0.0)["b"].late == 4
 
 
 def test_the_round_trip_leaves_out_how_long_the_other_host_held_the_beat() -> None:
@@ -248,3 +249,20 @@ def test_the_recent_minimum_is_one_of_the_recent_values(values: list[tuple[float
 
 def test_the_stall_limit_leaves_room_for_late_turns() -> None:
     assert 2 * BEAT_S < STALL_S < SILENCE_S
+
+
+def test_the_watch_tells_when_a_silent_link_is_to_be_closed() -> None:
+    pair = Pair()
+    pair.steps(20)
+    heard_s = pair.now_s
+    pair.step(hears=False, is_heard=False)
+    assert pair.watch.due_s == pytest.approx(heard_s + SILENCE_S)
+    assert pair.watch.broken((LINK,), pair.watch.due_s - 1e-6) == []
+    assert pair.watch.broken((LINK,), pair.watch.due_s + 1e-6) == [LINK]
+    assert pair.watch.due_s == math.inf
+
+
+def test_a_router_that_is_never_heard_is_dialled_for_hours() -> None:
+    watch = LinkWatch("a", "a0", 0.0)
+    closed = sum(bool(watch.broken((LINK,), 0.2 * turn)) for turn in range(30_000))
+    assert closed > 2000
