@@ -41,6 +41,8 @@ T = TypeVar("T")
 
 WATCH_S = 0.02
 """Between two looks at the progress of all processes."""
+MEASURE_LOOK_S = 0.1
+"""Between two looks at the measurement of how many vehicles this computer flies."""
 FLOOR_LOOK_S = 0.25
 """Between two looks for vehicles on the floor whose host has died."""
 EVENTS_KEPT = 200
@@ -248,7 +250,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             if fleet.vehicles[name].spares
         }
         self._guard, self._floor_guard = Guard(turns), FloorGuard(host, turns)
-        self._floor_due_s = 0.0
+        self._floor_due_s = self._measure_due_s = 0.0
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
         self._home = [name for name in fleet.agents_on(host) if fleet.vehicles[name].host == host]
@@ -339,8 +341,9 @@ class Launcher(AbstractContextManager["Launcher"]):
     def _measure(self) -> list[str]:
         """Find out how many vehicles this computer flies; a line if that cannot be."""
         membership = self._membership
-        if self._capacity is None or membership is None:
+        if self._capacity is None or membership is None or time.monotonic() < self._measure_due_s:
             return []
+        self._measure_due_s = time.monotonic() + MEASURE_LOOK_S
         told = self._capacity.look(self.supervisor.spare_ready and not self.supervisor.flying)
         if isinstance(told, str):
             return [told]

@@ -20,6 +20,8 @@ from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses
 from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
+PREPARE_S = 0.1
+"""Between two looks whether fork server and spare processes are there, which asks the kernel for each."""
 SETTLED_S = 0.2
 """After the last start of a process; what starts in flight comes first."""
 SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
@@ -120,7 +122,7 @@ class Supervisor:
         self._forks = forks
         self._clock = clock
         self._selector = selectors.DefaultSelector()
-        self._spare_at_s = 0.0
+        self._prepare_at_s = self._spare_at_s = 0.0
         self.spare_failures = 0
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
         spare_log = log_directory / "spare.log"
@@ -199,10 +201,9 @@ class Supervisor:
         """
         now = self._clock()
         lines = []
-        if any(child.wanted for child in self.children.values()):
-            lines += self._prepare_forks()
-            if all(now - child.started_s > SETTLED_S for child in self.children.values()):
-                self._prepare_spares(now)
+        if now >= self._prepare_at_s:
+            self._prepare_at_s = now + PREPARE_S
+            lines += self._prepare(now)
         lines += self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
@@ -216,6 +217,15 @@ class Supervisor:
                 if child.process is not None:
                     child.restarts += 1
                     lines.append(f"{name}: started again (restart {child.restarts})")
+        return lines
+
+    def _prepare(self, now_s: float) -> list[str]:
+        """Have what the next start of a process needs, as long as one is wanted."""
+        if not any(child.wanted for child in self.children.values()):
+            return []
+        lines = self._prepare_forks()
+        if all(now_s - child.started_s > SETTLED_S for child in self.children.values()):
+            self._prepare_spares(now_s)
         return lines
 
     def _prepare_forks(self) -> list[str]:
