@@ -19,10 +19,12 @@ import runpy
 import socket
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Final, TypedDict
 
 from rcopterx.bus.heartbeat import VARIABLE
 from rcopterx.bus.realtime import leave_realtime, request_realtime
+from rcopterx.deploy.clean_pages import release
 from rcopterx.deploy.roles.run import name_process
 
 LARGEST_BYTES: Final = 1 << 20
@@ -30,6 +32,8 @@ LARGEST_BYTES: Final = 1 << 20
 DESCRIPTORS: Final = 4
 PERMISSION: Final = b"!"
 PID_BYTES: Final = 4
+COMPILER: Final = "libllvmlite"
+"""Library that compiles kernels, and brings compiled ones into memory."""
 
 
 class Order(TypedDict):
@@ -61,6 +65,9 @@ def main() -> None:
     gc.collect()
     gc.freeze()
     gc.enable()
+    # Kernels are loaded; their compiler would stay in memory for as long as the fleet is up.
+    with suppress(OSError):
+        release(COMPILER)
     request_realtime(int(priority))
     connection = socket.socket(fileno=int(descriptor))
     connection.send(_told({"pid": os.getpid()}))
