@@ -139,7 +139,7 @@ LAUNCHER: Final = Channel(
     "vehicles that take part, and restarts of processes",
 )  # fmt: skip
 BEAT: Final = Channel(
-    "beat", Beat, "host", "router", 10, 0.3, REAL_TIME, False,
+    "beat", Beat, "host", "router", 12.5, 0.32, REAL_TIME, False,
     "whether routers of different hosts hear each other",
 )  # fmt: skip
 ROUTER_STATUS: Final = Channel(

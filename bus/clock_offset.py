@@ -3,7 +3,7 @@
 from collections import deque
 from typing import Final, NamedTuple
 
-SAMPLES: Final = 100
+SAMPLES: Final = 125
 """Of which the one with the shortest round trip counts: ten seconds of beats."""
 
 

@@ -14,8 +14,8 @@ from msgspec import structs
 from rcopterx.bus.clock_offset import ClockFilter
 from rcopterx.bus.link_messages import Beat, Echo, LinkState
 
-SILENCE_S: Final = 0.3
-"""A direction without a beat for so long is dead: three beats."""
+SILENCE_S: Final = 0.32
+"""A direction without a beat for so long is dead: four beats, and a stall of 0.2 s is none."""
 LONGEST_PATIENCE_S: Final = 2.0
 """With a router that is never heard: where redialling does not help, it must not be all that happens."""
 MOST_DOUBLINGS: Final = 8

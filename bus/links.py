@@ -16,7 +16,7 @@ from rcopterx.bus.link_sockets import Dials, close_link, hasten
 from rcopterx.bus.link_watch import LinkWatch, RouterLink
 from rcopterx.bus.subscription import Subscription
 
-BEAT_S: Final = 0.1
+BEAT_S: Final = 0.08
 DIAL_CHECK_S: Final = 0.02
 """Between two looks at attempts to dial, while a host is missing."""
 SHORTEST_PAUSE_S: Final = 0.005

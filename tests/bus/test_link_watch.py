@@ -16,8 +16,11 @@ from rcopterx.bus.link_watch import (
     RecentMinimum,
     RouterLink,
 )
+from rcopterx.bus.links import BEAT_S
 
-BEAT_S = 0.1
+STALL_OF_A_LINK_S = 0.2
+LATE_TURN_S = 0.03
+"""Of a busy computer."""
 LINK = RouterLink("b0", ("10.0.0.1", 7447), ("10.0.0.2", 50000))
 SECOND = LINK._replace(remote=("10.0.0.2", 50002))
 
@@ -76,6 +79,15 @@ def test_a_silence_that_is_shorter_than_the_limit_closes_nothing() -> None:
     pair = Pair()
     pair.steps(20)
     pair.steps(2, hears=False, is_heard=False)
+    pair.steps(20)
+    assert pair.closed == []
+
+
+def test_a_link_that_stalls_between_two_beats_stays() -> None:
+    pair = Pair()
+    pair.steps(20)
+    pair.now_s += STALL_OF_A_LINK_S
+    assert pair.watch.due_s > pair.now_s + BEAT_S + LATE_TURN_S
     pair.steps(20)
     assert pair.closed == []
 
