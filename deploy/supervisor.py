@@ -21,7 +21,8 @@ from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
 PREPARE_S = 0.1
-"""Between two looks whether fork server and spare processes are there, which asks the kernel for each."""
+"""Between two looks whether fork server and spare processes, which were all there, still are: the kernel is
+asked for each. Where one is missing, or was taken, every look is such a look."""
 SETTLED_S = 0.2
 """After the last start of a process; what starts in flight comes first."""
 SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
@@ -164,6 +165,7 @@ class Supervisor:
         return lines
 
     def _launch(self, child: Child, log_path: Path) -> None:
+        self._prepare_at_s = 0.0
         started = self._successor(child, log_path)
         if started is None:
             command = child.spec.command(self._snapshot, take_over=child.take_over)
@@ -202,8 +204,8 @@ class Supervisor:
         now = self._clock()
         lines = []
         if now >= self._prepare_at_s:
-            self._prepare_at_s = now + PREPARE_S
             lines += self._prepare(now)
+            self._prepare_at_s = now + PREPARE_S if self._spares.complete else now
         lines += self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
