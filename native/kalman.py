@@ -14,8 +14,8 @@ from rcopterx.native.compiled import (
     VECTOR,
     Array,
     compiled,
-    part,
 )
+from rcopterx.native.filtering import corrected, propagate
 from rcopterx.native.motion import predict_motion
 from rcopterx.native.noise import measure_noise
 
@@ -29,135 +29,6 @@ TURN_RAD = math.tau
 FARTHEST_M = 1e3
 MOST_TURNED_RAD = 1e4
 """Poses beyond are not of a laboratory."""
-
-
-@part
-def propagate(transition: Array, covariance: Array, process: Array) -> None:
-    """Replace P by F P F' + Q, shapes (n, n); entries of F that are zero cost nothing."""
-    size = transition.shape[0]
-    moved = np.zeros((size, size))
-    for row in range(size):
-        for inner in range(size):
-            factor = transition[row, inner]
-            if factor != 0.0:
-                for column in range(size):
-                    moved[row, column] += factor * covariance[inner, column]
-    # Row i of the transpose is the sum of F_ij times column j of F P: P is symmetric, so rows serve as well.
-    turned = np.empty((size, size))
-    for row in range(size):
-        for column in range(size):
-            turned[column, row] = moved[row, column]
-            covariance[row, column] = process[row, column]
-    for row in range(size):
-        for inner in range(size):
-            factor = transition[row, inner]
-            if factor != 0.0:
-                for column in range(size):
-                    covariance[row, column] += factor * turned[inner, column]
-
-
-@part
-def factorized(matrix: Array) -> bool:
-    """Replace the lower triangle of a small matrix by its Cholesky factor; False if it is not definite."""
-    for row in range(matrix.shape[0]):
-        for column in range(row + 1):
-            total = matrix[row, column]
-            for inner in range(column):
-                total -= matrix[row, inner] * matrix[column, inner]
-            if row > column:
-                matrix[row, column] = total / matrix[column, column]
-            elif total > 0.0:
-                matrix[row, row] = math.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@part
-def solve_factorized(factor: Array, right_sides: Array) -> None:
-    """Replace right sides, shape (m, n), by the solutions with L L', L the lower triangle of `factor`."""
-    size, count = right_sides.shape
-    for row in range(size):
-        for inner in range(row):
-            for column in range(count):
-                right_sides[row, column] -= factor[row, inner] * right_sides[inner, column]
-        for column in range(count):
-            right_sides[row, column] /= factor[row, row]
-    for row in range(size - 1, -1, -1):
-        for inner in range(row + 1, size):
-            for column in range(count):
-                right_sides[row, column] -= factor[inner, row] * right_sides[inner, column]
-        for column in range(count):
-            right_sides[row, column] /= factor[row, row]
-
-
-@part
-def joseph(covariance: Array, gain: Array, spread: Array, observed: Array, variance: Array) -> None:
-    """Replace P by (I - K H) P (I - K H)' + K V K', which stays symmetric and positive whatever the rounding.
-
-    Parameters
-    ----------
-    covariance
-        P, shape (n, n).
-    gain
-        K', shape (m, n).
-    spread
-        H P, shape (m, n).
-    observed
-        H, shape (m, n).
-    variance
-        Diagonal of V, shape (m,).
-    """
-    count, size = gain.shape
-    for row in range(size):
-        for number in range(count):
-            for column in range(size):
-                covariance[row, column] -= gain[number, row] * spread[number, column]
-    # Each row of the product needs no other one.
-    for row in range(size):
-        kept = covariance[row].copy()
-        for number in range(count):
-            seen = -variance[number] * gain[number, row]
-            for inner in range(size):
-                if observed[number, inner] != 0.0:
-                    seen += kept[inner] * observed[number, inner]
-            for column in range(size):
-                covariance[row, column] -= seen * gain[number, column]
-
-
-@part
-def corrected(state: Array, covariance: Array, observed: Array, surprise: Array, variance: Array) -> bool:
-    """Correct a state by what it does not explain of measurements; shapes of `joseph`, both in place.
-
-    Returns
-    -------
-    bool
-        Whether H P H' + V is definite; if not, nothing is changed.
-    """
-    count, size = observed.shape
-    spread = np.zeros((count, size))
-    for number in range(count):
-        for inner in range(size):
-            factor = observed[number, inner]
-            if factor != 0.0:
-                for column in range(size):
-                    spread[number, column] += factor * covariance[inner, column]
-    innovation = np.zeros((count, count))
-    for number in range(count):
-        for other in range(count):
-            for inner in range(size):
-                if observed[other, inner] != 0.0:
-                    innovation[number, other] += spread[number, inner] * observed[other, inner]
-        innovation[number, number] += variance[number]
-    if not factorized(innovation):
-        return False
-    gain = spread.copy()
-    solve_factorized(innovation, gain)
-    for number in range(count):
-        for row in range(size):
-            state[row] += gain[number, row] * surprise[number]
-    joseph(covariance, gain, spread, observed, variance)
-    return True
 
 
 @compiled(MATRIX, BLOCKS, ANY_VECTOR, NUMBER, MATRIX, MATRIX, MATRIX, ANY_VECTOR, NUMBER, COUNT)
