@@ -6,30 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.chains import PERIOD_S, coaxial_lateral
 
-from rcopterx.agents.controllers.chains.chain import ActiveBounds, Chain, ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain import ActiveBounds, Chain, ChainTarget
 from rcopterx.agents.controllers.chains.lateral_chain import LateralChain
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.vehicles.state import Array, heading_matrix
 from rcopterx.vehicles.types import COAXIAL
 
-PERIOD_S = 0.02
 STAGES = 8
 SLOTS = 2
 SYSTEM = LateralSystem(COAXIAL, PERIOD_S)
-LATERAL = ChainParameters(
-    STAGES,
-    PERIOD_S,
-    COAXIAL.b[:2],
-    None,
-    np.zeros(2),
-    np.full(2, 100.0),
-    np.ones(2),
-    np.full(2, 3.0),
-    1e4,
-    (True, True),
-    SLOTS,
-)
+LATERAL = coaxial_lateral(STAGES, SLOTS)
 seeds = st.integers(0, 2**32 - 1)
 
 

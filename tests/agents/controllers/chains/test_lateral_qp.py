@@ -1,4 +1,4 @@
-"""The condensed horizontal problem against an independent solver, and its promises."""
+"""The horizontal problem against an independent solver, and its promises."""
 
 from dataclasses import replace
 from itertools import count
@@ -8,30 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import sparse
+from support.chains import PERIOD_S, coaxial_lateral
 
 from rcopterx.agents.controllers.chains.active_set import Budget
-from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain import ChainTarget
 from rcopterx.agents.controllers.chains.lateral_qp import LateralQP
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.vehicles.state import heading_matrix
 from rcopterx.vehicles.types import COAXIAL
 
 osqp = pytest.importorskip("osqp")
-PERIOD_S = 0.02
 STAGES = 20
 SYSTEM = LateralSystem(COAXIAL, PERIOD_S)
-PARAMETERS = ChainParameters(
-    STAGES,
-    PERIOD_S,
-    COAXIAL.b[:2],
-    None,
-    np.zeros(2),
-    np.full(2, 100.0),
-    np.ones(2),
-    np.full(2, 3.0),
-    1e4,
-    (True, True),
-)
+PARAMETERS = coaxial_lateral(STAGES)
 LOWER, UPPER = np.array([-1.2, -1.2, -1, -1.3, -1, -1]), np.array([1.2, 1.2, 1, 1.3, 1, 1])
 
 
