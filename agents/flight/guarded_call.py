@@ -114,9 +114,11 @@ class GuardedCall:
         try:
             with self.limit.within(allowed_s):
                 answer = question()
-        except OutOfTimeError:
+        except (OutOfTimeError, SystemError) as error:
+            if not _interrupted(error):
+                raise
             self.limit.over(allowed_s)
-            raise
+            raise OutOfTimeError from error
         if self.limit.over(allowed_s):
             raise OutOfTimeError
         return answer
@@ -133,3 +135,14 @@ class GuardedCall:
     def _note(self, kind: str, text: str) -> None:
         self.failures[kind] += 1
         self.failure = text[:LONGEST_TEXT]
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether somebody ran out of time.
+
+    A compiled call that is interrupted while it looks at its arguments returns as if nothing had happened.
+    The interpreter then raises `SystemError` because of what interrupted it, once for each such call.
+    """
+    while isinstance(error, SystemError):
+        error = error.__cause__
+    return isinstance(error, OutOfTimeError)
