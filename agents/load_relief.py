@@ -48,7 +48,7 @@ class LoadRelief:
         self._overload = Overload(period_s)
         self._processor_clock = processor_clock
         self._used_s, self._since_s = processor_clock(), bus.clock()
-        self._missed_ticks = 0
+        self._seen = 0, 0
         self.relief = Relief.NONE
         """What is left out at present."""
         self.events: dict[str, int] = {}
@@ -60,8 +60,10 @@ class LoadRelief:
 
     def watch(self, late_s: float, flying: bool) -> None:
         """Take in a control period: from the arrival of its pose until its command was sent."""
-        missed_ticks = self._pacing.missed_ticks
-        missed, self._missed_ticks = missed_ticks > self._missed_ticks, missed_ticks
+        pacing, (missed_before, overtaken_before) = self._pacing, self._seen
+        self._seen = pacing.missed_ticks, pacing.overtaken_ticks
+        # Missed for want of poses, however many, are one event; those behind which it lags are time.
+        missed = max(pacing.missed_ticks > missed_before, pacing.overtaken_ticks - overtaken_before)
         overload = self._overload
         if overload.observe(late_s, missed) if flying else overload.forget():
             self._bus.note(_WORDS[overload.relief])

@@ -64,7 +64,7 @@ class Overload:
         self._ease_after_s = EASE_AFTER_S
         self._eased = False
 
-    def observe(self, late_s: float, missed: bool) -> bool:
+    def observe(self, late_s: float, missed: int) -> bool:
         """Take in a control period.
 
         Parameters
@@ -72,7 +72,7 @@ class Overload:
         late_s
             From the arrival of its pose until its command was sent.
         missed
-            Whether the period before it was missed.
+            How many control periods before it were missed although there was something to compute.
 
         Returns
         -------
@@ -80,7 +80,8 @@ class Overload:
             Whether `relief` has changed, by one step.
         """
         period_s = self._period_s * (2 if self.relief is Relief.HALF_RATE else 1)
-        self._late.append(missed or late_s > LATE_PERIODS * period_s)
+        self._late.extend([True] * missed)
+        self._late.append(late_s > LATE_PERIODS * period_s)
         self._calm_s += period_s
         if sum(self._late) > LATE_SHARE * (self._late.maxlen or 1):
             return self._leave_out()

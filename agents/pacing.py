@@ -22,6 +22,8 @@ class Pacing:
     def __init__(self, period_s: float) -> None:
         self.ticks = 0
         self.missed_ticks = 0
+        self.overtaken_ticks = 0
+        """Those of them whose poses had arrived."""
         self._period_s = period_s
         self._last_control_frame: int | None = None
         self._last_arrival_s: float | None = None
@@ -51,6 +53,7 @@ class Pacing:
     def on_overtaken(self) -> None:
         """A control period began before the command of the one before was computed."""
         self.missed_ticks += 1
+        self.overtaken_ticks += 1
 
     def control_due(self, frame: int, frame_period_s: float, flying: bool) -> bool:
         """Whether a control period begins with this frame.

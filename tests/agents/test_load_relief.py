@@ -147,3 +147,15 @@ def test_a_vehicle_on_the_floor_has_nothing_planned() -> None:
     pilot.control({})
     pilot.fly_as_planned()
     assert pilot.fallbacks["control_left_out"] == 0
+
+
+def test_periods_behind_which_it_lags_count_all_and_those_without_poses_once() -> None:
+    lagging, blind = Scene(), Scene()
+    for _ in range(4):
+        for _ in range(5):
+            lagging.pacing.on_overtaken()
+        blind.pacing.missed_ticks += 5
+        for scene in (lagging, blind):
+            scene.relief.watch(0.0, flying=True)
+    assert lagging.bus.notes
+    assert not blind.bus.notes
