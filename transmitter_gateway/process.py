@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import partial
 
 from rcopterx.bus import channels
+from rcopterx.bus.calm import LONGEST_PERIOD_S, calm_at_s
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import request_realtime, settle
@@ -34,6 +35,8 @@ POSE_PATIENCE_S = 0.005
 and limits of surveillance are counted in tenths of a second."""
 LONGEST_POSE_WAIT_S = 0.025
 """How long the other poses wait, which are looked at when commands arrive: longer than a control period."""
+TELL_SHARE = 0.2
+"""Of a frame's period that the first command that was written waits to be told until the others are, too."""
 POSES_KEPT = 16
 """Of one vehicle: more than arrive meanwhile, also from a fast Tracker."""
 
@@ -64,6 +67,9 @@ class Gateway:
         self._poses_wake = True
         self._poses_taken_s = -math.inf
         self._stations_due_s = -math.inf
+        self._tell_by_s = math.inf
+        self._pose_arrived_s: float | None = None
+        self._period_s = 0.0
         self._flying = False
         self._poses: dict[str, Subscription[Pose]] = {
             name: session.subscribe(channels.POSE, name, depth=POSES_KEPT, wake=self._on_pose)
@@ -82,7 +88,8 @@ class Gateway:
         """Wait for a message, an answer of a module or the next deadline."""
         self._heartbeat.beat(self._flying)
         deadline_s = min(
-            self._report_at_s,
+            self._report_due_s,
+            self._tell_by_s,
             self._judge_poses_at_s,
             self._poses_taken_s + LONGEST_POSE_WAIT_S,
             self._stations_due_s,
@@ -109,15 +116,13 @@ class Gateway:
             station.take_commands(self._clock)
             if station.commands_wait:
                 self._called.append(station)
-        # Publishing a write takes as long as the write itself; nobody's command waits for that.
         for station in called:
             station.tell_lease()
-            station.publish_writes()
         for kill in [received for kills in self._kills for received in kills.drain()]:
             for station in self._stations.values():
                 station.take_kill(kill.message, self._clock())
             # Whoever killed waits for this.
-            self._report_at_s = self._clock()
+            self._report_at_s = -math.inf
         for incoming in self._session.pending():
             self._stations[incoming.unit].answer(incoming, self._clock())
         self._look_at_stations()
@@ -125,18 +130,40 @@ class Gateway:
 
     def _look_at_stations(self) -> None:
         """Let stations do what is due, and note what the next wait has to know of them."""
-        due_s, flying, poses_wake = math.inf, False, False
+        due_s, flying, poses_wake, complete = math.inf, False, False, True
+        untold: list[Station] = []
         for station in self._stations.values():
             transmitter = station.transmitter
             now_s, deadline_s = self._clock(), transmitter.next_deadline_s()
             if now_s >= deadline_s:
                 station.tick(now_s)
-                station.publish_writes()
                 deadline_s = transmitter.next_deadline_s()
+            if station.changed:
+                station.publish_writes()
             due_s = min(due_s, deadline_s)
-            flying = flying or transmitter.arbiter.state in FLYING
+            flies = transmitter.arbiter.state in FLYING
+            if station.untold:
+                untold.append(station)
+            elif flies:
+                complete = False
+            flying = flying or flies
             poses_wake = poses_wake or transmitter.acts_on_poses
         self._stations_due_s, self._flying, self._poses_wake = due_s, flying, poses_wake
+        self._tell_writes(untold, complete)
+
+    def _tell_writes(self, untold: list[Station], complete: bool) -> None:
+        """Publish what these have written as soon as all that fly have, or the first one has waited enough.
+
+        Nobody needs it before the next frame, and several programs of each host take it in: nobody's command
+        waits for that, and messages that go out together share packets.
+        """
+        now_s = self._clock()
+        if untold and not complete and now_s < self._tell_by_s:
+            self._tell_by_s = min(self._tell_by_s, now_s + TELL_SHARE * self._period_s)
+            return
+        for station in untold:
+            station.publish_writes()
+        self._tell_by_s = math.inf
 
     def kill(self, by: str) -> None:
         """Cut the motors of every vehicle of this gateway, latching."""
@@ -157,6 +184,8 @@ class Gateway:
             self.wait()
             self.step()
             meanwhile()
+        for station in self._stations.values():
+            station.publish_writes()
         for transmitter in transmitters:
             transmitter.close()
         self._recall.close()
@@ -227,6 +256,7 @@ class Gateway:
         self._judge_poses_at_s = math.inf
         self._poses_taken_s = self._clock()
         for pose, arrived_s in self._new_poses():
+            self._pose_arrived_s, self._period_s = arrived_s, min(pose.period_s or 0.0, LONGEST_PERIOD_S)
             for station in self._stations.values():
                 station.transmitter.on_pose(pose, arrived_s)
 
@@ -237,9 +267,14 @@ class Gateway:
             for received in poses.drain()
         ]
 
+    @property
+    def _report_due_s(self) -> float:
+        """When the next statuses are due; they wait until the commands of a frame are written."""
+        return calm_at_s(self._report_at_s, self._pose_arrived_s, self._period_s)
+
     def _report(self) -> None:
         now_s = self._clock()
-        if now_s >= self._report_at_s:
+        if now_s >= self._report_due_s:
             self._report_at_s = now_s + STATUS_PERIOD_S
             for station in self._stations.values():
                 station.report(now_s)

@@ -76,7 +76,7 @@ class Station:
         self._accepted_s: float | None = None
         self._timing: CommandTiming | None = None
         self._last_sequence = 0
-        self._reported_state = State.DISARMED
+        self._reported_state = self._told_state = State.DISARMED
         session.serve(self.vehicle, VERBS)
         session.announce(self.vehicle, "transmitter")
 
@@ -155,12 +155,23 @@ class Station:
         answer = self.transmitter.request(action, now_s)
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))
 
+    @property
+    def untold(self) -> bool:
+        """Whether serial frames were written that `publish_writes` has not published."""
+        return bool(self._unpublished)
+
+    @property
+    def changed(self) -> bool:
+        """Whether the state is another one than `publish_writes` has published."""
+        return self.transmitter.arbiter.state is not self._told_state
+
     def publish_writes(self) -> None:
         """Publish the serial frames written since the last call, and at once that a kill begins or ends."""
         for applied in self._unpublished:
             self._session.publish(channels.APPLIED, self.vehicle, applied)
         self._unpublished.clear()
-        before, now = self._reported_state, self.transmitter.arbiter.state
+        self._told_state = self.transmitter.arbiter.state
+        before, now = self._reported_state, self._told_state
         if before is not now and State.KILLED in (before, now):
             self.report(self._session.clock())
 

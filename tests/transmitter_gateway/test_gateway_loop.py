@@ -24,7 +24,7 @@ from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.process import LONGEST_POSE_WAIT_S, POSE_PATIENCE_S, Gateway
+from rcopterx.transmitter_gateway.process import LONGEST_POSE_WAIT_S, POSE_PATIENCE_S, TELL_SHARE, Gateway
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
@@ -192,6 +192,11 @@ class Laboratory(Wakeup):
             arrived_s=1.0, began_s=2.0, ready_s=3.0,
         )  # fmt: skip
 
+    def told(self) -> list[tuple[str, int]]:
+        """Vehicles and frames of commands that were told to be written."""
+        written = [(name, told) for name, told in self.bus.published if isinstance(told, Applied)]
+        return [(name, told.frame) for name, told in written if told.fresh]
+
     def turn(self) -> None:
         self.gateway.wait()
         self.gateway.step()
@@ -299,6 +304,49 @@ def test_what_is_written_for_a_command_tells_the_stages_it_has_passed(laboratory
         assert applied.command_arrived_s is not None
         assert applied.command_arrived_s <= applied.written_s
     assert all(applied.timing is None for applied in written if not applied.fresh)
+
+
+def test_what_the_commands_of_a_frame_led_to_is_told_when_all_of_them_are_written(
+    laboratory: Laboratory,
+) -> None:
+    laboratory.fly()
+    laboratory.thrust = None
+    next_frame_arrives(laboratory)
+    laboratory.bus.published.clear()
+    for name in NAMES:
+        assert laboratory.told() == []
+        laboratory.bus.arrive("command", name, laboratory.command(0.55))
+        laboratory.turn()
+        assert laboratory.writes[name][-1].time_s == laboratory.bus.now_s
+    assert laboratory.told() == [(name, laboratory._frame) for name in NAMES]
+
+
+def test_a_command_that_is_missing_keeps_what_was_written_from_nobody_for_long(
+    laboratory: Laboratory,
+) -> None:
+    laboratory.fly()
+    laboratory.thrust = None
+    written_s = next_frame_arrives(laboratory)
+    laboratory.bus.published.clear()
+    laboratory.bus.arrive("command", "h1", laboratory.command(0.55))
+    while not laboratory.told():
+        laboratory.turn()
+    assert laboratory.told() == [("h1", laboratory._frame)]
+    assert laboratory.bus.now_s <= written_s + TELL_SHARE * PERIOD_S + 1e-3
+
+
+def test_another_state_is_told_at_once(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    laboratory.thrust = None
+    silent = laboratory.transmitter("h2").arbiter
+    while silent.state is not State.HOLD:
+        frame = laboratory._frame
+        laboratory.bus.published.clear()
+        laboratory.turn()
+        for name in ("h1", "h3") if laboratory._frame > frame else ():
+            laboratory.bus.arrive("command", name, laboratory.command(0.55))
+    told = [applied for name, applied in laboratory.bus.published if name == "h2"]
+    assert [applied.state for applied in told if isinstance(applied, Applied)] == ["hold"]
 
 
 def own_track(laboratory: Laboratory) -> Track:
