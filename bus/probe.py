@@ -1,6 +1,7 @@
 """Shows that a router routes: messages that its process sends through it to itself come back."""
 
 import select
+from collections.abc import Callable
 from typing import Final
 
 import zenoh
@@ -56,6 +57,7 @@ def probe_until(
     fleet: str,
     host: str,
     credentials: Credentials | None = None,
+    meanwhile: Callable[[], None] | None = None,
 ) -> None:
     """Let the heartbeat of this process go on as long as its router routes.
 
@@ -69,6 +71,8 @@ def probe_until(
         For the key of the messages.
     credentials
         For an endpoint that asks for a certificate.
+    meanwhile
+        Called again and again.
     """
     config = client_config([endpoint], namespace, OPENING_LIMIT_S, credentials)
     sender, receiver = (open_session(config) for _ in range(2))
@@ -78,4 +82,6 @@ def probe_until(
             if probe.came_back():
                 heartbeat.beat()
             probe.send()
+            if meanwhile is not None:
+                meanwhile()
         heartbeat.ending()

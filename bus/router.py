@@ -29,6 +29,7 @@ def run_router(
     identity: IdentifyReply | None = None,
     others: Sequence[str] = (),
     protection: Protection | None = None,
+    calm_priority: int = 0,
 ) -> None:
     """Route until SIGTERM or SIGINT.
 
@@ -48,6 +49,8 @@ def run_router(
     protection
         None for a router that believes everybody. With it, whoever is refused for the certificate is told
         of on standard output, by Zenoh.
+    calm_priority
+        SCHED_FIFO priority of what can wait until agents have computed; 0 for the same.
 
     Raises
     ------
@@ -72,9 +75,12 @@ def run_router(
         stack.callback(session.close)
         if identity is not None:
             _identify(session, identity)
-            if others:
-                stack.callback(LinkService(session, identity.fleet, identity.host, others).close)
-            probe_until(ended, listen[0], namespace, identity.fleet, identity.host, credentials)
+            fleet, host = identity.fleet, identity.host
+            links = LinkService(session, fleet, host, others, calm_priority=calm_priority) if others else None
+            if links is not None:
+                stack.callback(links.close)
+            hurry = None if links is None else links.hurry
+            probe_until(ended, listen[0], namespace, fleet, host, credentials, hurry)
         else:
             os.read(ended, 1)
 

@@ -55,6 +55,7 @@ def run(fleet: FleetFile, host: str) -> None:
             identity,
             others,
             protection_of(fleet, host),
+            Priority.CALM.of(fleet),
         )
 
 

@@ -20,10 +20,12 @@ def test_what_others_wait_for_runs_at_the_higher_priority() -> None:
     router, gateway = Priority.ROUTER.of(fleet), Priority.GATEWAY.of(fleet)
     leader, follower = (agent_settings(fleet, name).realtime_priority for name in ("h1", "h2"))
     simulator = Priority.SIMULATOR.of(fleet)
-    assert Priority.RECORDER.of(fleet) == simulator - 1
+    assert Priority.RECORDER.of(fleet) < Priority.CALM.of(fleet) < simulator
     assert Priority.SUPERVISOR.of(fleet) > router
     assert router > gateway > leader > follower > simulator == fleet.bus.realtime_priority
     without = parse_fleet(PAIR + "[bus]\nrealtime_priority = 0")
     assert {priority.of(without) for priority in Priority} == {0}
     highest = parse_fleet(PAIR + "[bus]\nrealtime_priority = 90")
     assert max(priority.of(highest) for priority in Priority) <= 99
+    lowest = parse_fleet(PAIR + "[bus]\nrealtime_priority = 1")
+    assert min(priority.of(lowest) for priority in Priority) == 1
