@@ -16,11 +16,9 @@ from rcopterx.bus.link_watch import RouterLink
 DIAL_LIMIT_S: Final = 0.06
 """In a laboratory connecting takes a millisecond; TCP repeats a lost request for a connection after 1 s."""
 RETRANSMIT_US: Final = 10_000
-ACKNOWLEDGE_US: Final = 4_000
 TCP_THIN_LINEAR_TIMEOUTS: Final = 16
 TCP_RTO_MIN_US: Final = 45
-TCP_DELACK_MAX_US: Final = 46
-"""Socket options of Linux, the last two since 6.15; Python does not name them."""
+"""Socket options of Linux, the second since 6.15; Python does not name them."""
 SYN_SENT: Final = 2
 """State of a TCP socket that waits for the answer to its request for a connection."""
 
@@ -49,7 +47,6 @@ def hasten(link: RouterLink) -> bool:
             opened.setsockopt(socket.IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1)
             try:
                 opened.setsockopt(socket.IPPROTO_TCP, TCP_RTO_MIN_US, RETRANSMIT_US)
-                opened.setsockopt(socket.IPPROTO_TCP, TCP_DELACK_MAX_US, ACKNOWLEDGE_US)
             except OSError:
                 return False
     return True
