@@ -19,6 +19,12 @@ RETRANSMIT_US: Final = 10_000
 TCP_THIN_LINEAR_TIMEOUTS: Final = 16
 TCP_RTO_MIN_US: Final = 45
 """Socket options of Linux, the second since 6.15; Python does not name them."""
+HASTE: Final[tuple[tuple[int, int | bytes], ...]] = (
+    (TCP_THIN_LINEAR_TIMEOUTS, 1),
+    (TCP_RTO_MIN_US, RETRANSMIT_US),
+    # With BBR, the default of some distributions, no stream ever counts as thin.
+    (socket.TCP_CONGESTION, b"cubic"),
+)
 SYN_SENT: Final = 2
 """State of a TCP socket that waits for the answer to its request for a connection."""
 
@@ -42,14 +48,15 @@ def hasten(link: RouterLink) -> bool:
     While less than four packets are on their way, they are repeated at this pace six times before the pauses
     double: a link that was cut for a while carries again soon after its return, not after as long once more.
     """
+    complete = True
     for opened in _sockets():
         if _ends(opened) == (link.local, link.remote):
-            opened.setsockopt(socket.IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1)
-            try:
-                opened.setsockopt(socket.IPPROTO_TCP, TCP_RTO_MIN_US, RETRANSMIT_US)
-            except OSError:
-                return False
-    return True
+            for option, value in HASTE:
+                try:
+                    opened.setsockopt(socket.IPPROTO_TCP, option, value)
+                except OSError:
+                    complete = False
+    return complete
 
 
 class Dials:

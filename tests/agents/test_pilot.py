@@ -180,7 +180,8 @@ def test_who_was_held_while_it_flew_flies_on_even_if_it_landed_before() -> None:
 
 def test_the_next_inputs_are_those_after_the_command() -> None:
     inputs = np.linspace(0.3, 0.6, 12)[:, None] * np.array([0.1, 0.1, 1.0, 0.1])
-    pilot = airborne(noted(inputs=inputs))
+    controller = NotedController(inputs, horizon=12)
+    pilot = airborne(Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance()))
     flight = pilot.control({})
     assert flight.input == pytest.approx(inputs[0], abs=INPUT_UNIT)
     assert flight.next_inputs == pytest.approx(inputs[1 : 1 + round(BRIDGED_S / 0.02)], abs=INPUT_UNIT)

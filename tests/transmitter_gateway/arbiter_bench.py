@@ -23,7 +23,7 @@ SLEW: Input = (20.0, 20.0, 4.0, 8.0)
 PERIOD_S = 0.02
 IDLE: Input = (0.0, 0.0, 0.0, 0.0)
 HOVER: Input = (0.1, -0.1, 0.55, 0.05)
-PLAN = tuple((0.0, 0.0, 0.5 + 0.01 * n, 0.0) for n in range(1, 7))
+PLAN = tuple((0.0, 0.0, 0.5 + 0.01 * n, 0.0) for n in range(1, 9))
 EDGE_S = 0.0005
 """A moment before and after a limit, so that rounding decides no test."""
 

@@ -16,11 +16,11 @@ def test_planned_inputs_are_played_one_per_period_then_hold() -> None:
         step = bench.outputs[-1].bridging_step
         if bench.state is State.ARMED:
             seen.setdefault(step, bench.now_s - sent_s)
-    expected = {0: 0.001, 1: 0.03, 2: 0.04, 3: 0.06, 4: 0.08, 5: 0.1, 6: 0.12}
+    expected = {0: 0.001, 1: 0.03, 2: 0.04, 3: 0.06, 4: 0.08, 5: 0.1, 6: 0.12, 7: 0.14, 8: 0.16}
     assert seen == pytest.approx(expected, abs=0.0011)
-    assert bench.now_s - sent_s == pytest.approx(0.14, abs=0.0011)
+    assert bench.now_s - sent_s == pytest.approx(0.18, abs=0.0011)
     assert bench.state is State.HOLD
-    assert bench.arbiter.counters["planned inputs played"] == 6
+    assert bench.arbiter.counters["planned inputs played"] == 8
     silent(bench, 0.06)
     assert bench.state is State.DESCEND
 
@@ -34,21 +34,21 @@ def test_planned_inputs_are_applied() -> None:
     assert bench.outputs[-1].cause == Cause(1, 7, bench.sequence, bench.outputs[-1].cause.frame)  # type: ignore[union-attr]  # fails if None
 
 
-@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02, 0.04])
+@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02, 0.032])
 def test_long_plan_bridges_the_same_time_at_any_rate(period_s: float) -> None:
     bench = flying()
     bench.run(0.3, HOVER, next_u=PLAN * 5, period_s=period_s)
-    silent(bench, 0.12 + period_s - EDGE_S)
-    assert (bench.state, bench.outputs[-1].bridging_step) == (State.ARMED, round(0.12 / period_s))
+    silent(bench, 0.16 + period_s - EDGE_S)
+    assert (bench.state, bench.outputs[-1].bridging_step) == (State.ARMED, round(0.16 / period_s))
     silent(bench, 2 * EDGE_S)
     assert bench.state is State.HOLD
 
 
-def test_planned_inputs_are_played_for_120_ms_and_no_longer() -> None:
+def test_planned_inputs_are_played_for_160_ms_and_no_longer() -> None:
     bench = flying()
     bench.run(0.3, HOVER, next_u=PLAN * 3)
-    silent(bench, 0.14 - EDGE_S)
-    assert (bench.state, bench.outputs[-1].bridging_step) == (State.ARMED, 6)
+    silent(bench, 0.18 - EDGE_S)
+    assert (bench.state, bench.outputs[-1].bridging_step) == (State.ARMED, 8)
     silent(bench, 2 * EDGE_S)
     assert bench.state is State.HOLD
 
@@ -63,8 +63,8 @@ def test_a_short_plan_holds_when_it_is_used_up(count: int, hold_s: float) -> Non
     assert bench.state is State.HOLD
 
 
-@pytest.mark.parametrize(("period_s", "hold_s"), [(0.01, 0.07), (0.04, 0.16), (0.06, 0.18)])
-def test_bridging_lasts_at_most_120_ms_and_a_period(period_s: float, hold_s: float) -> None:
+@pytest.mark.parametrize(("period_s", "hold_s"), [(0.01, 0.09), (0.03, 0.18), (0.06, 0.18)])
+def test_bridging_lasts_at_most_160_ms_and_a_period(period_s: float, hold_s: float) -> None:
     bench = flying()
     bench.run(0.3, HOVER, next_u=PLAN, period_s=period_s)
     silent(bench, hold_s - EDGE_S)
