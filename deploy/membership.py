@@ -19,9 +19,10 @@ from rcopterx.bus.requests import (
     TakeVehicle,
 )
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.child import Child
 from rcopterx.deploy.log_reading import answer_of
 from rcopterx.deploy.processes import ROUTER
-from rcopterx.deploy.supervisor import Child, Supervisor
+from rcopterx.deploy.supervisor import Supervisor
 
 REPORT_PERIOD_S = 0.5
 MAX_TEXT = 400

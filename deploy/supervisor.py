@@ -3,21 +3,19 @@
 import math
 import os
 import selectors
-import signal
 import subprocess
 import time
-from collections import Counter
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from rcopterx.bus.heartbeat import HeartbeatPage, Phase
-from rcopterx.deploy.forking import ForkedProcess, ForkServer, Started
+from rcopterx.bus.heartbeat import Phase
+from rcopterx.deploy.child import Child, restart_pause_s, signal_name
+from rcopterx.deploy.forking import ForkServer, Started
 from rcopterx.deploy.liveness import Liveness
 from rcopterx.deploy.process_log import rotate
 from rcopterx.deploy.processes import EXIT_ELSEWHERE, ProcessSpec
 from rcopterx.deploy.spare_process import SPARES, SpareProcess, SpareProcesses
-from rcopterx.deploy.watchdog import Duty, Hung, Watchdog, WatchdogLimits
+from rcopterx.deploy.watchdog import Duty, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
 PREPARE_S = 0.1
@@ -27,8 +25,6 @@ SETTLED_S = 0.2
 """After the last start of a process; what starts in flight comes first."""
 SPARE_ROLES = ("agent", "router", "tracker", "transmitters")
 """What vehicles in the air cannot do without, and a spare process can take over."""
-QUICK_RESTARTS = 3
-MAX_PAUSE_S = 5.0
 START_RETRY_S = 0.2
 SPARE_RETRY_S = 1.0
 SPARE_SILENCE_S = 0.15
@@ -39,42 +35,6 @@ KNOWING_ROLES = ("agent", "transmitters")
 """Processes of these roles tell whether vehicles fly."""
 STOP_LIMIT_S = 12.0
 """Transmitter gateways land their vehicles meanwhile."""
-
-
-def restart_pause_s(quick_deaths: int) -> float:
-    """Pause before a restart, by the number of deaths shortly after a start in a row.
-
-    The first few restarts are immediate, for a crash in flight; a process that cannot even start is not
-    retried at full speed.
-    """
-    if quick_deaths < QUICK_RESTARTS:
-        return 0.0
-    return float(min(MAX_PAUSE_S, 0.2 * 2 ** (quick_deaths - QUICK_RESTARTS)))
-
-
-@dataclass
-class Child:
-    """One supervised process."""
-
-    spec: ProcessSpec
-    process: ForkedProcess | None = None
-    page: HeartbeatPage | None = None
-    started_s: float = 0.0
-    restart_at_s: float = 0.0
-    restarts: int = 0
-    hung: int = 0
-    """How often it was ended because it made no progress."""
-    quick_deaths: int = 0
-    last_exit: int | None = None
-    wanted: bool = True
-    """Whether it shall run; may be changed at any time, from any thread."""
-    take_over: bool = False
-    """Whether it begins by taking over from an agent that flies its vehicle elsewhere."""
-    leaving_since_s: float | None = None
-    """When it was asked to end, if it was; infinite once it is killed."""
-    verdict: Hung | None = None
-    """Why the watchdog ended it, until that is told."""
-    events: Counter[str] = field(default_factory=Counter)
 
 
 class Supervisor:
@@ -324,7 +284,7 @@ class Supervisor:
         quick = now - child.started_s < STABLE_AFTER_S
         child.quick_deaths = child.quick_deaths + 1 if quick else 0
         child.restart_at_s = now + restart_pause_s(child.quick_deaths)
-        cause = f"killed by {_signal_name(-code)}" if code < 0 else f"ended with exit code {code}"
+        cause = f"killed by {signal_name(-code)}" if code < 0 else f"ended with exit code {code}"
         if verdict is not None:
             cause = (
                 f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed; {cause}"
@@ -415,10 +375,3 @@ class Supervisor:
                 child.events["killed_at_stop"] += 1
                 child.process.kill()
             self._reap(child)
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"

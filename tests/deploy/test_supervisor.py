@@ -20,17 +20,11 @@ from hypothesis import strategies as st
 from support.waiting import DEADLINE_S, FakeClock, PatientClock, wait_for
 
 import rcopterx.deploy.supervisor
+from rcopterx.deploy.child import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
 from rcopterx.deploy.forking import ForkServer
 from rcopterx.deploy.processes import EXIT_ELSEWHERE, ProcessSpec
 from rcopterx.deploy.spare_process import SpareProcess
-from rcopterx.deploy.supervisor import (
-    MAX_PAUSE_S,
-    QUICK_RESTARTS,
-    STABLE_AFTER_S,
-    STOP_LIMIT_S,
-    Supervisor,
-    restart_pause_s,
-)
+from rcopterx.deploy.supervisor import STABLE_AFTER_S, STOP_LIMIT_S, Supervisor
 from rcopterx.deploy.watchdog import WatchdogLimits
 
 SLEEPS = "exec sleep 600"
