@@ -219,6 +219,12 @@ class Agent:
         """Whether the rotor of the vehicle turns, as far as is known."""
         return self._pilot.guidance.rotor_on
 
+    @property
+    def frame(self) -> tuple[float, float]:
+        """Arrival of the last frame [monotonic s] and the period of frames; zeros before the first."""
+        seen = self._parts.observation.seen
+        return (0.0, 0.0) if seen is None else (seen.arrived_s, self._pilot.clock.period_s)
+
     def next_s(self) -> float:
         """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
         if self._parts.requests.waiting:
@@ -262,6 +268,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         settle()
         while not stop.is_set() and not agent.lost:
             heartbeat.beat(agent.flying)
+            heartbeat.frame(*agent.frame)
             wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
             agent.step()
         heartbeat.ending()

@@ -11,6 +11,8 @@ from rcopterx.bus.receiving import Wake
 
 BUSY_SHARE: Final = 0.5
 """Of a frame's period from its arrival on: agents compute, and commands travel to the radio."""
+CALM_UNTIL_SHARE: Final = 0.85
+"""The next frame has been taken, and travels, before it arrives here."""
 LONGEST_PERIOD_S: Final = 0.1
 """Frames that are rarer leave processors and links calm for most of the time."""
 LONGEST_CALM_S: Final = 0.03
@@ -30,11 +32,13 @@ def calm_at_s(due_s: float, arrived_s: float | None, period_s: float) -> float:
     Returns
     -------
     float
-        At most half a period later, whether further frames have arrived or not.
+        At most the rest of a period later, whether further frames have arrived or not.
     """
     if arrived_s is None or due_s == -math.inf or not 0.0 < period_s <= LONGEST_PERIOD_S:
         return due_s
-    return due_s + max(0.0, BUSY_SHARE * period_s - (due_s - arrived_s) % period_s)
+    into = (due_s - arrived_s) % period_s / period_s
+    wait = BUSY_SHARE - into if into <= CALM_UNTIL_SHARE else 1.0 + BUSY_SHARE - into
+    return due_s + max(0.0, wait * period_s)
 
 
 class CalmWait:

@@ -257,6 +257,7 @@ class Gateway:
         self._poses_taken_s = self._clock()
         for pose, arrived_s in self._new_poses():
             self._pose_arrived_s, self._period_s = arrived_s, min(pose.period_s or 0.0, LONGEST_PERIOD_S)
+            self._heartbeat.frame(arrived_s, self._period_s)
             for station in self._stations.values():
                 station.transmitter.on_pose(pose, arrived_s)
 

@@ -6,10 +6,10 @@ import sys
 from typing import Final
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rcopterx.bus.calm import BUSY_SHARE, LONGEST_PERIOD_S, CalmWait, calm_at_s
+from rcopterx.bus.calm import BUSY_SHARE, CALM_UNTIL_SHARE, LONGEST_PERIOD_S, CalmWait, calm_at_s
 from rcopterx.bus.realtime import own_priority
 from rcopterx.bus.receiving import Wake
 
@@ -52,23 +52,24 @@ assert after == [5], "works at another priority"
 
 
 @given(due_s=TIMES, arrived_s=TIMES, period_s=st.floats(0.002, LONGEST_PERIOD_S))
-def test_what_can_wait_is_done_in_the_second_half_of_a_period_at_most_half_of_it_later(
+def test_what_can_wait_is_done_in_the_calm_part_of_a_period_soon(
     due_s: float, arrived_s: float, period_s: float
 ) -> None:
     at_s = calm_at_s(due_s, arrived_s, period_s)
-    assert due_s <= at_s <= due_s + BUSY_SHARE * period_s
-    into_s = (at_s - arrived_s) % period_s
     tolerance_s = 1e-9
-    # A moment at the very end of the second half rounds into the next period.
-    assert into_s >= BUSY_SHARE * period_s - tolerance_s or at_s == due_s
+    longest_s = (1.0 - CALM_UNTIL_SHARE + BUSY_SHARE) * period_s
+    assert due_s <= at_s <= due_s + longest_s + tolerance_s
+    into_s = (at_s - arrived_s) % period_s
+    assert BUSY_SHARE * period_s - tolerance_s <= into_s <= CALM_UNTIL_SHARE * period_s + tolerance_s
 
 
 @given(due_s=TIMES, arrived_s=TIMES, period_s=st.floats(0.002, LONGEST_PERIOD_S))
-def test_what_is_due_in_the_second_half_is_done_at_once(
+def test_what_is_due_in_the_calm_part_is_done_at_once(
     due_s: float, arrived_s: float, period_s: float
 ) -> None:
-    into_s = (due_s - arrived_s) % period_s
-    assert (calm_at_s(due_s, arrived_s, period_s) == due_s) == (into_s >= BUSY_SHARE * period_s)
+    into = (due_s - arrived_s) % period_s / period_s
+    assume(min(abs(into - BUSY_SHARE), abs(into - CALM_UNTIL_SHARE)) > 1e-6)
+    assert (calm_at_s(due_s, arrived_s, period_s) == due_s) == (BUSY_SHARE < into < CALM_UNTIL_SHARE)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from rcopterx.ground_station.waiting import NotReachedError
 LOOP = """
 import sys, time
 from rcopterx.bus.heartbeat import Heartbeat
-heartbeat = Heartbeat(bytearray(16))
+heartbeat = Heartbeat(bytearray(32))
 print("ready", flush=True)
 for line in sys.stdin:
     before = time.monotonic()

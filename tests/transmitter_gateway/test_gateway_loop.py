@@ -121,7 +121,7 @@ class Laboratory(Wakeup):
             self,
             keys,
             False,
-            Heartbeat(bytearray(16)),  # type: ignore[arg-type]  # no bus
+            Heartbeat(bytearray(32)),  # type: ignore[arg-type]  # no bus
         )
         self.gateway._recall.join()
         for name in NAMES:
