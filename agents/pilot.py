@@ -37,7 +37,7 @@ from rcopterx.agents.separation.plan_avoidance import PlanAvoidance
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
-BRIDGED_S: Final = 0.16
+BRIDGED_S: Final = 0.18
 """Planned inputs that go with a command last so long."""
 BLIND_LIMIT_S = 0.3
 CONTROLLER_REPLACED: Final = "controller_replaced"

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 MAX_STAGES = 200
 PLAN_COLUMNS = 12
-MAX_NEXT_INPUTS = 80
+MAX_NEXT_INPUTS = 90
 """Enough for the time that planned inputs bridge, at the shortest control period."""
 MAX_KNOTS = 600
 KNOT_COLUMNS = 13

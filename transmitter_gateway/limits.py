@@ -199,7 +199,7 @@ class ArbiterLimits:
     hold_after_s: float = 0.06
     descend_after_s: float = 0.2
     cut_after_s: float = 2.0
-    bridge_s: float = 0.16
+    bridge_s: float = 0.18
     command_age_s: float = 0.2
     hold_limit_s: float = 0.5
     arm_low_s: float = 0.5

@@ -87,8 +87,10 @@ def resume(pid: int) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
-def test_frozen_agent_is_bridged_by_its_plan_and_then_held(flying: Flying, truth: Truth) -> None:
-    before = {what: counter(flying, "h2", what) for what in ("planned inputs played", "entered HOLD")}
+def test_frozen_agent_is_bridged_by_its_plan_then_landed_until_it_flies_again(
+    flying: Flying, truth: Truth
+) -> None:
+    before = {what: counter(flying, "h2", what) for what in ("planned inputs played", "entered LAND")}
     pid = flying.pid("agent-h2")
     with flying.unwatched():
         os.kill(pid, signal.SIGSTOP)
@@ -96,7 +98,7 @@ def test_frozen_agent_is_bridged_by_its_plan_and_then_held(flying: Flying, truth
             flying.fleet.wait_until(
                 lambda: all(counter(flying, "h2", what) > count for what, count in before.items()),
                 30,
-                "not bridged and held",
+                "not bridged and landed",
                 ["h2"],
             )
         finally:
