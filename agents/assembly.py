@@ -100,8 +100,8 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
         Whether the process runs in a real-time scheduling class.
     """
     vehicle, clock = settings.vehicle, bus.clock
-    pacing, solve = Pacing(settings.period_s), SolveTimer()
-    poses = bus.subscribe(channels.POSE, vehicle, depth=16)
+    pacing, solve = Pacing(settings.period_s, settings.vehicles.index(vehicle)), SolveTimer()
+    poses = bus.subscribe(channels.POSE, vehicle, depth=32)
     # What was written counts from the next pose on; to wake up for it would double the steps of a leader.
     applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
     lease = ControlLease(bus.life, settings.take_over, clock())
@@ -130,7 +130,9 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool
     requests = RequestHandler(
         settings, pilot, room, changes, peers, tuning, external, lambda: bus.note(TRAJECTORY_CHECKED)
     )
-    relief = LoadRelief(bus, settings.period_s, pacing, traffic)
+    host = settings.bus.host
+    launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else None
+    relief = LoadRelief(bus, settings.period_s, pacing, traffic, launcher)
     counted = (pilot, observation, plans, traffic, external, lost, changes, guard, requests, relief)
     return AgentParts(
         lease=lease,

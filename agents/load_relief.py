@@ -1,19 +1,28 @@
-"""Has an agent leave out what its overload decides, at a step that a replay knows of."""
+"""Has an agent leave out what its overload decides, at a step that a replay knows of.
+
+Where more agents run on a computer than it serves, control periods are left out from take-off on: to find out
+in flight would take agents all processors for a while, and starve what is below them.
+"""
 
 import time
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from rcopterx.agents.overload import Overload, Relief
+from rcopterx.agents.overload import Overload, Relief, planned_relief
 from rcopterx.agents.pacing import Pacing
 from rcopterx.agents.separation.traffic import MOST, Traffic
+from rcopterx.bus.messages import LauncherStatus
 from rcopterx.bus.stepping import StepBus
+from rcopterx.bus.subscription import Inbox, Received
 
+FLOOR_EVERY: Final = 2
+"""Largest number of control periods of which one is computed on the floor."""
 NEAREST: Final = 3
 """Plans heard for avoidance while those of far vehicles are left out."""
 RELIEF: Final = "relief_"
 """Notes begin with it; the number of the relief follows."""
+TOO_SLOW: Final = "this computer is too slow for its fleet"
 _WORDS: Final = {relief: f"{RELIEF}{int(relief)}" for relief in Relief}
 
 
@@ -30,6 +39,8 @@ class LoadRelief:
         Control period.
     pacing, traffic
         The agent's own.
+    launcher
+        What the launcher of this host tells; None without one.
     processor_clock
         Processor time of this process [s].
     """
@@ -42,6 +53,7 @@ class LoadRelief:
         period_s: float,
         pacing: Pacing,
         traffic: Traffic,
+        launcher: Inbox[LauncherStatus] | None = None,
         processor_clock: Callable[[], float] = time.process_time,
     ) -> None:
         self._bus, self._pacing, self._traffic = bus, pacing, traffic
@@ -49,6 +61,9 @@ class LoadRelief:
         self._processor_clock = processor_clock
         self._used_s, self._since_s = processor_clock(), bus.clock()
         self._seen = 0, 0
+        self._launcher = launcher
+        self._heard: Received[LauncherStatus] | None = None
+        self._planned = self._noted = Relief.NONE
         self.relief = Relief.NONE
         """What is left out at present."""
         self.events: dict[str, int] = {}
@@ -56,7 +71,10 @@ class LoadRelief:
     @property
     def remark(self) -> str:
         """What people should know; empty while nothing is left out."""
-        return f"this computer is too slow for its fleet: {self.relief.words}" if self.relief else ""
+        if not self.relief:
+            return ""
+        reason = "more agents run on this computer than it serves" if self._planned else TOO_SLOW
+        return f"{reason}: {self.relief.words}"
 
     def watch(self, late_s: float, flying: bool) -> None:
         """Take in a control period: from the arrival of its pose until its command was sent."""
@@ -64,20 +82,40 @@ class LoadRelief:
         self._seen = pacing.missed_ticks, pacing.overtaken_ticks
         # Missed for want of poses, however many, are one event; those behind which it lags are time.
         missed = max(pacing.missed_ticks > missed_before, pacing.overtaken_ticks - overtaken_before)
+        self._pace(flying)
         overload = self._overload
         if overload.observe(late_s, missed) if flying else overload.forget():
             self._bus.note(_WORDS[overload.relief])
 
     def settle(self) -> bool:
         """Leave out what was decided before this step, or do it again; True if that is news."""
-        words = self._bus.words
-        if not words:
+        news = [self._hear(), self._take_note()]
+        relief = max(self._planned, self._noted)
+        if relief is not self.relief:
+            self._change(relief)
+        return any(news)
+
+    def _hear(self) -> bool:
+        """Plan by what the launcher tells of this computer; True if that is news."""
+        heard = None if self._launcher is None else self._launcher.latest()
+        if heard is None or heard is self._heard:
             return False
-        for relief, word in _WORDS.items():
-            if word in words:
-                self._change(relief)
-                return True
-        return False
+        self._heard = heard
+        planned = planned_relief(heard.message.crowding)
+        if planned is self._planned:
+            return False
+        # What was decided before belongs to another load.
+        self._planned, self._noted = planned, Relief.NONE
+        self._overload.plan(planned)
+        return True
+
+    def _take_note(self) -> bool:
+        words = self._bus.words
+        decided = next((relief for relief, word in _WORDS.items() if word in words), None) if words else None
+        if decided is None:
+            return False
+        self._noted = decided
+        return True
 
     def _change(self, relief: Relief) -> None:
         if relief > self.relief:
@@ -86,7 +124,11 @@ class LoadRelief:
         self.relief = relief
         self._bus.tell_steps(relief < Relief.TELEMETRY)
         self._traffic.most = NEAREST if relief >= Relief.FAR_PLANS else MOST
-        self._pacing.every = 2 if relief >= Relief.HALF_RATE else 1
+        self._pace(flying=False)
+
+    def _pace(self, flying: bool) -> None:
+        # On the floor no planned inputs bridge what is left out, and arming asks for fresh commands.
+        self._pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
 
     def processor_share(self) -> float:
         """Share of one processor that this process has used since the last call."""

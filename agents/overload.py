@@ -13,6 +13,8 @@ LATE_PERIODS: Final = 0.9
 WINDOW_S: Final = 1.0
 LATE_SHARE: Final = 0.3
 """More of the control periods of a window than this late, or missed: something is left out."""
+HALF_RATE_SERVES: Final = 1.1
+"""At half rate a computer flies so many times the vehicles that it flies at full rate."""
 EASE_AFTER_S: Final = 10.0
 """Without that for so long: the newest of what is left out is done again."""
 LONGEST_EASE_AFTER_S: Final = 160.0
@@ -31,6 +33,13 @@ class Relief(IntEnum):
     """Only the plans of the nearest vehicles are heard for avoidance."""
     HALF_RATE = 4
     """Every second control period flies the input that was planned for it."""
+    QUARTER_RATE = 5
+    """Three of four do."""
+
+    @property
+    def every(self) -> int:
+        """One of so many control periods is computed."""
+        return _EVERY.get(self, 1)
 
     @property
     def words(self) -> str:
@@ -38,13 +47,22 @@ class Relief(IntEnum):
         return _WORDS[self]
 
 
+_EVERY: Final = {Relief.HALF_RATE: 2, Relief.QUARTER_RATE: 4}
 _WORDS: Final = {
     Relief.NONE: "",
     Relief.STATUSES: "fewer statuses",
     Relief.TELEMETRY: "fewer statuses, no replay",
     Relief.FAR_PLANS: "fewer statuses, no replay, only the nearest plans heard",
     Relief.HALF_RATE: "fewer statuses, no replay, only the nearest plans heard, control at half rate",
+    Relief.QUARTER_RATE: "fewer statuses, no replay, only the nearest plans heard, control at quarter rate",
 }
+
+
+def planned_relief(crowding: float) -> Relief:
+    """What is left out from take-off on, by the agents for each vehicle that the computer flies."""
+    if crowding <= 1.0:
+        return Relief.NONE
+    return Relief.HALF_RATE if crowding <= HALF_RATE_SERVES else Relief.QUARTER_RATE
 
 
 class Overload:
@@ -57,7 +75,7 @@ class Overload:
     """
 
     def __init__(self, period_s: float) -> None:
-        self.relief = Relief.NONE
+        self.relief = self._planned = Relief.NONE
         self._period_s = period_s
         self._late: deque[bool] = deque(maxlen=max(1, round(WINDOW_S / period_s)))
         self._calm_s = 0.0
@@ -79,7 +97,7 @@ class Overload:
         bool
             Whether `relief` has changed, by one step.
         """
-        period_s = self._period_s * (2 if self.relief is Relief.HALF_RATE else 1)
+        period_s = self._period_s * self.relief.every
         self._late.extend([True] * missed)
         self._late.append(late_s > LATE_PERIODS * period_s)
         self._calm_s += period_s
@@ -87,9 +105,14 @@ class Overload:
             return self._leave_out()
         return self._calm_s >= self._ease_after_s and self._do_again()
 
+    def plan(self, relief: Relief) -> None:
+        """Begin anew, and leave out at least this from now on, however calm it is."""
+        self._planned = relief
+        self.forget()
+
     def forget(self) -> bool:
-        """The vehicle does not fly: do everything again; True if something was left out."""
-        changed, self.relief = self.relief is not Relief.NONE, Relief.NONE
+        """The vehicle does not fly: leave out what is planned, and no more; True if it was more."""
+        changed, self.relief = self.relief is not self._planned, self._planned
         self._late.clear()
         self._calm_s, self._ease_after_s, self._eased = 0.0, EASE_AFTER_S, False
         return changed
@@ -99,14 +122,14 @@ class Overload:
             self._ease_after_s = min(2 * self._ease_after_s, LONGEST_EASE_AFTER_S)
         self._late.clear()
         self._calm_s, self._eased = 0.0, False
-        if self.relief is Relief.HALF_RATE:
+        if self.relief is Relief.QUARTER_RATE:
             return False
         self.relief = Relief(self.relief + 1)
         return True
 
     def _do_again(self) -> bool:
         # Calm for long after something was done again: that was right.
-        if self.relief is Relief.NONE:
+        if self.relief is self._planned:
             self._ease_after_s, self._calm_s, self._eased = EASE_AFTER_S, 0.0, False
             return False
         self._late.clear()

@@ -8,6 +8,8 @@ from rcopterx.vehicles.state import Array
 
 COAST_AFTER_PERIODS = 1.5
 WINDOW = 500
+REST_SPARE = 0.5
+"""Frames before the next control period at which who rests looks for messages again."""
 
 
 class Pacing:
@@ -17,14 +19,16 @@ class Pacing:
     ----------
     period_s
         Control period; a whole multiple of the frame period.
+    place
+        Of the vehicle in its fleet. At half rate vehicles at even and odd places take turns.
     """
 
-    def __init__(self, period_s: float) -> None:
+    def __init__(self, period_s: float, place: int = 0) -> None:
         self.ticks = 0
         self.missed_ticks = 0
         self.overtaken_ticks = 0
         """Those of them whose poses had arrived."""
-        self._period_s = period_s
+        self._period_s, self._place = period_s, place
         self._last_control_frame: int | None = None
         self._last_arrival_s: float | None = None
         self._coasts = 0
@@ -58,18 +62,38 @@ class Pacing:
     def control_due(self, frame: int, frame_period_s: float, flying: bool) -> bool:
         """Whether a control period begins with this frame.
 
-        Every n-th frame by number, so that leaders and followers take the same ones; after a gap at once.
+        Every n-th frame by number, so that leaders and followers take the same ones; after a gap at once. At
+        half rate they take turns, and followers fly by plans that are a period old.
         Control periods that passed without a command while flying are counted as missed.
         """
-        per_tick = self.every * self.frames_per_tick(frame_period_s)
+        per_tick, turn = self._turn(frame_period_s)
         last = self._last_control_frame
-        if last is not None and 0 < frame - last < per_tick and frame % per_tick != 0:
+        if last is not None and 0 < frame - last < per_tick and frame % per_tick != turn:
             return False
         if last is not None and flying and frame > last:
             self.missed_ticks += max(0, (frame - last) // per_tick - 1)
         self._last_control_frame = frame
         self.ticks += 1
         return True
+
+    def plan_frame(self, frame: int, frame_period_s: float) -> int:
+        """Frame from which on plans of leaders are new enough for a period that begins with a frame.
+
+        At a lower rate it is the period before, because who has the same turn plans at the same time.
+        """
+        return frame if self.every == 1 else frame - self._turn(frame_period_s)[0]
+
+    def rest_s(self, frame: int, frame_period_s: float) -> float:
+        """Rest after a frame that was controlled at a lower rate, until shortly before the next one."""
+        if self.every == 1 or frame != self._last_control_frame:
+            return 0.0
+        per_tick, turn = self._turn(frame_period_s)
+        return (per_tick - (frame - turn) % per_tick - REST_SPARE) * frame_period_s
+
+    def _turn(self, frame_period_s: float) -> tuple[int, int]:
+        """Frames from one control period to the next, and the remainder of those with which one begins."""
+        full = self.frames_per_tick(frame_period_s)
+        return self.every * full, self._place % self.every * full
 
     def left_out(self, frame: int, frame_period_s: float) -> bool:
         """Whether a control period that is not due would begin with this frame at full rate."""

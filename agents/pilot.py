@@ -352,9 +352,8 @@ class Pilot:
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan, self.reference = step.plan, reference.samples[0, :4]
-        bridged = 1 + round(BRIDGED_S / self.controller.period_s)
         smoothed = self._transfer.smoothed(
-            step.inputs[:bridged], self.input_history.newest, self.controller.period_s
+            step.inputs[: self._bridged], self.input_history.newest, self.controller.period_s
         )
         inputs = self.self_check.without_broken_axis(self._excited(smoothed, time_s))
         inputs = as_sent(inputs, self.model)
@@ -365,7 +364,7 @@ class Pilot:
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""
-        if len(self._planned) and not self._standing:
+        if len(self._planned):
             self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, self._planned[0])
             self._planned = self._planned[1:]
             self.fallbacks["control_left_out"] += 1
@@ -411,14 +410,22 @@ class Pilot:
 
     def _stand(self, effect_from_s: float) -> ControlOutput:
         """On the floor: rotor off, or turning up open-loop before the controller takes over."""
-        command = np.zeros(INPUT_SIZE)
-        command[U_THRUST] = self._lift_off.thrust(self.clock.time_s)
+        period_s, rising = self.controller.period_s, self._lift_off.under_way
+        inputs = np.zeros((self._bridged if rising else 1, INPUT_SIZE))
+        inputs[:, U_THRUST] = [
+            self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
+        ]
         self._flown_by_controller = False
         self.plan = self.reference = None
-        self._planned = np.zeros((0, INPUT_SIZE))
-        self.input_history.append(effect_from_s, self.sequence, command)
-        plan = resting(self.estimate, self.controller.period_s, self.controller.horizon)
-        return ControlOutput(command, np.zeros((0, INPUT_SIZE)), plan, self.model.delay_s, None)
+        self._planned = inputs[1:]
+        self.input_history.append(effect_from_s, self.sequence, inputs[0])
+        plan = resting(self.estimate, period_s, self.controller.horizon)
+        return ControlOutput(inputs[0], inputs[1:], plan, self.model.delay_s, None)
+
+    @property
+    def _bridged(self) -> int:
+        """How many inputs go with a command, its own included."""
+        return 1 + round(BRIDGED_S / self.controller.period_s)
 
     def _acted_since(self, start_s: float) -> list[tuple[Array, float]]:
         """Inputs that acted from then until now, each with its duration [s]; none on the floor."""

@@ -3,6 +3,7 @@
 import math
 import signal
 import threading
+import time
 from collections.abc import Callable
 
 from rcopterx.agents.alarm import AlarmTimeLimit
@@ -160,7 +161,9 @@ class Agent:
 
     def _plans_are_here(self) -> bool:
         followed = [link.leader for link in self._pilot.guidance.followed]
-        return self._parts.plans.complete(self._pilot.clock, followed)
+        clock = self._pilot.clock
+        frame = self._parts.pacing.plan_frame(clock.current_frame, clock.period_s)
+        return self._parts.plans.complete(clock.epoch, frame, followed)
 
     def _control(self, late: bool) -> ControlOutput:
         """Fly one control period; `late` tells that a plan of this frame is missing."""
@@ -220,6 +223,15 @@ class Agent:
         return self._pilot.guidance.rotor_on
 
     @property
+    def rest_until_s(self) -> float:
+        """Until when messages can wait, because control periods are left out [monotonic s]."""
+        pacing = self._parts.pacing
+        if pacing.every == 1 or self._control_by_s is not None:
+            return -math.inf
+        arrived_s, period_s = self.frame
+        return arrived_s + pacing.rest_s(self._pilot.clock.current_frame, period_s)
+
+    @property
     def frame(self) -> tuple[float, float]:
         """Arrival of the last frame [monotonic s] and the period of frames; zeros before the first."""
         seen = self._parts.observation.seen
@@ -269,6 +281,8 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         while not stop.is_set() and not agent.lost:
             heartbeat.beat(agent.flying)
             heartbeat.frame(*agent.frame)
+            if (rest_s := agent.rest_until_s - session.clock()) > 0.0:
+                time.sleep(rest_s)
             wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
             agent.step()
         heartbeat.ending()

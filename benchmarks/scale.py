@@ -40,6 +40,8 @@ RING_M: Final = 0.75
 FIRST_RING: Final = 9
 """Vehicles on the first ring; twice as many on the second, and so on."""
 MARGIN_M: Final = 0.45
+LEFT_OUT: Final = "control_left_out"
+"""Fallback of agents that control at half rate."""
 ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
 
 Tell = Callable[[str], None]
@@ -123,8 +125,9 @@ def run(
     Returns
     -------
     dict
-        `largest_fleet`, the largest one up to which no fleet missed a control period (0 if the first one
-        did), and `runs`; a fleet that could not be flown has a `problem`, and no larger one is tried.
+        `largest_fleet`, the largest one up to which no fleet missed a control period or left one out (0 if
+        the first one did), and `runs`; a fleet that could not be flown has a `problem`, and no larger one is
+        tried.
     """
     runs = []
     for vehicles in sorted(sizes):
@@ -133,7 +136,7 @@ def run(
             break
     largest = 0
     for row in runs:
-        if row["missed_ticks"] != 0:
+        if row["missed_ticks"] != 0 or row["left_out_ticks"] != 0:
             break
         largest = row["vehicles"]
     return {"largest_fleet": largest, "seconds": seconds, "rate_hz": rate_hz, "runs": runs}
@@ -153,13 +156,13 @@ def _measured_or_failed(
 
 
 @contextmanager
-def in_formation(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
-    """A fleet of that size in formation on this computer, and its launcher; at the end it lands.
+def started(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
+    """A fleet of that size on this computer's floor, and its launcher; at the end it lands and is stopped.
 
     Raises
     ------
     FLIGHT_ERRORS
-        It cannot be flown.
+        It does not start.
     """
     with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
         path = Path(directory) / "scale.toml"
@@ -167,10 +170,23 @@ def in_formation(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Itera
         with launched(path, record=False) as fleet:
             if fleet.launcher is None:
                 raise NotReachedError("the fleet was not started here")
-            fleet.take_off()
-            fleet.wait_for_formation()
-            time.sleep(SETTLE_S)
             yield fleet, fleet.launcher
+
+
+@contextmanager
+def in_formation(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
+    """A fleet that has been `started`, in formation.
+
+    Raises
+    ------
+    FLIGHT_ERRORS
+        It cannot be flown.
+    """
+    with started(vehicles, horizon, rate_hz) as (fleet, launcher):
+        fleet.take_off()
+        fleet.wait_for_formation()
+        time.sleep(SETTLE_S)
+        yield fleet, launcher
 
 
 def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = lambda _: None) -> None:
@@ -211,12 +227,16 @@ def _measured(vehicles: int, horizon: int, seconds: float, tell: Tell, rate_hz: 
         "horizon": horizon,
         "ticks": sum(table["ticks"] for table in tables),
         "missed_ticks": sum(table["missed_ticks"] for table in tables),
+        "left_out_ticks": sum(table["fallbacks"].get(LEFT_OUT, 0) for table in tables),
         "fallbacks": dict(sum((Counter(table["fallbacks"]) for table in tables), Counter())),
         "pose_to_command_ms": percentiles(figures.pose_to_command_ms()),
         "solve_ms_p99": max(table["solve_ms"]["p99"] for table in tables),
         "cpu_share": shares,
     }
-    tell(f"{vehicles} vehicles: {row['missed_ticks']} missed, pose to command {row['pose_to_command_ms']}")
+    tell(
+        f"{vehicles} vehicles: {row['missed_ticks']} missed, {row['left_out_ticks']} left out, "
+        f"pose to command {row['pose_to_command_ms']}"
+    )
     return row
 
 

@@ -443,6 +443,13 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     """How often a process was silent for longer than its limit and did not hang, by reason."""
     flies: Count | None = None
     """About how many vehicles like its own this computer flies without missed control periods."""
+    measuring: bool = False
+    """That is being found out, and may be less than what runs here: a take-off had better wait."""
+
+    @property
+    def crowding(self) -> float:
+        """Agents that run here for each vehicle that the computer flies; 0 if that is not known."""
+        return 0.0 if self.flies is None else len(self.running) / max(self.flies, 0.5)
 
 
 class Kill(Message, frozen=True, kw_only=True):

@@ -20,6 +20,8 @@ MODULE: Final = "rcopterx.deploy.control_time"
 AGENT: Final = "agent"
 USABLE: Final = 0.8
 """Share of the processors beyond which control periods are missed."""
+SURE: Final = 3
+"""So many vehicles for each processor are flown by any computer."""
 STANDING_S: Final = 3.0
 """How long the processes of the fleet are watched."""
 LIMIT_S: Final = 120.0
@@ -43,6 +45,11 @@ def vehicles_flown(standing_share: float, control_s: float, period_s: float, pro
         How many there are.
     """
     return int(USABLE * processors / (standing_share + control_s / period_s))
+
+
+def may_be_crowded(agents: int) -> bool:
+    """Whether so many agents on this computer may be more than it serves."""
+    return agents > SURE * len(os.sched_getaffinity(0))
 
 
 class CapacityMeasurement:
@@ -150,6 +157,11 @@ class CapacityMeasurement:
             raise OSError("no agent runs")
         ran_s = sum(_ran_s(self._before[process], threads_of(process)) for process in stayed)
         return ran_s / elapsed_s / agents
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing more is measured, with or without success."""
+        return self._done
 
     def close(self) -> None:
         """Measure no more."""

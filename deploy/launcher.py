@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusUnreachableError
-from rcopterx.deploy.capacity import CapacityMeasurement
+from rcopterx.deploy.capacity import AGENT, CapacityMeasurement, may_be_crowded
 from rcopterx.deploy.certificates.files import directory_of
 from rcopterx.deploy.certificates.names import host_name
 from rcopterx.deploy.checking import check_apart
@@ -344,7 +344,10 @@ class Launcher(AbstractContextManager["Launcher"]):
         if self._capacity is None or membership is None or time.monotonic() < self._measure_due_s:
             return []
         self._measure_due_s = time.monotonic() + MEASURE_LOOK_S
-        told = self._capacity.look(self.supervisor.spare_ready and not self.supervisor.flying)
+        flying = self.supervisor.flying
+        told = self._capacity.look(self.supervisor.spare_ready and not flying)
+        agents = sum(role == AGENT for role in self._roles().values())
+        membership.measuring = not self._capacity.done and not flying and may_be_crowded(agents)
         if isinstance(told, str):
             return [told]
         if told is not None:

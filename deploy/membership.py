@@ -56,6 +56,8 @@ class MembershipService:
         Whether the processes of the host run, and not only its daemon.
     flies
         About how many vehicles the host flies; None if that is not known.
+    measuring
+        Whether that is being found out, and may be less than what runs here.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class MembershipService:
         self._home = frozenset(home)
         self.started = begin is None
         self.flies: int | None = None
+        self.measuring = False
         self._begin = begin
         self._supervisor = supervisor
         self._agents: Mapping[str, Child] = {
@@ -189,6 +192,7 @@ class MembershipService:
             longest_silence_s={name: supervisor.longest_silence_s(name) for name in supervisor.running()},
             forgiven=supervisor.forgiven,
             flies=self.flies,
+            measuring=self.measuring,
         )
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -44,6 +44,8 @@ DISARM_S = 1.0
 """For the agents to tell that they are disarmed."""
 STATUS_S = 1.0
 """By then a vehicle has told what it does."""
+MEASURING_S = 60.0
+"""How long a take-off waits for hosts that find out how many vehicles they serve."""
 STAY_BEHIND_S = 5.0
 """How long everybody is waited for before those that are ready take off without the others."""
 
@@ -218,6 +220,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         vehicles = [name for name in self.present() if name not in behind] if names is None else list(names)
         if names is not None:
             self.wait_ready(vehicles)
+        self._wait_for_capacity()
         self.arm(vehicles)
         for name in vehicles:
             if self.state_of(name).phase == "armed":
@@ -267,6 +270,20 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 return {}
             return {name: lines for name, lines in behind.items() if lines}
         return {name: self.problems([name]) for name in killed}
+
+    def _wait_for_capacity(self) -> None:
+        """Wait, for a while, until agents know whether they are too many and control at half rate."""
+        if not self._hosts_measure():
+            return
+        with suppress(NotReachedError):
+            self.wait_until(
+                lambda: not self._hosts_measure(),
+                MEASURING_S,
+                "it is not known how many vehicles the hosts serve",
+            )
+
+    def _hosts_measure(self) -> bool:
+        return any(status.measuring for status in self.launchers().values())
 
     def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
         """Let a vehicle that does not take part yet take off and follow its leaders of the fleet file.

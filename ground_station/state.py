@@ -241,13 +241,14 @@ def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
 
 
 def crowded(host: str, status: LauncherStatus) -> list[str]:
-    """A line if more agents run on a host than it serves without missed control periods."""
-    agents, flies = len(status.running), status.flies
-    if flies is None or agents <= flies:
+    """A line if more agents run on a host than it serves without missed control periods, or may do so."""
+    if status.measuring:
+        return [f"host {host}: finds out how many vehicles it flies; a take-off waits for that"]
+    if status.crowding <= 1.0:
         return []
     return [
-        f"host {host}: flies about {flies} such vehicles, and the agents of {agents} run on it; "
-        "let some run on other hosts, or shorten their horizons"
+        f"host {host}: flies about {status.flies} such vehicles, and the agents of {len(status.running)} run "
+        "on it: they control at a lower rate; let some run on other hosts, or shorten their horizons"
     ]
 
 

@@ -59,13 +59,10 @@ class LeaderPlans:
         inbox = self._inboxes.get(name)
         return self.newest(name) if inbox is not None and inbox.alive(now_s) else None
 
-    def complete(self, clock: FleetClock, names: Iterable[str]) -> bool:
-        """Whether the plans of these leaders of the present frame are here."""
+    def complete(self, epoch: int, frame: int, names: Iterable[str]) -> bool:
+        """Whether plans of these leaders are here that belong to a frame of an epoch or to later ones."""
         plans = [self.newest(name) for name in names]
-        return all(
-            plan is not None and (plan.epoch, plan.frame) >= (clock.epoch, clock.current_frame)
-            for plan in plans
-        )
+        return all(plan is not None and (plan.epoch, plan.frame) >= (epoch, frame) for plan in plans)
 
     def plans(self, clock: FleetClock, cycles_from: tuple[int, int] = (0, 0)) -> Mapping[str, LeaderPlan]:
         """Plans on this vehicle's clock; those of another epoch or from a cycle are left out.

@@ -165,15 +165,50 @@ def scale(
     if as_json:
         typer.echo(json.dumps(document, indent=2))
         return
-    typer.echo(f"{'vehicles':>8}{'missed':>8}{'p50':>9}{'p99':>9}{'max':>9}  cores used [ms]")
+    typer.echo(f"{'vehicles':>8}{'missed':>8}{'left out':>10}{'p50':>9}{'p99':>9}{'max':>9}  cores used [ms]")
     for row in document["runs"]:
         if "problem" in row:
             typer.echo(f"{row['vehicles']:>8}  {row['problem']}")
             continue
         times = "".join(f"{row['pose_to_command_ms'][name]:>9.2f}" for name in ("p50", "p99", "max"))
         load = sum(row["cpu_share"].values())
-        typer.echo(f"{row['vehicles']:>8}{row['missed_ticks']:>8}{times}  {load:.2f}")
-    typer.echo(f"largest fleet without a missed control period: {document['largest_fleet']}")
+        counts = f"{row['missed_ticks']:>8}{row['left_out_ticks']:>10}"
+        typer.echo(f"{row['vehicles']:>8}{counts}{times}  {load:.2f}")
+    typer.echo(f"largest fleet without a missed or left out control period: {document['largest_fleet']}")
+
+
+@app.command()
+def overload(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    factor: Annotated[
+        float,
+        typer.Option(metavar="F", min=0.5, max=5, help="Vehicles for each one that this computer serves."),
+    ] = 1.5,
+    horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", min=1, max=3600, help="How long the flight is watched.")
+    ] = 60.0,
+) -> None:
+    """A fleet too large for this computer: does everybody fly on, slower, and apart?"""
+    from rcopterx.benchmarks.overload import run
+
+    with user_errors():
+        document = run(factor, horizon, seconds, lambda text: typer.echo(f"bench overload: {text}", err=True))
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    typer.echo(
+        f"{document['vehicles']} vehicles where {document['serves']} are served, {document['seconds']:g} s, "
+        f"{document['cores']} cores used\n"
+        f"control periods left out: {document['left_out_ticks']}, missed: {document['missed_ticks']}\n"
+        f"smallest distance: {document['closest_m']} m; touchdowns: {document['touchdowns']}; "
+        f"{document['off_mm_rms']} mm rms off their references"
+    )
+    for name, states in document["not_armed"].items():
+        counts = ", ".join(f"{state} in {count} radio frames" for state, count in states.items())
+        typer.echo(f"{name} was not flown by its agent all the time: {counts}")
+    if not document["not_armed"]:
+        typer.echo("everybody was flown by its agent all the time")
 
 
 @app.command()

@@ -61,9 +61,14 @@ def takeoff(
     """Arm and take off, and wait until the vehicles fly."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
-        for line in running.crowded_hosts():
+        before = running.crowded_hosts()
+        for line in before:
             typer.echo(line, err=True)
-        for line in running.take_off(vehicles or None, height):
+        behind = running.take_off(vehicles or None, height)
+        for line in running.crowded_hosts():
+            if line not in before:
+                typer.echo(line, err=True)
+        for line in behind:
             typer.echo(f"stays on the floor: {line}", err=True)
         typer.echo("flying")
 

@@ -9,6 +9,10 @@ from rcopterx.agents.load_relief import NEAREST, LoadRelief
 from rcopterx.agents.overload import Relief
 from rcopterx.agents.pacing import Pacing
 from rcopterx.agents.separation.traffic import MOST, Traffic
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.subscription import Inbox
 
 LATE_S = 0.05
 
@@ -38,13 +42,28 @@ class NoteBus:
 
 class Scene:
     def __init__(self) -> None:
+        self.launcher = Inbox(channels.LAUNCHER)
         self.bus, self.pacing = NoteBus(), Pacing(0.02)
         self.traffic = Traffic("h1", None, lambda _: pytest.fail("nobody is near"))
         self.used_s = 0.0
-        self.relief = LoadRelief(self.bus, 0.02, self.pacing, self.traffic, lambda: self.used_s)  # type: ignore[arg-type]  # what it needs of a bus
+        self.relief = LoadRelief(
+            self.bus,  # type: ignore[arg-type]  # what it needs of a bus
+            0.02,
+            self.pacing,
+            self.traffic,
+            self.launcher,
+            lambda: self.used_s,
+        )
 
     def take_effect(self) -> bool:
         self.bus.effective, self.bus.notes = set(self.bus.notes[-1:]), []
+        return self.relief.settle()
+
+    def hear(self, agents: int, flies: int | None) -> bool:
+        """What the launcher tells takes effect at the next step, without a note."""
+        status = LauncherStatus(running=tuple(f"h{n}" for n in range(agents)), absent=(), flies=flies)
+        self.launcher.store(encode(status), self.bus.now_s)
+        self.bus.effective = set()
         return self.relief.settle()
 
     def overload(self) -> None:
@@ -112,7 +131,8 @@ def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_oth
     bench.start()
     bench.agent._bus.note("relief_4")
     bench.step_until(lambda: bench.agent._parts.pacing.every == 2, "half rate does not begin")
-    if bench.frame % 2:
+    # The second vehicle of the fleet, so its turn is with odd frames.
+    if bench.frame % 2 == 0:
         bench.see()
     bench.sent.clear()
     missed_ticks = bench.agent._parts.pacing.missed_ticks
@@ -120,12 +140,31 @@ def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_oth
         bench.see()
         bench.see()
         bench.command_of(bench.frame)
-    assert all(command.frame % 2 == 0 for command in bench.sent)
+    assert all(command.frame % 2 == 1 for command in bench.sent)
     assert bench.pilot.fallbacks["control_left_out"] >= 3
     bench.clock.advance(0.4)  # Statuses come half as often.
     diagnostics = bench.status().diagnostics
     assert diagnostics.missed_ticks == missed_ticks
     assert "half rate" in diagnostics.remarks[0]
+
+
+def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Bench) -> None:
+    bench.start()
+    status = LauncherStatus(running=("h1", "h9"), absent=(), flies=1)
+
+    def told() -> bool:
+        bench.others.publish(channels.LAUNCHER, "main", status)
+        return bench.agent._parts.relief.relief is Relief.QUARTER_RATE
+
+    bench.step_until(told, "the agent does not hear the launcher")
+    for _ in range(8):
+        bench.see()
+    assert bench.agent._parts.pacing.every == 4
+    rests_s = []
+    for _ in range(4):
+        bench.see()
+        rests_s.append(bench.agent.rest_until_s - bench.agent.frame[0])
+    assert sorted(rests_s) == pytest.approx([0.0, 0.0, 0.0, 3.5 * 0.02])
 
 
 def test_a_period_that_is_left_out_is_predicted_with_the_input_planned_for_it() -> None:
@@ -159,3 +198,60 @@ def test_periods_behind_which_it_lags_count_all_and_those_without_poses_once() -
             scene.relief.watch(0.0, flying=True)
     assert lagging.bus.notes
     assert not blind.bus.notes
+
+
+def test_where_more_agents_run_than_the_computer_serves_half_rate_is_planned() -> None:
+    scene = Scene()
+    assert not scene.hear(agents=10, flies=None)
+    assert not scene.hear(agents=10, flies=10)
+    assert scene.hear(agents=11, flies=10)
+    assert scene.doing() == (False, NEAREST, 2)
+    assert "more agents" in scene.relief.remark
+    assert "half rate" in scene.relief.remark
+    assert not scene.hear(agents=11, flies=10)
+    # Neither calm nor a landing ends it.
+    for flying in (True, False):
+        for _ in range(2000):
+            scene.relief.watch(0.0, flying)
+    assert scene.bus.notes == []
+    assert scene.hear(agents=10, flies=10)
+    assert scene.doing() == (True, MOST, 1)
+
+
+@pytest.mark.parametrize(
+    ("agents", "flies", "relief"),
+    [
+        (10, 10, Relief.NONE),
+        (11, 10, Relief.HALF_RATE),
+        (12, 10, Relief.QUARTER_RATE),
+        (1, 0, Relief.QUARTER_RATE),
+    ],
+)
+def test_the_more_agents_too_many_the_lower_the_rate(agents: int, flies: int, relief: Relief) -> None:
+    scene = Scene()
+    scene.hear(agents, flies)
+    assert scene.relief.relief is relief
+
+
+def test_on_the_floor_the_rate_is_never_below_half_because_arming_asks_for_fresh_commands() -> None:
+    scene = Scene()
+    scene.hear(agents=9, flies=6)
+    assert scene.pacing.every == 2
+    scene.relief.watch(0.0, flying=True)
+    assert scene.pacing.every == 4
+    assert "quarter rate" in scene.relief.remark
+    scene.relief.watch(0.0, flying=False)
+    assert scene.pacing.every == 2
+
+
+def test_what_was_decided_under_another_load_is_forgotten() -> None:
+    scene = Scene()
+    for _ in range(2):
+        scene.overload()
+        scene.take_effect()
+    assert scene.hear(agents=11, flies=10)
+    assert scene.hear(agents=10, flies=10)
+    assert scene.relief.relief is Relief.NONE
+    scene.overload()
+    scene.take_effect()
+    assert scene.relief.relief is Relief.STATUSES

@@ -17,8 +17,8 @@ from rcopterx.agents.overload import (
 )
 
 PERIOD_S = 0.02
-LATE_S = 1.01 * LATE_PERIODS * PERIOD_S * 2
-"""Late at half rate, too."""
+LATE_S = 1.01 * LATE_PERIODS * PERIOD_S * 4
+"""Late at quarter rate, too."""
 WINDOW = round(WINDOW_S / PERIOD_S)
 
 periods = st.lists(st.tuples(st.floats(0.0, 0.1), st.integers(0, 5)), max_size=600)
@@ -61,7 +61,7 @@ def test_who_flies_one_period_in_six_leaves_everything_out_as_soon_as_who_is_lat
     overload = Overload(PERIOD_S)
     for _ in range(round(2.0 / (6 * PERIOD_S))):
         overload.observe(LATE_S, missed=5)
-    assert overload.relief is Relief.HALF_RATE
+    assert overload.relief is Relief.QUARTER_RATE
 
 
 def test_a_few_late_periods_are_no_overload() -> None:
@@ -111,4 +111,17 @@ def test_after_whatever_it_was_calm_brings_everything_back(course: list[tuple[fl
     for late_s, missed in course:
         overload.observe(late_s, missed)
     after(overload, 0.0, len(Relief) * (LONGEST_EASE_AFTER_S + WINDOW_S))
+    assert overload.relief is Relief.NONE
+
+
+def test_what_is_planned_stays_left_out_in_calm_and_on_the_floor() -> None:
+    overload = Overload(PERIOD_S)
+    overload.plan(Relief.FAR_PLANS)
+    assert set(after(overload, 0.0, 3 * EASE_AFTER_S)) == {Relief.FAR_PLANS}
+    assert not overload.forget()
+    after(overload, LATE_S, 3.0)
+    assert overload.relief is Relief.QUARTER_RATE
+    calm = after(overload, 0.0, 5 * EASE_AFTER_S)
+    assert list(dict.fromkeys(calm)) == [Relief.QUARTER_RATE, Relief.HALF_RATE, Relief.FAR_PLANS]
+    overload.plan(Relief.NONE)
     assert overload.relief is Relief.NONE

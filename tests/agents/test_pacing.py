@@ -110,3 +110,46 @@ def test_at_half_rate_every_second_period_is_left_out_and_none_is_missed() -> No
     pacing.every = 1
     assert not pacing.left_out(122, 0.01)
     assert due(pacing, range(121, 127), 0.01) == [122, 124, 126]
+
+
+@pytest.mark.parametrize(("place", "frames"), [(0, [104, 108]), (1, [102, 106]), (5, [102, 106])])
+def test_at_half_rate_neighbours_in_the_fleet_take_turns(place: int, frames: list[int]) -> None:
+    pacing = Pacing(0.02, place)
+    pacing.every = 2
+    due(pacing, [100], 0.01)
+    assert due(pacing, range(101, 110), 0.01) == frames
+    assert pacing.missed_ticks == 0
+
+
+def test_at_half_rate_a_plan_of_the_period_before_is_new_enough() -> None:
+    pacing = Pacing(0.02)
+    assert pacing.plan_frame(100, 0.01) == 100
+    pacing.every = 2
+    assert pacing.plan_frame(100, 0.01) == 96
+
+
+@pytest.mark.parametrize("place", range(5))
+@pytest.mark.parametrize("every", [2, 4])
+def test_at_a_lower_rate_rest_ends_between_the_last_frame_without_control_and_the_next_with_it(
+    place: int, every: int
+) -> None:
+    pacing = Pacing(0.02, place)
+    assert pacing.rest_s(100, 0.01) == 0.0
+    pacing.every = every
+    (*_, last) = due(pacing, range(100, 120), 0.01)
+    assert pacing.rest_s(last + 1, 0.01) == 0.0
+    assert pacing.rest_s(last, 0.01) == pytest.approx(every * 0.02 - 0.005)
+
+
+def test_after_a_gap_rest_ends_before_the_next_turn() -> None:
+    pacing = Pacing(0.02, place=1)
+    pacing.every = 4
+    assert due(pacing, [100, 103], 0.02) == [100]
+    assert due(pacing, [104], 0.02) == [104]
+    assert pacing.rest_s(104, 0.02) == pytest.approx(0.5 * 0.02)
+
+
+def test_at_full_rate_nobody_rests() -> None:
+    pacing = Pacing(0.02)
+    due(pacing, [100], 0.01)
+    assert pacing.rest_s(100, 0.01) == 0.0

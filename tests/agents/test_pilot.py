@@ -56,6 +56,21 @@ def test_take_off_turns_the_rotor_up_open_loop_until_the_vehicle_lifts() -> None
     assert pilot.guidance.set_point()[0][2] == pytest.approx(1.0)
 
 
+def test_while_the_rotor_turns_up_the_next_inputs_are_those_that_would_follow() -> None:
+    pilot = taking_off()
+    flight = pilot.control({})
+    assert len(flight.next_inputs) == round(BRIDGED_S / 0.02)
+    followed = []
+    for frame in range(1, 1 + len(flight.next_inputs)):
+        pilot.observe(seen(frame, (0.0, 0.0, 0.0)))
+        if frame % 2:
+            pilot.fly_as_planned()
+            followed.append(pilot.input_history.newest)
+        else:
+            followed.append(pilot.control({}).input)
+    assert np.array(followed) == pytest.approx(flight.next_inputs)
+
+
 def test_a_vehicle_that_does_not_lift_is_given_up_with_its_rotor_off() -> None:
     pilot = taking_off()
     for frame in range(1, 200):

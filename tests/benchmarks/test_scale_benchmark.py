@@ -14,11 +14,11 @@ from rcopterx.deploy.fleet_file.shipped import fleet_path
 from rcopterx.ground_station.vehicle import RefusedError
 
 
-def row(vehicles: int, missed: int, p99_ms: float = 5.0) -> dict[str, Any]:
+def row(vehicles: int, missed: int, p99_ms: float = 5.0, left_out: int = 0) -> dict[str, Any]:
     times = {"p50": 3.0, "p99": p99_ms, "max": 9.0}
     return {
         "vehicles": vehicles, "horizon": 30, "missed_ticks": missed, "pose_to_command_ms": times,
-        "cpu_share": dict.fromkeys(scale.ROLES, 0.1),
+        "left_out_ticks": left_out, "cpu_share": dict.fromkeys(scale.ROLES, 0.1),
     }  # fmt: skip
 
 
@@ -56,6 +56,12 @@ def test_the_largest_fleet_is_the_last_one_before_a_period_was_missed(
     assert document["largest_fleet"] == 4
     assert [run["vehicles"] for run in document["runs"]] == [2, 4, 6, 8]
     assert scale.run((6,), 30, 1.0, lambda _: None)["largest_fleet"] == 0
+
+
+def test_a_fleet_at_half_rate_misses_nothing_and_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = {2: row(2, 0), 4: row(4, 0, left_out=100)}
+    monkeypatch.setattr(scale, "_measured", lambda vehicles, *_: rows[vehicles])
+    assert scale.run((2, 4), 30, 1.0, lambda _: None)["largest_fleet"] == 2
 
 
 def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(

@@ -13,7 +13,7 @@ from support.waiting import wait_for
 
 from rcopterx.benchmarks.memory import descendants
 from rcopterx.deploy import capacity
-from rcopterx.deploy.capacity import AGENT, CapacityMeasurement, vehicles_flown
+from rcopterx.deploy.capacity import AGENT, CapacityMeasurement, may_be_crowded, vehicles_flown
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.fleet_file.snapshot import write_snapshot
 from rcopterx.deploy.forking import ForkServer
@@ -40,6 +40,13 @@ def test_faster_and_more_processors_fly_more(
 def test_a_vehicle_costs_what_it_costs_standing_and_its_control_periods() -> None:
     # 0.1 of a processor each, and 2 ms of 20: eight of them take 1.6 of two processors.
     assert vehicles_flown(0.0999, 0.002, PERIOD_S, 2) == 8
+
+
+def test_only_so_few_agents_as_any_computer_serves_take_off_before_that_is_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+    assert [agents for agents in range(20) if may_be_crowded(agents)] == list(range(7, 20))
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +150,9 @@ def test_a_measurement_is_given_up_for_a_flight_and_begun_again_after_it(
     assert len(descendants(os.getpid())) == 2
     assert measurement.look(ready=False) is None
     assert descendants(os.getpid()) == [forks.pid]
+    assert not measurement.done
     assert isinstance(told_by(measurement), int)
+    assert measurement.done
 
 
 @pytest.mark.timeout(600)

@@ -70,6 +70,18 @@ def test_the_launcher_says_who_takes_part(membership: MembershipService, join: J
     assert status.longest_silence_s == {}
 
 
+def test_the_launcher_says_while_it_measures_what_the_host_flies(
+    membership: MembershipService, join: Join
+) -> None:
+    session = join()
+    assert told(session, lambda _: True).crowding == 0.0
+    membership.measuring = True
+    assert told(session, lambda status: status.measuring).flies is None
+    membership.measuring, membership.flies = False, 2
+    status = told(session, lambda status: not status.measuring)
+    assert (status.flies, status.crowding) == (2, 0.5)
+
+
 def test_the_launcher_says_what_hung(
     membership: MembershipService, supervisor: Supervisor, join: Join
 ) -> None:

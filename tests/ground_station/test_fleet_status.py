@@ -191,5 +191,7 @@ def test_a_host_with_more_agents_than_it_serves_is_told() -> None:
     status = LauncherStatus(running=("h1", "h2"), absent=(), watchdog=True)
     for flies in (None, 2, 7):
         assert launcher_notes("main", msgspec.structs.replace(status, flies=flies)) == []
+    (line,) = launcher_notes("main", msgspec.structs.replace(status, measuring=True))
+    assert line == "host main: finds out how many vehicles it flies; a take-off waits for that"
     (line,) = launcher_notes("main", msgspec.structs.replace(status, flies=1))
-    assert line.startswith("host main: flies about 1 such vehicles, and the agents of 2 run on it")
+    assert line.startswith("host main: flies about 1 such vehicles, and the agents of 2 run on it: they")

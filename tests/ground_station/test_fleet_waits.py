@@ -1,9 +1,17 @@
 """Promises of the waiting helpers: they end when it is so, and name who is missing when it is not in time."""
 
+import threading
+import time
+from collections.abc import Callable
+
+import msgspec
 import pytest
 from support.scripted import ScriptedVehicle
+from support.waiting import wait_for
 
-from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus import channels
+from rcopterx.bus.messages import LauncherStatus, LeaderLink
+from rcopterx.bus.session import Session
 from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.waiting import NotReachedError
 
@@ -86,3 +94,46 @@ def test_an_arrival_is_waited_for_and_the_way_that_is_left_is_told(fleet: Fleet,
     vehicles["h1"].phase = "landing"
     with pytest.raises(NotReachedError, match="h1: landing"):
         fleet.wait_for_arrival(timeout_s=0.3)
+
+
+def test_a_take_off_waits_until_hosts_know_how_many_vehicles_they_serve(
+    fleet: Fleet, vehicles: Vehicles, join: Callable[..., Session]
+) -> None:
+    host, early = join(), list[str]()
+    measuring = LauncherStatus(running=("h1", "h2"), absent=(), measuring=True)
+
+    def tell(status: LauncherStatus) -> bool:
+        host.publish(channels.LAUNCHER, "main", status)
+        return [told.measuring for told in fleet.launchers().values()] == [status.measuring]
+
+    wait_for(lambda: tell(measuring), "the host is not heard")
+
+    def finish() -> None:
+        # Long enough for a take-off that does not wait.
+        for _ in range(50):
+            host.publish(channels.LAUNCHER, "main", measuring)
+            time.sleep(0.01)
+        early.extend(vehicles["h1"].verbs)
+        wait_for(lambda: tell(msgspec.structs.replace(measuring, measuring=False)), "the host is not heard")
+
+    measurement = threading.Thread(target=finish)
+    measurement.start()
+    fleet.take_off()
+    measurement.join()
+    assert (early, vehicles["h1"].verbs) == ([], ["Arm", "TakeOff"])
+
+
+def test_a_take_off_does_not_wait_forever_for_a_host_that_does_not_find_out(
+    fleet: Fleet, join: Callable[..., Session], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.ground_station.fleet.MEASURING_S", 0.05)
+    host = join()
+    measuring = LauncherStatus(running=("h1", "h2"), absent=(), measuring=True)
+
+    def told() -> bool:
+        host.publish(channels.LAUNCHER, "main", measuring)
+        return any(status.measuring for status in fleet.launchers().values())
+
+    wait_for(told, "the host is not heard")
+    fleet.take_off()
+    fleet.wait_for_phase("flying")

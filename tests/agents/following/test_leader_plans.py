@@ -72,21 +72,22 @@ def test_a_leader_on_the_floor_says_so(leaders: LeaderPlans, plan_bus: PlanBus) 
     assert not leaders.plans(clock_at(10))["h1"].followable
 
 
-def test_plans_are_complete_when_every_leaders_plan_of_this_frame_is_here(
+def test_plans_are_complete_when_those_of_every_leader_belong_to_this_frame_or_later_ones(
     leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
-    clock = clock_at(10)
-    assert leaders.complete(clock, plan_bus.open_names())
+    epoch = clock_at(10).epoch
+    assert leaders.complete(epoch, 10, plan_bus.open_names())
     leaders.keep(["h1", "h2"])
-    assert not leaders.complete(clock, plan_bus.open_names())
+    assert not leaders.complete(epoch, 10, plan_bus.open_names())
     plan_bus.deliver(plan_of("h1", 10))
-    assert not leaders.complete(clock, plan_bus.open_names())
+    assert not leaders.complete(epoch, 10, plan_bus.open_names())
     plan_bus.deliver(plan_of("h2", 9))
-    assert not leaders.complete(clock, plan_bus.open_names())
+    assert not leaders.complete(epoch, 10, plan_bus.open_names())
+    assert leaders.complete(epoch, 9, plan_bus.open_names())
     plan_bus.deliver(plan_of("h2", 10))
-    assert leaders.complete(clock, plan_bus.open_names())
-    assert not leaders.complete(clock_at(11), ["h1", "h2"])
-    assert not leaders.complete(clock_at(1, epoch=2), ["h1", "h2"])
+    assert leaders.complete(epoch, 10, plan_bus.open_names())
+    assert not leaders.complete(epoch, 11, ["h1", "h2"])
+    assert not leaders.complete(epoch + 1, 1, ["h1", "h2"])
 
 
 def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
