@@ -346,7 +346,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._measure_due_s = time.monotonic() + MEASURE_LOOK_S
         flying = self.supervisor.flying
         told = self._capacity.look(self.supervisor.spare_ready and not flying)
-        agents = sum(role == AGENT for role in self._roles().values())
+        children = self.supervisor.children.values()
+        agents = sum(child.wanted and child.spec.role == AGENT for child in children)
         membership.measuring = not self._capacity.done and not flying and may_be_crowded(agents)
         if isinstance(told, str):
             return [told]

@@ -19,6 +19,7 @@ from rcopterx.bus.requests import (
     TakeVehicle,
 )
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.capacity import AGENT, may_be_crowded
 from rcopterx.deploy.child import Child
 from rcopterx.deploy.log_reading import answer_of
 from rcopterx.deploy.processes import ROUTER
@@ -75,12 +76,12 @@ class MembershipService:
         self._home = frozenset(home)
         self.started = begin is None
         self.flies: int | None = None
-        self.measuring = False
+        agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
+        # From the first status on, so that no take-off is before it.
+        self.measuring = may_be_crowded(sum(child.wanted for child in agents))
         self._begin = begin
         self._supervisor = supervisor
-        self._agents: Mapping[str, Child] = {
-            child.spec.unit: child for child in supervisor.children.values() if child.spec.role == "agent"
-        }
+        self._agents: Mapping[str, Child] = {child.spec.unit: child for child in agents}
         self._host = host
         self._wake = threading.Event()
         self._stopping = False

@@ -82,6 +82,27 @@ def test_the_launcher_says_while_it_measures_what_the_host_flies(
     assert (status.flies, status.crowding) == (2, 0.5)
 
 
+def test_that_it_is_not_known_what_the_host_flies_is_said_from_the_first_status_on(
+    bus_address: BusAddress,
+    supervisor: Supervisor,
+    join: Join,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("rcopterx.deploy.membership.may_be_crowded", lambda agents: agents == 1)
+    inbox = join().subscribe(channels.LAUNCHER, "main", depth=64)
+    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1", "h2"], tmp_path)
+    try:
+        heard: list[bool] = []
+        wait_for(
+            lambda: heard.extend(told.message.measuring for told in inbox.drain()) or heard,
+            "no status arrives",
+        )
+        assert heard[0]
+    finally:
+        service.close()
+
+
 def test_the_launcher_says_what_hung(
     membership: MembershipService, supervisor: Supervisor, join: Join
 ) -> None:
