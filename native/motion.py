@@ -224,47 +224,85 @@ def all_finite(
     return True
 
 
-@compiled(VECTOR, VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX, MATRIX, VECTOR)
-def add_up_effects(
+SOUND = 1.0
+"""Effect of an axis that does what the model says, and of one of which nothing can be told."""
+
+
+@part
+def _effect(
+    axis: int,
+    first: Array,
+    last: Array,
+    since_far_s: Array,
+    least: Array,
+    swing_s: float,
+    most_turned_rad: float,
+) -> float:
+    """What a stick has done between two moments of `watch_effects`, as a share of what it asked for."""
+    if axis != TURN and abs(last[9] - first[9]) > most_turned_rad:
+        return SOUND
+    asked = last[axis] - first[axis]
+    side = 1 if asked > 0.0 else 0
+    if since_far_s[1 - side, axis] < swing_s or abs(asked) <= least[side, axis]:
+        return SOUND
+    done: float = (last[4 + axis] - first[4 + axis]) / asked
+    return done
+
+
+@compiled(VECTOR, MATRIX, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX, *2 * [COUNT], *2 * [NUMBER], VECTOR)
+def watch_effects(
     vehicle: Array,
-    acting: Array,
+    least: Array,
     sticks: Array,
     motion: Array,
     period_s: float,
-    sums: Array,
-    least: Array,
-    since_far_s: Array,
-    moment: Array,
+    memory: Array,
+    moments: Array,
+    number: int,
+    back: int,
+    swing_s: float,
+    most_turned_rad: float,
+    told: Array,
 ) -> None:
-    """Add up what sticks should do to velocities and what becomes of them, in a control period.
+    """Compare what sticks asked for with what the vehicle did, in a control period.
 
     Parameters
     ----------
     vehicle
         Four input gains, four dampings, four poles of the actuators, gravity; shape (13,).
-    acting
-        Sticks after their lag, moved on to this period, shape (4,).
+    least
+        Sticks that count as far, and velocity that they ask for in a window, towards the lower and the upper
+        limit; shape (4, 4).
     sticks
         What arrives at the vehicle, shape (4,).
     motion
         Motion state at the beginning, shape (8,).
-    sums
-        Velocity that sticks asked for, and that damping and turning brought, up to this period, moved on to
-        its end; shape (2, 4).
-    least
-        Sticks that count as far, towards the lower and the upper limit, shape (2, 4).
-    since_far_s
-        How long each stick has not been that far to either side, moved on, shape (2, 4).
-    moment
-        Set to velocities asked for and made by the sticks up to the beginning, height and yaw; shape (10,).
+    memory
+        Moved on by a period, shape (5, 4): sticks after their lag; velocity that sticks asked for; velocity
+        that damping and turning brought; how long each stick has not been far to its lower and upper side.
+    moments
+        A ring, in which this period is written: velocities asked for and made by the sticks up to its
+        beginning, height and yaw; shape (n, 10).
+    number
+        Of this period since the windows began, from 0.
+    back
+        Periods in the window of pitch, roll and yaw; the window of the thrust has n - 1.
+    swing_s
+        A stick that was far on the other side so shortly before tells nothing.
+    most_turned_rad
+        Windows that turn further tell nothing of pitch and roll.
+    told
+        Set to the effects of pitch, roll and yaw, and to height gained and velocities asked for and made by
+        the thrust; shape (6,). Windows that are not full yet tell sound axes, and zeros.
     """
+    last = moments[number % len(moments)]
     for axis in range(4):
-        acting[axis] = sticks[axis] + vehicle[8 + axis] * (acting[axis] - sticks[axis])
+        memory[0, axis] = sticks[axis] + vehicle[8 + axis] * (memory[0, axis] - sticks[axis])
         for side in range(2):
-            far = (2.0 * side - 1.0) * acting[axis] > least[side, axis]
-            since_far_s[side, axis] = 0.0 if far else since_far_s[side, axis] + period_s
+            far = (2.0 * side - 1.0) * memory[0, axis] > least[side, axis]
+            memory[3 + side, axis] = 0.0 if far else memory[3 + side, axis] + period_s
         rate = motion[4 + axis]
-        moment[axis], moment[4 + axis] = sums[0, axis], rate - sums[1, axis]
+        last[axis], last[4 + axis] = memory[1, axis], rate - memory[2, axis]
         turning = 0.0
         if axis == 0:
             turning = motion[7] * motion[5]
@@ -272,6 +310,15 @@ def add_up_effects(
             turning = -motion[7] * motion[4]
         elif axis == THRUST:
             turning = -vehicle[12]
-        sums[0, axis] += period_s * vehicle[axis] * acting[axis]
-        sums[1, axis] += period_s * (vehicle[4 + axis] * rate + turning)
-    moment[8], moment[9] = motion[2], motion[3]
+        memory[1, axis] += period_s * vehicle[axis] * memory[0, axis]
+        memory[2, axis] += period_s * (vehicle[4 + axis] * rate + turning)
+    last[8], last[9] = motion[2], motion[3]
+    told[:3], told[3:] = SOUND, 0.0
+    if number >= back:
+        first = moments[(number - back) % len(moments)]
+        for place, axis in enumerate((0, 1, TURN)):
+            told[place] = _effect(axis, first, last, memory[3:], least[2:], swing_s, most_turned_rad)
+    if number >= len(moments) - 1:
+        first = moments[(number + 1) % len(moments)]
+        told[3] = last[8] - first[8]
+        told[4], told[5] = last[THRUST] - first[THRUST], last[4 + THRUST] - first[4 + THRUST]

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.motion import add_up_effects
+from rcopterx.native.motion import watch_effects
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
 
@@ -52,7 +52,8 @@ SUDDEN: Final = 0.9
 BATTERY_TIME_S: Final = 5.0
 """Time constant of the hover thrust, which a battery changes slowly."""
 
-AXIS_NAMES: Final = {U_PITCH: "pitch", U_ROLL: "roll", U_YAW: "yaw"}
+AXES: Final = ((U_PITCH, "pitch"), (U_ROLL, "roll"), (U_YAW, "yaw"))
+"""Whose effects are told, in the order in which they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +97,6 @@ class VehicleFault:
     axis: int | None = None
 
 
-_DONE: Final = INPUT_SIZE
-_HEIGHT: Final = 2 * INPUT_SIZE
-_YAW: Final = 2 * INPUT_SIZE + 1
-"""Places in a moment: what each stick has asked for until then, what it has done, height and yaw."""
-
-
 class VehicleWatch:
     """Watches one vehicle in flight.
 
@@ -127,7 +122,12 @@ class VehicleWatch:
         self._hover_gain = float(model.hover_input[U_THRUST]) / float(model.u_max[U_THRUST])
         # A side of the range to which a stick hardly moves says nothing about it.
         below, above = model.hover_input - model.u_min, model.u_max - model.hover_input
-        self._least: Array = LEAST_STICK * np.stack((below, above))
+        least = LEAST_STICK * np.stack((below, above))
+        self._least: Array = np.concatenate((least, WINDOW_S * np.array(model.input_gain) * least))
+        self._back = round(WINDOW_S / period_s)
+        self._thrust_periods = round(THRUST_WINDOW_S / period_s)
+        self._moments: Array = np.empty((1 + self._thrust_periods, 2 * INPUT_SIZE + 2))
+        self._told: Array = np.empty(6)
         self.begin()
 
     def begin(self) -> None:
@@ -141,12 +141,11 @@ class VehicleWatch:
     def forget(self) -> None:
         """Begin new windows, as what is known of the motion has a gap."""
         self._under_way: deque[Array] = deque(maxlen=self._delay + 1)
-        self._acting: Array | None = None
-        self._sums: Array = np.zeros((2, INPUT_SIZE))
-        self._window: deque[list[float]] = deque(maxlen=1 + round(THRUST_WINDOW_S / self._period_s))
+        self._periods = 0
+        self._memory: Array = np.zeros((5, INPUT_SIZE))
+        self._memory[3:] = np.inf
         self._full_for_s = 0.0
-        self._suspect_s = dict.fromkeys(AXIS_NAMES, 0.0)
-        self._since_far_s: Array = np.full((2, INPUT_SIZE), np.inf)
+        self._suspect_s = [0.0] * len(AXES)
 
     @property
     def warning(self) -> str:
@@ -173,44 +172,43 @@ class VehicleWatch:
         VehicleFault or None
             What is wrong, as soon as it is certain.
         """
-        self._add_up(command, motion)
-        if len(self._window) == self._window.maxlen:
-            fault = self._thrust_fault(float(command[U_THRUST]))
-            if fault is not None:
-                return fault
-        return self._axis_fault()
-
-    def _add_up(self, command: Array, motion: Array) -> None:
         self._under_way.append(command)
         arrived = self._under_way[0]
-        if self._acting is None:
-            self._acting = arrived.copy()
-        moment = np.empty(_YAW + 1)
-        add_up_effects(
+        if not self._periods:
+            self._memory[0] = arrived
+        watch_effects(
             self._vehicle,
-            self._acting,
+            self._least,
             arrived,
             motion,
             self._period_s,
-            self._sums,
-            self._least,
-            self._since_far_s,
-            moment,
+            self._memory,
+            self._moments,
+            self._periods,
+            self._back,
+            SWING_S,
+            MOST_TURNED_RAD,
+            self._told,
         )
-        self._window.append(moment.tolist())
+        pitch, roll, yaw, climbed_m, asked_m_s, made_m_s = self._told.tolist()
+        if self._periods >= self._thrust_periods:
+            fault = self._thrust_fault(float(command[U_THRUST]), climbed_m, asked_m_s, made_m_s)
+            if fault is not None:
+                return fault
+        self._periods += 1
+        return self._axis_fault((pitch, roll, yaw))
 
-    def _thrust_fault(self, thrust: float) -> VehicleFault | None:
-        first, last = self._window[0], self._window[-1]
+    def _thrust_fault(
+        self, thrust: float, climbed_m: float, asked_m_s: float, made_m_s: float
+    ) -> VehicleFault | None:
         full = thrust >= self._full_thrust
         self._full_for_s = self._full_for_s + self._period_s if full else 0.0
-        climbed_m = last[_HEIGHT] - first[_HEIGHT]
         if self._full_for_s >= THRUST_WINDOW_S and climbed_m < LEAST_CLIMB_M:
             text = f"thrust at its limit for {THRUST_WINDOW_S:g} s without gaining height"
             return VehicleFault("thrust_exhausted", text)
-        asked = last[U_THRUST] - first[U_THRUST]
-        if asked <= 0.5 * THRUST_WINDOW_S * self._model.gravity_m_s2:
+        if asked_m_s <= 0.5 * THRUST_WINDOW_S * self._model.gravity_m_s2:
             return None  # It falls on purpose: nothing can be told from so little thrust.
-        gain = (last[_DONE + U_THRUST] - first[_DONE + U_THRUST]) / asked
+        gain = made_m_s / asked_m_s
         self._learn(gain)
         if self._learning_s < LEARNING_S or self._learnt_gain is None or self.hover_thrust is None:
             return None
@@ -234,30 +232,13 @@ class VehicleWatch:
             self._learning_s += self._period_s
             self._learnt_gain += self._period_s / self._learning_s * (gain - self._learnt_gain)
 
-    def _axis_fault(self) -> VehicleFault | None:
-        back = 1 + round(WINDOW_S / self._period_s)
-        if len(self._window) < back:
+    def _axis_fault(self, effects: tuple[float, float, float]) -> VehicleFault | None:
+        for place, effect in enumerate(effects):
+            self._suspect_s[place] = self._suspect_s[place] + self._period_s if effect < DEAD_EFFECT else 0.0
+        if max(self._suspect_s) < AXIS_PATIENCE_S:
             return None
-        first, last = self._window[-back], self._window[-1]
-        effects = {axis: self._effect(axis, first, last) for axis in AXIS_NAMES}
-        for axis, effect in effects.items():
-            dead = effect < DEAD_EFFECT
-            self._suspect_s[axis] = self._suspect_s[axis] + self._period_s if dead else 0.0
-        for axis, name in AXIS_NAMES.items():
-            if self._suspect_s[axis] >= AXIS_PATIENCE_S:
-                if effects[axis] < REVERSED_EFFECT:
-                    return VehicleFault("axis_reversed", f"{name} acts the wrong way round", axis)
-                return VehicleFault("axis_dead", f"{name} has no effect", axis)
-        return None
-
-    def _effect(self, axis: int, first: list[float], last: list[float]) -> float:
-        """Effect of an axis between two moments; 1 where the window does not count."""
-        if axis != U_YAW and abs(last[_YAW] - first[_YAW]) > MOST_TURNED_RAD:
-            return 1.0
-        asked = last[axis] - first[axis]
-        side = int(asked > 0.0)
-        if self._since_far_s[1 - side, axis] < SWING_S:
-            return 1.0
-        if abs(asked) <= WINDOW_S * self._model.input_gain[axis] * self._least[side, axis]:
-            return 1.0
-        return (last[_DONE + axis] - first[_DONE + axis]) / asked
+        place = next(place for place, time_s in enumerate(self._suspect_s) if time_s >= AXIS_PATIENCE_S)
+        axis, name = AXES[place]
+        if effects[place] < REVERSED_EFFECT:
+            return VehicleFault("axis_reversed", f"{name} acts the wrong way round", axis)
+        return VehicleFault("axis_dead", f"{name} has no effect", axis)
