@@ -322,3 +322,14 @@ def watch_effects(
         first = moments[(number + 1) % len(moments)]
         told[3] = last[8] - first[8]
         told[4], told[5] = last[THRUST] - first[THRUST], last[4 + THRUST] - first[4 + THRUST]
+
+
+@compiled(ANY_MATRIX, VECTOR, VECTOR, NUMBER)
+def whole_units(inputs: Array, lower: Array, upper: Array, unit: float) -> Array:
+    """Inputs in whole units, shape (k, 4), but for those at their limits."""
+    whole = np.empty(inputs.shape)
+    for row in range(len(inputs)):
+        for axis in range(inputs.shape[1]):
+            nearest = np.rint(inputs[row, axis] * (1.0 / unit)) * unit
+            whole[row, axis] = min(max(nearest, lower[axis]), upper[axis])
+    return whole

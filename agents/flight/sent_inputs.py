@@ -2,8 +2,7 @@
 
 from typing import Final
 
-import numpy as np
-
+from rcopterx.native.motion import whole_units
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -12,6 +11,5 @@ INPUT_UNIT: Final = 2.0**-12
 
 
 def as_sent(inputs: Array, model: Model) -> Array:
-    """Inputs in whole `INPUT_UNIT`, but for those at the limits of the vehicle; any shape (.., 4)."""
-    whole = np.rint(inputs * (1.0 / INPUT_UNIT)) * INPUT_UNIT
-    return np.minimum(np.maximum(whole, model.u_min), model.u_max)
+    """Inputs in whole `INPUT_UNIT`, but for those at the limits of the vehicle; shape (k, 4)."""
+    return whole_units(inputs, model.u_min, model.u_max, INPUT_UNIT)
