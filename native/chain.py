@@ -10,6 +10,7 @@ from rcopterx.native.compiled import (
     ANY_VECTOR,
     BLOCKS,
     COUNT,
+    FLAG,
     MATRIX,
     NUMBER,
     VECTOR,
@@ -88,6 +89,95 @@ def add_terminal_gradient(
     for row in range(size):
         for place in range(size):
             gradient[begin + place] += pull[row] * terminal_map[row, place]
+
+
+@part
+def _velocity_rows(turn: Array, period_s: float, velocity: Array) -> None:
+    """Set what the velocity is in terms of a position and the next one: E' times their difference."""
+    axes = len(turn)
+    for axis in range(axes):
+        for place in range(axes):
+            back = turn[place, axis] / period_s
+            velocity[axis, place], velocity[axis, axes + place] = -back, back
+
+
+@part
+def _lagged_inputs(rows: Array, actuator: Array, later: Array, pole: Array, feedback: Array) -> None:
+    """Set the rows of inputs that lead from an actuator to the next one, a stage later."""
+    axes = len(pole)
+    for axis in range(axes):
+        row, share = rows[2 * axes + axis], 1.0 - pole[axis]
+        for place in range(4 * axes):
+            row[place] = 0.0
+            if place >= axes:
+                row[place] = later[axis, place - axes] / share
+            if place < 3 * axes:
+                row[place] -= pole[axis] * (actuator[axis, place] / share)
+            if place < 2 * axes:
+                row[place] += feedback[axis] * rows[axes + axis, place]
+
+
+@compiled(BLOCKS, BLOCKS, VECTOR, VECTOR, ANY_VECTOR, FLAG, NUMBER, BLOCKS, MATRIX)
+def chain_rows_of(
+    turn: Array,
+    transition: Array,
+    push: Array,
+    pole: Array,
+    feedback: Array,
+    lagged: bool,
+    period_s: float,
+    rows: Array,
+    terminal_map: Array,
+) -> None:
+    """Set what velocities, actuators and inputs are in terms of positions.
+
+    Parameters
+    ----------
+    turn, transition
+        E, orthogonal, and F of the stages, at least N + levels - 2 and one less, shape (.., m, m).
+    push
+        Velocity per actuator and stage, shape (m,).
+    pole, feedback
+        Of the lag, and what is subtracted from inputs per velocity ahead of it, shape (m,).
+    lagged
+        Whether there is a lag.
+    rows
+        Rows of velocities (m to 2 m) and inputs (2 m to 3 m) are set, but for those of the last input; shape
+        (N, r, w).
+    terminal_map
+        Rows of velocity and actuator of the last stage are set, shape (levels m, levels m).
+    """
+    stages, axes = len(rows), len(push)
+    actuator, before = np.zeros((axes, 3 * axes)), np.zeros((axes, 3 * axes))
+    velocity, after = np.empty((axes, 2 * axes)), np.empty((axes, 2 * axes))
+    _velocity_rows(turn[0], period_s, velocity)
+    for stage in range(len(transition)):
+        _velocity_rows(turn[stage + 1], period_s, after)
+        for axis in range(axes):
+            for place in range(2 * axes):
+                carried = 0.0
+                for other in range(axes):
+                    carried += transition[stage, axis, other] * velocity[other, place]
+                # After this stage it is about the position after the next one.
+                actuator[axis, place] = -carried
+            for place in range(axes):
+                actuator[axis, axes + place] += after[axis, place]
+                actuator[axis, 2 * axes + place] = after[axis, axes + place]
+            for place in range(3 * axes):
+                actuator[axis, place] /= push[axis]
+        if stage < stages:
+            rows[stage, axes : 2 * axes, : 2 * axes] = velocity
+        if lagged and 0 < stage <= stages - 1:
+            _lagged_inputs(rows[stage - 1], before, actuator, pole, feedback)
+        elif not lagged and stage < stages - 1:
+            rows[stage, 2 * axes : 3 * axes, : 3 * axes] = actuator
+        if lagged and stage == stages - 1:
+            terminal_map[2 * axes :] = actuator
+        before, actuator = actuator, before
+        velocity, after = after, velocity
+    if len(transition) < stages:
+        rows[stages - 1, axes : 2 * axes, : 2 * axes] = velocity
+    terminal_map[axes : 2 * axes, : 2 * axes] = rows[stages - 1, axes : 2 * axes, : 2 * axes]
 
 
 @compiled(VECTOR, ANY_MATRIX, ANY_VECTOR, BLOCKS, MATRIX, VECTOR, NUMBER)

@@ -21,6 +21,7 @@ import numpy as np
 from rcopterx.native.chain import (
     chain_factor,
     chain_roll_out,
+    chain_rows_of,
     chain_settle,
     chain_start,
     chain_step,
@@ -220,27 +221,18 @@ class Chain:
         terminal_cost
             Of (position, velocity[, actuator]) at stage N, shape (levels m, levels m).
         """
-        m, stages, pole = self.parameters.axes, self.parameters.stages, self.parameters.pole
-        back = turn.transpose(0, 2, 1) / self.parameters.period_s
-        velocity = np.concatenate((-back, back), axis=2)
-        self._rows[:, m : 2 * m, : 2 * m] = velocity[:stages]
-        carried = transition @ velocity[:-1]
-        actuator = np.empty((len(transition), m, 3 * m))
-        actuator[:, :, :m] = -carried[:, :, :m]
-        actuator[:, :, m : 2 * m] = velocity[1:, :, :m] - carried[:, :, m:]
-        actuator[:, :, 2 * m :] = velocity[1:, :, m:]
-        actuator /= self._push[:, None]
-        self._terminal_map[m : 2 * m, : 2 * m] = velocity[stages - 1]
-        if pole is None:
-            self._rows[:-1, self.inputs] = actuator
-        else:
-            self._terminal_map[2 * m :] = actuator[stages - 1]
-            inputs = self._rows[:-1, self.inputs]
-            actuator /= (1.0 - pole)[:, None]
-            inputs[:, :, m:] = actuator[1:]
-            inputs[:, :, :m] = 0.0
-            inputs[:, :, :-m] -= pole[:, None] * actuator[:-1]
-            inputs[:, :, : 2 * m] += self.parameters.rate_feedback[:, None] * velocity[: stages - 1]
+        parameters = self.parameters
+        chain_rows_of(
+            turn,
+            transition,
+            self._push,
+            parameters.gain if parameters.pole is None else parameters.pole,
+            parameters.rate_feedback,
+            parameters.pole is not None,
+            parameters.period_s,
+            self._rows,
+            self._terminal_map,
+        )
         self._first_turns = turn[:2].copy()
         self._first_transition = transition[0].copy()
         self._terminal_cost = np.ascontiguousarray(terminal_cost)
