@@ -29,6 +29,19 @@ def rows_within(values: Array, low: Array, high: Array) -> bool:
     return True
 
 
+@compiled(ANY_MATRIX, ANY_VECTOR, ANY_VECTOR, MATRIX)
+def cut_rows(values: Array, low: Array, high: Array, cut: Array) -> None:
+    """Set rows to others that are cut to bounds; what is no number stays none."""
+    for row in range(values.shape[0]):
+        for column in range(values.shape[1]):
+            value = values[row, column]
+            if value < low[column]:
+                value = low[column]
+            elif value > high[column]:
+                value = high[column]
+            cut[row, column] = value
+
+
 @part
 def pull_at(
     values: Array,

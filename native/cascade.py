@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from rcopterx.native.bounds import cut_rows
 from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
@@ -84,7 +85,7 @@ def lateral_reference(
             rows[stage, 5] = (c * needed[1] - s * needed[0]) / gain[1]
 
 
-@compiled(*4 * [ANY_MATRIX], VECTOR, VECTOR, VECTOR, FLAG, MATRIX, VECTOR)
+@part
 def chain_rows(
     position: Array,
     velocity: Array,
@@ -133,6 +134,130 @@ def chain_rows(
             terminal[2 * axes + axis] = actuator
 
 
+@compiled(ANY_MATRIX, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, MATRIX, VECTOR)
+def steady_rows(
+    samples: Array,
+    decay: Array,
+    period_s: float,
+    feed_forward: bool,
+    push: Array,
+    pole: Array,
+    feedback: Array,
+    lagged: bool,
+    rows: Array,
+    terminal: Array,
+) -> None:
+    """Reference of the vertical and yaw, whose frame is the inertial one.
+
+    Parameters
+    ----------
+    samples
+        Reference: columns 2 to 3 position, 6 to 7 velocity, 10 to 11 acceleration, shape (N, 12).
+    decay
+        F, shape (2,).
+    feed_forward
+        Whether inputs are those that fly the reference, or those that carry its velocities on.
+    push, pole, feedback, lagged, rows, terminal
+        As in `chain_rows`.
+    """
+    stages = len(samples)
+    after, carried = np.empty((stages, 2)), np.empty((stages, 2))
+    for stage in range(stages):
+        for axis in range(2):
+            velocity = samples[stage, 6 + axis]
+            after[stage, axis] = carried[stage, axis] = decay[axis] * velocity
+            if feed_forward:
+                after[stage, axis] = velocity + period_s * samples[stage, 10 + axis]
+    position, velocities = samples[:, 2:4], samples[:, 6:8]
+    chain_rows(position, velocities, after, carried, push, pole, feedback, lagged, rows, terminal)
+
+
+@compiled(ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, MATRIX, VECTOR)
+def horizontal_rows(
+    samples: Array,
+    heading: Array,
+    decay: Array,
+    period_s: float,
+    feed_forward: bool,
+    push: Array,
+    pole: Array,
+    feedback: Array,
+    lagged: bool,
+    rows: Array,
+    terminal: Array,
+) -> None:
+    """Reference of the horizontal motion in the body frame of a planned heading, for a vehicle with lags.
+
+    Velocities are turned by the heading in the middle of the periods.
+
+    Parameters
+    ----------
+    samples
+        Reference: columns 0 to 1 position, 4 to 5 velocity, 8 to 9 acceleration (inertial), shape (N, 12).
+    heading
+        Planned, at least N + 1.
+    decay
+        F without turning, shape (2,).
+    feed_forward
+        As in `steady_rows`.
+    push, pole, feedback, lagged, rows, terminal
+        As in `chain_rows`.
+    """
+    stages = len(samples)
+    velocity, after, carried = np.empty((stages, 2)), np.empty((stages, 2)), np.empty((stages, 2))
+    middle = 0.5 * (heading[1] + heading[0])
+    c, s = math.cos(middle), math.sin(middle)
+    for stage in range(stages):
+        x, y = samples[stage, 4], samples[stage, 5]
+        forward, left = c * x + s * y, c * y - s * x
+        turn = heading[stage + 1] - heading[stage]
+        velocity[stage, 0], velocity[stage, 1] = forward, left
+        carried[stage, 0] = decay[0] * forward + turn * left
+        carried[stage, 1] = decay[1] * left - turn * forward
+        after[stage] = carried[stage]
+        if stage + 2 < len(heading):
+            middle = 0.5 * (heading[stage + 2] + heading[stage + 1])
+            c, s = math.cos(middle), math.sin(middle)
+        if feed_forward:
+            x, y = x + period_s * samples[stage, 8], y + period_s * samples[stage, 9]
+            after[stage, 0], after[stage, 1] = c * x + s * y, c * y - s * x
+    chain_rows(samples[:, :2], velocity, after, carried, push, pole, feedback, lagged, rows, terminal)
+
+
+@compiled(ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)
+def heading_moved(heading: Array, known: Array, tolerance: float, turn_tolerance: float) -> bool:
+    """Whether a heading plan differs from a known one, or what it turns per period does, by a tolerance."""
+    for stage in range(len(heading)):
+        moved = heading[stage] - known[stage]
+        if not abs(moved) < tolerance:
+            return True
+        if stage > 0 and not abs(moved - (heading[stage - 1] - known[stage - 1])) < turn_tolerance:
+            return True
+    return False
+
+
+@compiled(ANY_VECTOR, VECTOR, BLOCKS, BLOCKS)
+def turning(heading: Array, decay: Array, turn: Array, transition: Array) -> None:
+    """Set E and F of the horizontal motion along a heading plan.
+
+    Parameters
+    ----------
+    heading
+        Planned, shape (n,).
+    decay
+        F without turning, shape (2,).
+    turn, transition
+        Set to R(psi) in the middle of the periods, shape (n - 1, 2, 2), and to F, shape (n - 2, 2, 2).
+    """
+    for stage in range(len(turn)):
+        middle = 0.5 * (heading[stage + 1] + heading[stage])
+        write_turn(turn, stage, math.cos(middle), math.sin(middle))
+    for stage in range(len(transition)):
+        turned = heading[stage + 1] - heading[stage]
+        transition[stage, 0, 0], transition[stage, 1, 1] = decay[0], decay[1]
+        transition[stage, 0, 1], transition[stage, 1, 0] = turned, -turned
+
+
 @compiled(MATRIX, *5 * [ANY_VECTOR], NUMBER, VECTOR, VECTOR)
 def cut_to_bounds(
     rows: Array,
@@ -172,22 +297,64 @@ def cut_to_bounds(
             rows[stage, at] = min(max(rows[stage, at], below), above)
 
 
-@compiled(ANY_MATRIX, NUMBER, MATRIX)
-def plan_samples(flat: Array, period_s: float, samples: Array) -> None:
+@compiled(ANY_MATRIX, ANY_MATRIX, NUMBER, MATRIX)
+def plan_samples(horizontal: Array, steady: Array, period_s: float, samples: Array) -> None:
     """Set a trajectory, shape (N, 12), whose velocities and accelerations are differences of positions.
 
-    Stages whose acceleration would need positions beyond the given ones, shape (at least N + 1, 4),
-    accelerate like the last one that needs none.
+    Positions are given of x and y, and of height and yaw, shapes (at least N + 1, 2). Stages whose
+    acceleration would need positions beyond them accelerate like the last one that needs none.
     """
-    last = len(flat) - 3
+    last = min(len(horizontal), len(steady)) - 3
     for stage in range(len(samples)):
         for axis in range(4):
-            samples[stage, axis] = flat[stage, axis]
-            samples[stage, 4 + axis] = (flat[stage + 1, axis] - flat[stage, axis]) / period_s
+            flat, column = (horizontal, axis) if axis < 2 else (steady, axis - 2)
+            samples[stage, axis] = flat[stage, column]
+            samples[stage, 4 + axis] = (flat[stage + 1, column] - flat[stage, column]) / period_s
             at = min(stage, last)
-            ahead = (flat[at + 2, axis] - flat[at + 1, axis]) / period_s
-            here = (flat[at + 1, axis] - flat[at, axis]) / period_s
+            ahead = (flat[at + 2, column] - flat[at + 1, column]) / period_s
+            here = (flat[at + 1, column] - flat[at, column]) / period_s
             samples[stage, 8 + axis] = (ahead - here) / period_s
+
+
+@compiled(NUMBER, NUMBER, NUMBER, ANY_VECTOR)
+def turned_by_thrust(coupling: float, pole: float, actuator: float, thrust: Array) -> Array:
+    """What a plan of thrust sticks turns the vehicle by, as yaw sticks.
+
+    Parameters
+    ----------
+    coupling
+        Yaw stick per thrust that the rotors have not followed.
+    pole, actuator
+        Of the thrust's lag, and its state at the beginning.
+    thrust
+        Sticks, shape (k,).
+    """
+    turns = np.empty(len(thrust))
+    for stage in range(len(thrust)):
+        turns[stage] = coupling * (thrust[stage] - actuator)
+        actuator = pole * actuator + (1.0 - pole) * thrust[stage]
+    return turns
+
+
+@compiled(ANY_MATRIX, ANY_MATRIX, ANY_VECTOR, ANY_VECTOR, ANY_VECTOR)
+def joined_inputs(horizontal: Array, steady: Array, turns: Array, low: Array, high: Array) -> Array:
+    """Sticks of a plan within their limits, shape (N - 1, 4).
+
+    Parameters
+    ----------
+    horizontal, steady
+        Pitch and roll, and thrust and yaw, shapes (N - 1, 2).
+    turns
+        What the thrust turns by, taken from the yaw, shape (N - 1,).
+    low, high
+        Shape (4,).
+    """
+    inputs = np.empty((len(horizontal), 4))
+    for stage in range(len(inputs)):
+        inputs[stage, 0], inputs[stage, 1] = horizontal[stage, 0], horizontal[stage, 1]
+        inputs[stage, 2], inputs[stage, 3] = steady[stage, 0], steady[stage, 1] - turns[stage]
+    cut_rows(inputs, low, high, inputs)
+    return inputs
 
 
 @compiled(NUMBER, NUMBER, ANY_VECTOR)

@@ -118,7 +118,7 @@ def _lagged_inputs(rows: Array, actuator: Array, later: Array, pole: Array, feed
 
 
 @compiled(BLOCKS, BLOCKS, VECTOR, VECTOR, ANY_VECTOR, FLAG, NUMBER, BLOCKS, MATRIX)
-def chain_rows_of(
+def rows_of_positions(
     turn: Array,
     transition: Array,
     push: Array,

@@ -14,6 +14,7 @@ from rcopterx.agents.controllers.roll_out import one_stage_on
 from rcopterx.agents.controllers.settings import Limits
 from rcopterx.agents.interfaces import ControlStep, Estimate, NoSolutionError
 from rcopterx.agents.references.trajectory import YAW, Trajectory
+from rcopterx.native.bounds import cut_rows
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -100,7 +101,8 @@ class BaseController(ABC):
         if solution is None:
             self._move_on()
             raise NoSolutionError
-        inputs = np.minimum(np.maximum(solution.inputs, self._limits.input_min), self._limits.input_max)
+        inputs = np.empty(solution.inputs.shape)
+        cut_rows(solution.inputs, self._limits.input_min, self._limits.input_max, inputs)
         self._last_inputs, self._last_plan = inputs, solution.plan
         return ControlStep(inputs, solution.plan, EARLY_STOP if solution.early else None, solution.iterations)
 
@@ -129,7 +131,9 @@ class BaseController(ABC):
         lower, upper = self._reference_min, self._reference_max
         yaw = estimate.motion[YAW]
         lower[YAW], upper[YAW] = yaw - _REFERENCE_YAW_CAP_RAD, yaw + _REFERENCE_YAW_CAP_RAD
-        return Trajectory(np.minimum(np.maximum(reference.samples, lower), upper), self._period_s)
+        samples = np.empty(reference.samples.shape)
+        cut_rows(reference.samples, lower, upper, samples)
+        return Trajectory(samples, self._period_s)
 
     def _usable_input(self, last_input: Array) -> Array:
         if not np.isfinite(last_input).all():

@@ -22,7 +22,7 @@ from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
 from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
 from rcopterx.agents.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
-from rcopterx.native.bounds import all_within, rows_within
+from rcopterx.native.bounds import all_within, cut_rows, rows_within
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
@@ -195,7 +195,8 @@ class StepGuard:
         )
         if answer is None or isinstance(answer, NoSolutionError):
             return answer
-        inputs = np.minimum(np.maximum(answer.inputs, self._model.u_min), self._model.u_max)
+        inputs = np.empty(answer.inputs.shape)
+        cut_rows(answer.inputs, self._model.u_min, self._model.u_max, inputs)
         return ControlStep(inputs, answer.plan, answer.fallback, answer.iterations)
 
     def _problem(self, step: object, controller: Controller) -> str | None:

@@ -18,26 +18,24 @@ from rcopterx.agents.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.agents.controllers.cascade.disturbance_observer import DisturbanceObserver
 from rcopterx.agents.controllers.cascade.lag_problem import LagProblem
 from rcopterx.agents.controllers.cascade.terms import (
-    Bounds,
     HorizontalProblem,
     HorizontalTask,
-    chain_reference,
     let_come_back,
     riccati_cost,
     solve_chain,
 )
 from rcopterx.agents.controllers.cascade.tilt_problem import TiltProblem
 from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
-from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget
+from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget, ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.controllers.roll_out import lag_poles
 from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
-from rcopterx.native.cascade import first_order, plan_samples
+from rcopterx.native.cascade import joined_inputs, plan_samples, steady_rows, turned_by_thrust
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
 EffortFactor = Annotated[float, msgspec.Meta(ge=1.0, le=1e4)]
 
@@ -121,7 +119,8 @@ class CascadeController(BaseController):
         self._remaining = np.exp(-period_s / COMING_BACK_S * np.arange(self._horizon))
         # What was estimated while it oscillated is worth nothing, so this begins with none.
         self._taken_in: Array = np.zeros(INPUT_SIZE)
-        decay = self._decay[_STEADY]
+        self._steady_dynamics = steady.dynamics
+        self._steady_decay = decay = self._decay[_STEADY].copy()
         stages = self._horizon + self._levels - 2
         turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
         self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
@@ -175,7 +174,10 @@ class CascadeController(BaseController):
         )
         whole = np.array(limit_scale.inputs)
         part = np.where(whole < 1.0, whole, np.inf)
-        self._share = part * (limits.input_min - hover), part * (limits.input_max - hover)
+        least, most = part * (limits.input_min - hover), part * (limits.input_max - hover)
+        self._steady_share, self._horizontal_share = (
+            (least[axes], most[axes]) for axes in (_STEADY, _HORIZONTAL)
+        )
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         state, inputs = self._settings.state_weights, self._settings.input_weights
@@ -210,38 +212,61 @@ class CascadeController(BaseController):
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
         clear = self._clearances(estimate, reference)
-        first = np.stack((estimate.motion[2:4], estimate.motion[6:8], estimate.actuator[2:4]))
-
-        def bound(target: ChainTarget) -> ChainTarget:
-            kept = target if clear is None else clear.bound_heights(target)
-            return let_come_back(kept, first[1], self._remaining)
-
-        steady = solve_chain(
-            self._steady,
-            first,
-            push[_STEADY],
-            self._steady_reference(reference),
-            self._steady_bounds,
-            self._share_of(_STEADY),
-            Budget(expired, lambda: self._planned_steady(estimate)),
-            bound,
-        )
+        steady = self._solve_steady(estimate, reference, push, clear, expired)
         heading, height_m = steady.flat[:, 1], steady.flat[: self._horizon, 0]
         budget = Budget(expired, self._planned_horizontal)
         horizontal = self._horizontal.solve(
             HorizontalTask(estimate, push[_HORIZONTAL], heading, reference, clear, height_m, budget),
             self._horizontal_bounds,
-            self._share_of(_HORIZONTAL),
+            self._horizontal_share,
         )
-        inputs = np.concatenate((horizontal.inputs, steady.inputs), axis=1)
-        inputs[:, U_YAW] -= self._thrust_turns(float(estimate.actuator[U_THRUST]), steady.inputs[:, 0])
-        np.maximum(inputs, self._limits.input_min, out=inputs)
-        np.minimum(inputs, self._limits.input_max, out=inputs)
+        turns = self._thrust_turns(float(estimate.actuator[U_THRUST]), steady.inputs[:, 0])
+        lowest, highest = self._limits.input_min, self._limits.input_max
+        samples = np.empty((self._horizon, COLUMNS))
+        plan_samples(horizontal.flat, steady.flat, self._period_s, samples)
         return Solution(
-            inputs,
-            self._plan(np.concatenate((horizontal.flat, steady.flat), axis=1)),
+            joined_inputs(horizontal.inputs, steady.inputs, turns, lowest, highest),
+            Trajectory(samples, self._period_s),
             horizontal.iterations + steady.iterations,
             early=not (horizontal.solved and steady.solved),
+        )
+
+    def _solve_steady(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        push: Array,
+        clear: Clearances | None,
+        expired: Callable[[], bool],
+    ) -> ChainSolution:
+        """Plan the vertical and yaw."""
+        motion = estimate.motion
+        first = np.empty((3, 2))
+        first[0], first[1], first[2] = motion[2:4], motion[6:8], estimate.actuator[2:4]
+        rows, terminal = self._steady_chain.empty_reference()
+        steady_rows(
+            reference.samples,
+            self._steady_decay,
+            self._period_s,
+            self._settings.feed_forward,
+            *self._steady_dynamics,
+            rows,
+            terminal,
+        )
+
+        def change(target: ChainTarget) -> ChainTarget:
+            kept = target if clear is None else clear.bound_heights(target)
+            return let_come_back(kept, first[1], self._remaining)
+
+        return solve_chain(
+            self._steady,
+            first,
+            push[_STEADY],
+            (rows, terminal),
+            self._steady_bounds,
+            self._steady_share,
+            Budget(expired, lambda: self._planned_steady(estimate)),
+            change,
         )
 
     def _planned_horizontal(self) -> Array | None:
@@ -263,9 +288,7 @@ class CascadeController(BaseController):
         coupling = self._model.thrust_coupling
         if coupling == 0.0 or not self._settings.actuator_lag:
             return np.zeros(len(thrust))
-        pole = float(self._poles[U_THRUST])
-        followed = first_order(pole, actuator, (1.0 - pole) * thrust[:-1])
-        return np.asarray(coupling * (thrust - followed))
+        return turned_by_thrust(coupling, float(self._poles[U_THRUST]), actuator, thrust)
 
     def _clearances(self, estimate: Estimate, reference: Trajectory) -> Clearances | None:
         """Separation constraints around the previous plan; None while nobody is near."""
@@ -301,22 +324,3 @@ class CascadeController(BaseController):
         at_once[U_THRUST] = True
         self._taken_in[at_once] = told[at_once]
         return self._taken_in.copy()
-
-    def _share_of(self, axes: slice) -> Bounds:
-        return self._share[0][axes], self._share[1][axes]
-
-    def _steady_reference(self, reference: Trajectory) -> tuple[Array, Array]:
-        """The vertical and yaw: their frame is the inertial one."""
-        samples = reference.samples
-        position, velocity = samples[:, 2:4], samples[:, 6:8]
-        carried = self._decay[_STEADY] * velocity
-        after = carried
-        if self._settings.feed_forward:
-            after = velocity + self._period_s * samples[:, 10:12]
-        return chain_reference(self._steady_chain, position, velocity, after, carried)
-
-    def _plan(self, flat: Array) -> Trajectory:
-        """Trajectory whose velocities and accelerations are the differences of its positions."""
-        samples = np.empty((self._horizon, COLUMNS))
-        plan_samples(flat, self._period_s, samples)
-        return Trajectory(samples, self._period_s)

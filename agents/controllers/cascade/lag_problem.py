@@ -12,23 +12,20 @@ from rcopterx.agents.controllers.cascade.terms import (
     Bounds,
     HeadingCost,
     HorizontalTask,
-    chain_reference,
     solve_chain,
-    to_body,
 )
 from rcopterx.agents.controllers.chains.active_set import ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import Trajectory
-from rcopterx.vehicles.state import Array, heading_matrices
+from rcopterx.native.cascade import heading_moved, horizontal_rows, turning
+from rcopterx.vehicles.state import Array
 
 HEADING_TOLERANCE_RAD: Final = 2e-5
 TURN_TOLERANCE_RAD: Final = 4e-6
 """A heading plan that differs less (turn: per period) leaves the matrices as they are: the error stays below
 a tenth of a millimetre after two seconds at full speed."""
-
-_AXES: Final = slice(0, 2)
 
 
 class LagProblem:
@@ -60,6 +57,7 @@ class LagProblem:
         feed_forward: bool,
     ) -> None:
         self._parameters, self._decay, self._feed_forward = parameters, decay, feed_forward
+        self._dynamics = parameters.dynamics
         self._free = workspace(parameters, max_iterations)
         # Only periods in which somebody comes near pay for the rows that keep clear.
         crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
@@ -90,41 +88,35 @@ class LagProblem:
 
     def _reference(self, heading: Array, reference: Trajectory) -> tuple[Array, Array]:
         """Velocities and accelerations in the body frame of the planned heading."""
-        samples, stages = reference.samples, self._parameters.stages
-        middle = 0.5 * (heading[1:] + heading[:-1])
-        if len(middle) == stages:
-            middle = np.append(middle, middle[-1])
-        c, s = np.cos(middle[: stages + 1]), np.sin(middle[: stages + 1])
-        inertial = samples[:, 4:6]
-        velocity = to_body(c[:-1], s[:-1], inertial)
-        turn = heading[1 : stages + 1] - heading[:stages]
-        carried = self._decay * velocity
-        carried[:, 0] += turn * velocity[:, 1]
-        carried[:, 1] -= turn * velocity[:, 0]
-        after = carried
-        if self._feed_forward:
-            after = to_body(c[1:], s[1:], inertial + self._parameters.period_s * samples[:, 8:10])
-        return chain_reference(self._parameters, samples[:, :2], velocity, after, carried)
+        rows, terminal = self._parameters.empty_reference()
+        horizontal_rows(
+            reference.samples,
+            heading,
+            self._decay,
+            self._parameters.period_s,
+            self._feed_forward,
+            *self._dynamics,
+            rows,
+            terminal,
+        )
+        return rows, terminal
 
     def _linearize(self, heading: Array) -> None:
         """Matrices of the chain along the planned heading."""
         known = self._heading_plan
-        if known is not None:
-            moved = heading - known
-            turned = moved[1:] - moved[:-1]
-            if np.abs(moved).max() < HEADING_TOLERANCE_RAD and np.abs(turned).max() < TURN_TOLERANCE_RAD:
-                return
-        middle = 0.5 * (heading[1:] + heading[:-1])
-        transition = np.empty((len(middle) - 1, 2, 2))
-        transition[:, 0, 0], transition[:, 1, 1] = self._decay
-        transition[:, 0, 1] = heading[1:-1] - heading[:-2]
-        transition[:, 1, 0] = -transition[:, 0, 1]
-        last = float(middle[self._parameters.stages - 1])
-        self._matrices = heading_matrices(middle), transition, self._heading_cost.at(last)
-        self._free.set_matrices(*self._matrices)
+        if known is not None and not heading_moved(heading, known, HEADING_TOLERANCE_RAD, TURN_TOLERANCE_RAD):
+            return
+        periods, last = len(heading) - 1, self._parameters.stages - 1
+        turn, transition = np.empty((periods, 2, 2)), np.empty((periods - 1, 2, 2))
+        turning(heading, self._decay, turn, transition)
+        cost = self._heading_cost.at(0.5 * float(heading[last] + heading[last + 1]))
+        self._matrices = turn, transition, cost
+        self._free.set_matrices(turn, transition, cost)
         self._heading_plan = heading
 
 
 def _first_state(estimate: Estimate) -> Array:
     """Position, velocity and actuator of the horizontal axes, shape (3, 2)."""
-    return np.stack((estimate.motion[:4][_AXES], estimate.motion[4:][_AXES], estimate.actuator[_AXES]))
+    first = np.empty((3, 2))
+    first[0], first[1], first[2] = estimate.motion[:2], estimate.motion[4:6], estimate.actuator[:2]
+    return first

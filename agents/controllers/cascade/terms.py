@@ -19,7 +19,7 @@ from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.native.bounds import rows_within
-from rcopterx.native.cascade import chain_rows, cut_to_bounds
+from rcopterx.native.cascade import cut_to_bounds
 from rcopterx.vehicles.state import Array, heading_matrix
 
 Bounds = tuple[Array, Array]
@@ -107,7 +107,8 @@ def solve_chain(
     push
         Acceleration that acts at every stage, shape (m,).
     reference
-        Rows and terminal state of `chain_reference`; commands are cut to their bounds in place.
+        Rows (position, velocity, command) of the stages, shape (N, 3 m), and last state, shape (levels m,);
+        commands are cut to their bounds in place.
     bounds, share
         As in `HorizontalProblem.solve`.
     budget
@@ -234,46 +235,3 @@ class HeadingCost:
         if yaw_rad not in self._solved:
             self._solved[yaw_rad] = riccati_cost(self._parameters, self._decay, yaw_rad)
         return self._solved[yaw_rad]
-
-
-def chain_reference(
-    parameters: ChainParameters, position: Array, velocity: Array, next_velocity: Array, carried: Array
-) -> tuple[Array, Array]:
-    """Reference of a chain with the inputs that fly it, balance of the disturbance added.
-
-    The actuator must make the next velocity out of what the present one carries over; the input must make the
-    next actuator out of the present one (inverse of the lag).
-
-    Parameters
-    ----------
-    parameters
-        The chain with m axes.
-    position, velocity
-        Shape (N, m), in the chain's own frames.
-    next_velocity
-        Velocity one stage later, shape (N, m).
-    carried
-        F velocity, shape (N, m).
-
-    Returns
-    -------
-    tuple[Array, Array]
-        Rows (position, velocity, input), shape (N, 3 m), and (position, velocity[, actuator]) of stage N,
-        shape (levels m,).
-    """
-    lagged = parameters.pole is not None
-    pole = parameters.gain if parameters.pole is None else parameters.pole
-    push = parameters.period_s * parameters.gain
-    rows = np.empty((parameters.stages, 3 * parameters.axes))
-    terminal = np.empty(parameters.levels * parameters.axes)
-    feedback = parameters.rate_feedback
-    chain_rows(position, velocity, next_velocity, carried, push, pole, feedback, lagged, rows, terminal)
-    return rows, terminal
-
-
-def to_body(cosine: Array, sine: Array, inertial: Array) -> Array:
-    """Turn inertial vectors, shape (N, 2), into body frames of given headings."""
-    turned = np.empty_like(inertial)
-    turned[:, 0] = cosine * inertial[:, 0] + sine * inertial[:, 1]
-    turned[:, 1] = cosine * inertial[:, 1] - sine * inertial[:, 0]
-    return turned

@@ -21,11 +21,11 @@ import numpy as np
 from rcopterx.native.chain import (
     chain_factor,
     chain_roll_out,
-    chain_rows_of,
     chain_settle,
     chain_start,
     chain_step,
     chain_values,
+    rows_of_positions,
 )
 from rcopterx.vehicles.state import Array
 
@@ -85,6 +85,19 @@ class ChainParameters:
     def levels(self) -> int:
         """States per axis."""
         return 2 if self.pole is None else 3
+
+    @property
+    def dynamics(self) -> tuple[Array, Array, Array, bool]:
+        """Velocity per actuator and stage, pole, rate feedback, and whether there is a lag.
+
+        As kernels take them; without a lag the pole means nothing.
+        """
+        pole = self.gain if self.pole is None else self.pole
+        return self.period_s * self.gain, pole, self.rate_feedback, self.pole is not None
+
+    def empty_reference(self) -> tuple[Array, Array]:
+        """Room for rows of position, velocity, input, shape (N, 3 m), and last state, shape (levels m,)."""
+        return np.empty((self.stages, 3 * self.axes)), np.empty(self.levels * self.axes)
 
 
 @dataclass(slots=True)
@@ -188,7 +201,8 @@ class Chain:
         self.inputs = slice(2 * m, 3 * m)
         self._clearances = slice(3 * m, 3 * m + parameters.clearances)
         rows = self._clearances.stop
-        self._push = parameters.period_s * parameters.gain
+        self._dynamics = parameters.dynamics
+        self._push = self._dynamics[0]
         width = (levels + 1) * m
         self._rows: Array = np.zeros((stages, rows, width))
         self._rows[:, :m, :m] = np.eye(m)
@@ -221,18 +235,8 @@ class Chain:
         terminal_cost
             Of (position, velocity[, actuator]) at stage N, shape (levels m, levels m).
         """
-        parameters = self.parameters
-        chain_rows_of(
-            turn,
-            transition,
-            self._push,
-            parameters.gain if parameters.pole is None else parameters.pole,
-            parameters.rate_feedback,
-            parameters.pole is not None,
-            parameters.period_s,
-            self._rows,
-            self._terminal_map,
-        )
+        period_s = self.parameters.period_s
+        rows_of_positions(turn, transition, *self._dynamics, period_s, self._rows, self._terminal_map)
         self._first_turns = turn[:2].copy()
         self._first_transition = transition[0].copy()
         self._terminal_cost = np.ascontiguousarray(terminal_cost)
