@@ -1,10 +1,13 @@
-"""Kernels that put the cascade's problems together (`rcopterx.agents.controllers.cascade`)."""
+"""Kernels that put the cascade's problems together (`rcopterx.agents.controllers.cascade`).
+
+Bounds have shape (2, 6): the lower and the upper ones of position, velocity and input of two axes.
+"""
 
 import math
+from typing import Final
 
 import numpy as np
 
-from rcopterx.native.bounds import cut_rows
 from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
@@ -18,6 +21,38 @@ from rcopterx.native.compiled import (
     part,
 )
 
+NARROWEST: Final = 0.01
+"""Range of a command that is still worth planning with."""
+
+
+@part
+def cut_to_bounds(rows: Array, bounds: Array, balance: Array, share: Array, low: Array, high: Array) -> None:
+    """Bounds of two axes' rows whose inputs balance what pushes; inputs among the rows are cut to them.
+
+    Parameters
+    ----------
+    rows
+        Position, velocity, input, shape (N, 6), changed in place.
+    bounds
+        Those of the inputs without balance.
+    balance
+        Shape (2,).
+    share
+        Least and most of the range to plan with, shape (2, 2); where the balance leaves no more than
+        `NARROWEST` of it, the whole range counts.
+    low, high
+        Set to the bounds, shape (1, 6).
+    """
+    low[0], high[0] = bounds[0], bounds[1]
+    for axis in range(2):
+        at = 4 + axis
+        below, above = bounds[0, at] + balance[axis], bounds[1, at] + balance[axis]
+        if min(above, share[1, axis]) - max(below, share[0, axis]) > NARROWEST:
+            below, above = max(below, share[0, axis]), min(above, share[1, axis])
+        low[0, at], high[0, at] = below, above
+        for stage in range(len(rows)):
+            rows[stage, at] = min(max(rows[stage, at], below), above)
+
 
 @part
 def write_turn(turn: Array, stage: int, cosine: float, sine: float) -> None:
@@ -27,7 +62,10 @@ def write_turn(turn: Array, stage: int, cosine: float, sine: float) -> None:
     turn[stage, 0, 1] = -sine
 
 
-@compiled(ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, NUMBER, FLAG, BLOCKS, BLOCKS, MATRIX)
+@compiled(
+    ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, NUMBER, FLAG, MATRIX, ANY_VECTOR, MATRIX, BLOCKS, BLOCKS, MATRIX,
+    VECTOR, MATRIX, MATRIX,
+)  # fmt: skip
 def lateral_reference(
     samples: Array,
     heading: Array,
@@ -35,9 +73,15 @@ def lateral_reference(
     drag: float,
     lead: float,
     feed_forward: bool,
+    bounds: Array,
+    trim: Array,
+    share: Array,
     turn: Array,
     middle_turn: Array,
     rows: Array,
+    terminal: Array,
+    low: Array,
+    high: Array,
 ) -> None:
     """Reference of the horizontal problem of a vehicle with a tilt model, along a planned heading.
 
@@ -55,10 +99,12 @@ def lateral_reference(
         Stages by which demands are ahead of the accelerations that they make.
     feed_forward
         Whether sticks are those that fly the reference, or none.
+    bounds, trim, share, low, high
+        As in `cut_to_bounds`, the trim being the balance.
     turn, middle_turn
         Set to R(psi) of the stages and in the middle of the periods, shapes (N, 2, 2) and (N - 1, 2, 2).
-    rows
-        Set to position (inertial), velocity (body) and stick, shape (N, 6).
+    rows, terminal
+        Set to position (inertial), velocity (body) and stick, shape (N, 6), and to the last state.
     """
     stages = len(samples)
     rows[:, 4:] = 0.0
@@ -75,14 +121,44 @@ def lateral_reference(
         if feed_forward:
             at = min(stage + lead, stages - 1.0)
             before = min(int(at), stages - 2)
-            share = at - before
+            ahead = at - before
             needed = np.empty(2)
             for axis in range(2):
                 earlier = samples[before, 8 + axis] - drag * samples[before, 4 + axis]
                 later = samples[before + 1, 8 + axis] - drag * samples[before + 1, 4 + axis]
-                needed[axis] = earlier * (1.0 - share) + later * share
+                needed[axis] = earlier * (1.0 - ahead) + later * ahead
             rows[stage, 4] = (c * needed[0] + s * needed[1]) / gain[0]
             rows[stage, 5] = (c * needed[1] - s * needed[0]) / gain[1]
+    terminal[:] = 0.0
+    terminal[:2], terminal[2:4] = samples[stages - 1, :2], samples[stages - 1, 4:6]
+    cut_to_bounds(rows, bounds, trim, share, low, high)
+
+
+@compiled(*4 * [ANY_VECTOR], VECTOR, VECTOR)
+def lateral_first_state(
+    motion: Array, core: Array, servo: Array, wind: Array, gain: Array, first: Array
+) -> None:
+    """Set the first state of the horizontal problem of a vehicle with a tilt model.
+
+    Parameters
+    ----------
+    motion
+        Position, heading, velocities (body), shape (8,).
+    core, servo, wind
+        Rotor and body, actuators of pitch and roll (body), and wind, as estimated.
+    gain
+        Demand per stick, shape (2,).
+    first
+        Set to position, velocity, core, demands of the actuators, wind: all inertial, shape (n,).
+    """
+    c, s = math.cos(motion[3]), math.sin(motion[3])
+    first[0], first[1] = motion[0], motion[1]
+    first[2], first[3] = c * motion[4] - s * motion[5], s * motion[4] + c * motion[5]
+    behind = 4 + len(core)
+    first[4:behind] = core
+    pitch, roll = servo[0] * gain[0], servo[1] * gain[1]
+    first[behind], first[behind + 1] = c * pitch - s * roll, s * pitch + c * roll
+    first[behind + 2 :] = wind
 
 
 @part
@@ -134,7 +210,10 @@ def chain_rows(
             terminal[2 * axes + axis] = actuator
 
 
-@compiled(ANY_MATRIX, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, MATRIX, VECTOR)
+@compiled(
+    ANY_MATRIX, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, ANY_VECTOR, MATRIX, VECTOR, MATRIX,
+    MATRIX, VECTOR, MATRIX, MATRIX,
+)  # fmt: skip
 def steady_rows(
     samples: Array,
     decay: Array,
@@ -144,10 +223,16 @@ def steady_rows(
     pole: Array,
     feedback: Array,
     lagged: bool,
+    velocity: Array,
+    bounds: Array,
+    balance: Array,
+    share: Array,
     rows: Array,
     terminal: Array,
-) -> None:
-    """Reference of the vertical and yaw, whose frame is the inertial one.
+    low: Array,
+    high: Array,
+) -> bool:
+    """Reference of the vertical and of yaw, whose frame is the inertial one.
 
     Parameters
     ----------
@@ -159,20 +244,37 @@ def steady_rows(
         Whether inputs are those that fly the reference, or those that carry its velocities on.
     push, pole, feedback, lagged, rows, terminal
         As in `chain_rows`.
+    velocity
+        Measured, shape (2,).
+    bounds, balance, share, low, high
+        As in `cut_to_bounds`.
+
+    Returns
+    -------
+    bool
+        Whether the measured velocity is within its bounds.
     """
     stages = len(samples)
-    after, carried = np.empty((stages, 2)), np.empty((stages, 2))
+    carried, after = np.empty((stages, 2)), np.empty((stages, 2))
     for stage in range(stages):
         for axis in range(2):
-            velocity = samples[stage, 6 + axis]
-            after[stage, axis] = carried[stage, axis] = decay[axis] * velocity
+            wanted = samples[stage, 6 + axis]
+            carried[stage, axis] = after[stage, axis] = decay[axis] * wanted
             if feed_forward:
-                after[stage, axis] = velocity + period_s * samples[stage, 10 + axis]
+                after[stage, axis] = wanted + period_s * samples[stage, 10 + axis]
     position, velocities = samples[:, 2:4], samples[:, 6:8]
     chain_rows(position, velocities, after, carried, push, pole, feedback, lagged, rows, terminal)
+    cut_to_bounds(rows, bounds, balance, share, low, high)
+    within = True
+    for axis in range(2):
+        within &= low[0, 2 + axis] <= velocity[axis] <= high[0, 2 + axis]
+    return within
 
 
-@compiled(ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, MATRIX, VECTOR)
+@compiled(
+    ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, MATRIX, VECTOR, MATRIX,
+    MATRIX, VECTOR, MATRIX, MATRIX,
+)  # fmt: skip
 def horizontal_rows(
     samples: Array,
     heading: Array,
@@ -183,12 +285,17 @@ def horizontal_rows(
     pole: Array,
     feedback: Array,
     lagged: bool,
+    bounds: Array,
+    balance: Array,
+    share: Array,
     rows: Array,
     terminal: Array,
+    low: Array,
+    high: Array,
 ) -> None:
-    """Reference of the horizontal motion in the body frame of a planned heading, for a vehicle with lags.
+    """Reference of the horizontal problem of a vehicle with lags, along a planned heading.
 
-    Velocities are turned by the heading in the middle of the periods.
+    Velocities and accelerations are those in the body frame in the middle of the periods.
 
     Parameters
     ----------
@@ -202,26 +309,30 @@ def horizontal_rows(
         As in `steady_rows`.
     push, pole, feedback, lagged, rows, terminal
         As in `chain_rows`.
+    bounds, balance, share, low, high
+        As in `cut_to_bounds`.
     """
     stages = len(samples)
-    velocity, after, carried = np.empty((stages, 2)), np.empty((stages, 2)), np.empty((stages, 2))
+    velocity, carried, after = np.empty((stages, 2)), np.empty((stages, 2)), np.empty((stages, 2))
     middle = 0.5 * (heading[1] + heading[0])
     c, s = math.cos(middle), math.sin(middle)
     for stage in range(stages):
-        x, y = samples[stage, 4], samples[stage, 5]
-        forward, left = c * x + s * y, c * y - s * x
+        v_x, v_y = samples[stage, 4], samples[stage, 5]
+        forward, left = c * v_x + s * v_y, c * v_y - s * v_x
         turn = heading[stage + 1] - heading[stage]
         velocity[stage, 0], velocity[stage, 1] = forward, left
         carried[stage, 0] = decay[0] * forward + turn * left
         carried[stage, 1] = decay[1] * left - turn * forward
-        after[stage] = carried[stage]
         if stage + 2 < len(heading):
             middle = 0.5 * (heading[stage + 2] + heading[stage + 1])
             c, s = math.cos(middle), math.sin(middle)
         if feed_forward:
-            x, y = x + period_s * samples[stage, 8], y + period_s * samples[stage, 9]
-            after[stage, 0], after[stage, 1] = c * x + s * y, c * y - s * x
+            v_x, v_y = v_x + period_s * samples[stage, 8], v_y + period_s * samples[stage, 9]
+            after[stage, 0], after[stage, 1] = c * v_x + s * v_y, c * v_y - s * v_x
+        else:
+            after[stage] = carried[stage]
     chain_rows(samples[:, :2], velocity, after, carried, push, pole, feedback, lagged, rows, terminal)
+    cut_to_bounds(rows, bounds, balance, share, low, high)
 
 
 @compiled(ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)
@@ -256,105 +367,6 @@ def turning(heading: Array, decay: Array, turn: Array, transition: Array) -> Non
         turned = heading[stage + 1] - heading[stage]
         transition[stage, 0, 0], transition[stage, 1, 1] = decay[0], decay[1]
         transition[stage, 0, 1], transition[stage, 1, 0] = turned, -turned
-
-
-@compiled(MATRIX, *5 * [ANY_VECTOR], NUMBER, VECTOR, VECTOR)
-def cut_to_bounds(
-    rows: Array,
-    lower: Array,
-    upper: Array,
-    balance: Array,
-    least: Array,
-    most: Array,
-    narrowest: float,
-    low: Array,
-    high: Array,
-) -> None:
-    """Bounds of two axes' rows whose inputs balance what pushes; inputs among the rows are cut to them.
-
-    Parameters
-    ----------
-    rows
-        Position, velocity, input, shape (N, 6), changed in place.
-    lower, upper
-        Shape (6,), of the inputs without balance.
-    balance
-        Shape (2,).
-    least, most
-        Share of the range to plan with, shape (2,); where the balance leaves no more than `narrowest` of it,
-        the whole range counts.
-    low, high
-        Set to the bounds, shape (6,).
-    """
-    low[:], high[:] = lower, upper
-    for axis in range(2):
-        at = 4 + axis
-        below, above = lower[at] + balance[axis], upper[at] + balance[axis]
-        if min(above, most[axis]) - max(below, least[axis]) > narrowest:
-            below, above = max(below, least[axis]), min(above, most[axis])
-        low[at], high[at] = below, above
-        for stage in range(len(rows)):
-            rows[stage, at] = min(max(rows[stage, at], below), above)
-
-
-@compiled(ANY_MATRIX, ANY_MATRIX, NUMBER, MATRIX)
-def plan_samples(horizontal: Array, steady: Array, period_s: float, samples: Array) -> None:
-    """Set a trajectory, shape (N, 12), whose velocities and accelerations are differences of positions.
-
-    Positions are given of x and y, and of height and yaw, shapes (at least N + 1, 2). Stages whose
-    acceleration would need positions beyond them accelerate like the last one that needs none.
-    """
-    last = min(len(horizontal), len(steady)) - 3
-    for stage in range(len(samples)):
-        for axis in range(4):
-            flat, column = (horizontal, axis) if axis < 2 else (steady, axis - 2)
-            samples[stage, axis] = flat[stage, column]
-            samples[stage, 4 + axis] = (flat[stage + 1, column] - flat[stage, column]) / period_s
-            at = min(stage, last)
-            ahead = (flat[at + 2, column] - flat[at + 1, column]) / period_s
-            here = (flat[at + 1, column] - flat[at, column]) / period_s
-            samples[stage, 8 + axis] = (ahead - here) / period_s
-
-
-@compiled(NUMBER, NUMBER, NUMBER, ANY_VECTOR)
-def turned_by_thrust(coupling: float, pole: float, actuator: float, thrust: Array) -> Array:
-    """What a plan of thrust sticks turns the vehicle by, as yaw sticks.
-
-    Parameters
-    ----------
-    coupling
-        Yaw stick per thrust that the rotors have not followed.
-    pole, actuator
-        Of the thrust's lag, and its state at the beginning.
-    thrust
-        Sticks, shape (k,).
-    """
-    turns = np.empty(len(thrust))
-    for stage in range(len(thrust)):
-        turns[stage] = coupling * (thrust[stage] - actuator)
-        actuator = pole * actuator + (1.0 - pole) * thrust[stage]
-    return turns
-
-
-@compiled(ANY_MATRIX, ANY_MATRIX, ANY_VECTOR, ANY_VECTOR, ANY_VECTOR)
-def joined_inputs(horizontal: Array, steady: Array, turns: Array, low: Array, high: Array) -> Array:
-    """Sticks of a plan within their limits, shape (N - 1, 4).
-
-    Parameters
-    ----------
-    horizontal, steady
-        Pitch and roll, and thrust and yaw, shapes (N - 1, 2).
-    turns
-        What the thrust turns by, taken from the yaw, shape (N - 1,).
-    low, high
-        Shape (4,).
-    """
-    inputs = np.empty((len(horizontal), 4))
-    for stage in range(len(inputs)):
-        inputs[stage, 0], inputs[stage, 1] = horizontal[stage, 0], horizontal[stage, 1]
-        inputs[stage, 2], inputs[stage, 3] = steady[stage, 0], steady[stage, 1] - turns[stage]
-    cut_rows(inputs, low, high, inputs)
-    return inputs
 
 
 @compiled(NUMBER, NUMBER, ANY_VECTOR)

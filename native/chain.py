@@ -180,9 +180,10 @@ def rows_of_positions(
     terminal_map[axes : 2 * axes, : 2 * axes] = rows[stages - 1, axes : 2 * axes, : 2 * axes]
 
 
-@compiled(VECTOR, ANY_MATRIX, ANY_VECTOR, BLOCKS, MATRIX, VECTOR, NUMBER)
+@compiled(VECTOR, FLAG, ANY_MATRIX, ANY_VECTOR, BLOCKS, MATRIX, VECTOR, NUMBER)
 def chain_start(
     flat: Array,
+    shifted: bool,
     first_state: Array,
     disturbance: Array,
     turns: Array,
@@ -190,12 +191,14 @@ def chain_start(
     push: Array,
     period_s: float,
 ) -> None:
-    """Set the positions that a measured state determines.
+    """Set the positions that a measured state determines, and those from which a solve begins.
 
     Parameters
     ----------
     flat
-        Positions, stage by stage, of which the first levels are set.
+        Positions, stage by stage, but for the last stage, which is padding.
+    shifted
+        Whether the others are those of the present positions one stage on, or all where the state leads to.
     first_state
         Position, velocity[, actuator] of stage 1, shape (levels, m).
     disturbance
@@ -206,6 +209,9 @@ def chain_start(
         Velocity per actuator and stage, shape (m,).
     """
     levels, axes = first_state.shape
+    if shifted:
+        for at in range(len(flat) - 2 * axes):
+            flat[at] = flat[at + axes]
     moved = first_state[1].copy()
     for level in range(levels):
         for axis in range(axes):
@@ -221,6 +227,9 @@ def chain_start(
                 moved[axis] = push[axis] * first_state[2, axis] + period_s * disturbance[axis]
                 for other in range(axes):
                     moved[axis] += transition[axis, other] * first_state[1, other]
+    if not shifted:
+        for at in range(levels * axes, len(flat) - axes):
+            flat[at] = flat[at - axes]
 
 
 @compiled(BLOCKS, MATRIX, MATRIX, COUNT, COUNT)

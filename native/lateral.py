@@ -13,6 +13,7 @@ from rcopterx.native.compiled import (
     ANY_BLOCKS,
     BLOCKS,
     COUNT,
+    FLAG,
     MATRIX,
     NUMBER,
     VECTOR,
@@ -56,6 +57,19 @@ def lateral_states(carried: Array, demand: Array, first: Array, demands: Array, 
     for stage in range(len(states) - 1):
         at = min(2 * stage, last)
         go_on(carried, demand, states[stage], demands[at], demands[at + 1], states[stage + 1])
+
+
+@compiled(MATRIX, MATRIX, VECTOR, FLAG, VECTOR, MATRIX)
+def lateral_begin(
+    carried: Array, demand: Array, first: Array, shifted: bool, demands: Array, states: Array
+) -> None:
+    """Begin from the demands one stage on, or from none; arguments as in `lateral_states`."""
+    for at in range(len(demands)):
+        if not shifted:
+            demands[at] = 0.0
+        elif at + 2 < len(demands):
+            demands[at] = demands[at + 2]
+    lateral_states(carried, demand, first, demands, states)
 
 
 @compiled(MATRIX, VECTOR, BLOCKS, BLOCKS, VECTOR, ANY_BLOCKS, MATRIX)
@@ -338,7 +352,7 @@ def pull_of_last(terminal: Array, state: Array, aim: Array, pull: Array) -> None
 
 
 @compiled(
-    MATRIX, MATRIX, MATRIX, MATRIX, BLOCKS, *3 * [VECTOR], MATRIX, BLOCKS, BLOCKS, VECTOR, ANY_BLOCKS,
+    MATRIX, MATRIX, MATRIX, MATRIX, BLOCKS, VECTOR, VECTOR, MATRIX, BLOCKS, BLOCKS, VECTOR, ANY_BLOCKS,
     *8 * [MATRIX], COUNT, NUMBER, NUMBER,
 )  # fmt: skip
 def lateral_settle(
@@ -348,7 +362,6 @@ def lateral_settle(
     terminal: Array,
     factor: Array,
     aim_of_last: Array,
-    first: Array,
     demands: Array,
     states: Array,
     turn: Array,
@@ -375,8 +388,6 @@ def lateral_settle(
         As in `lateral_step`.
     terminal, aim_of_last
         Cost of the last state, and the state that costs nothing.
-    first
-        State of the first stage.
     demands, states, values, side, multipliers
         Point, its states and rows and what presses there, changed in place; states as in `lateral_states`.
     aim, weights, penalty, lower, upper, most, hardness, tolerance
@@ -388,8 +399,7 @@ def lateral_settle(
         Number of steps, whether it is solved, and whether what presses is still what the factor is of.
     """
     pull, step = np.empty(values.shape), np.empty(len(demands))
-    pull_last, moved = np.empty(len(first)), np.empty(states.shape)
-    lateral_states(carried, demand, first, demands, states)
+    pull_last, moved = np.empty(len(aim_of_last)), np.empty(states.shape)
     lateral_rows(states, demands, turn, demand_turn, gain, directions, values)
     for count in range(1, most + 1):
         pull_at(values, aim, weights, penalty, side, multipliers, lower, upper, 4, pull)
@@ -401,7 +411,7 @@ def lateral_settle(
         for place in range(len(step)):
             demands[place] += step[place]
         for stage in range(len(states)):
-            for row in range(len(first)):
+            for row in range(len(aim_of_last)):
                 states[stage, row] += moved[stage, row]
         lateral_rows(states, demands, turn, demand_turn, gain, directions, values)
         if not press(values, penalty, multipliers, lower, upper, 4, hardness, side):

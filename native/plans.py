@@ -1,10 +1,11 @@
-"""Kernels of plans as they travel and as they are compared (`rcopterx.agents`)."""
+"""Kernels of plans as they are made, travel and are compared (`rcopterx.agents`)."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rcopterx.native.bounds import cut_rows
 from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, read
 
 MOST = 2**31 - 1
@@ -183,3 +184,75 @@ def smallest_gaps(first_m: Array, second_m: Array, stiffness: Array) -> tuple[fl
             plain += square
         in_ellipsoids, in_m = min(in_ellipsoids, scaled), min(in_m, plain)
     return math.sqrt(in_ellipsoids), math.sqrt(in_m)
+
+
+@compiled(NUMBER, NUMBER, NUMBER, ANY_VECTOR)
+def turned_by_thrust(coupling: float, pole: float, actuator: float, thrust: Array) -> Array:
+    """What a plan of thrust sticks turns the vehicle by, as yaw sticks.
+
+    Parameters
+    ----------
+    coupling
+        Yaw stick per thrust that the rotors have not followed.
+    pole, actuator
+        Of the thrust's lag, and its state at the beginning.
+    thrust
+        Sticks, shape (k,).
+    """
+    turns = np.empty(len(thrust))
+    for stage in range(len(thrust)):
+        turns[stage] = coupling * (thrust[stage] - actuator)
+        actuator = pole * actuator + (1.0 - pole) * thrust[stage]
+    return turns
+
+
+@compiled(*4 * [ANY_MATRIX], NUMBER, NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX)
+def join_plans(
+    horizontal: Array,
+    steady: Array,
+    horizontal_inputs: Array,
+    steady_inputs: Array,
+    coupling: float,
+    pole: float,
+    actuator: float,
+    low: Array,
+    high: Array,
+    period_s: float,
+    inputs: Array,
+    samples: Array,
+) -> None:
+    """Plan of four axes whose velocities and accelerations are the differences of its positions.
+
+    Parameters
+    ----------
+    horizontal, steady
+        Positions of x and y, and of height and yaw, shape (N + 1 or more, 2).
+    horizontal_inputs, steady_inputs
+        Shape (N - 1, 2).
+    coupling, pole, actuator
+        As in `turned_by_thrust`, whose sticks are taken from the yaw's.
+    low, high
+        Limits of the inputs, shape (4,).
+    inputs, samples
+        Set to the inputs of all axes within them, shape (N - 1, 4), and to the trajectory, shape (N, 12).
+        Stages whose acceleration would need positions beyond the given ones accelerate like the last one that
+        needs none.
+    """
+    turned = turned_by_thrust(coupling, pole, actuator, steady_inputs[:, 0])
+    for stage in range(len(inputs)):
+        for axis in range(2):
+            inputs[stage, axis] = horizontal_inputs[stage, axis]
+            inputs[stage, 2 + axis] = steady_inputs[stage, axis]
+        inputs[stage, 3] -= turned[stage]
+    cut_rows(inputs, low, high, inputs)
+    last = len(steady) - 3
+    for axis in range(4):
+        flat = horizontal if axis < 2 else steady
+        column = axis % 2
+        for stage in range(len(samples)):
+            samples[stage, axis] = flat[stage, column]
+            samples[stage, 4 + axis] = (flat[stage + 1, column] - flat[stage, column]) / period_s
+            at = min(stage, last)
+            ahead = (flat[at + 2, column] - flat[at + 1, column]) / period_s
+            here = (flat[at + 1, column] - flat[at, column]) / period_s
+            samples[stage, 8 + axis] = (ahead - here) / period_s

@@ -48,23 +48,3 @@ def heading_matrix(yaw_rad: float) -> Array:
     """
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.array(((c, -s), (s, c)))
-
-
-def heading_matrices(yaw_rad: Array) -> Array:
-    """`heading_matrix` of several headings.
-
-    Parameters
-    ----------
-    yaw_rad
-        Headings, shape (s,).
-
-    Returns
-    -------
-    Array
-        Shape (s, 2, 2).
-    """
-    turn = np.empty((len(yaw_rad), 2, 2))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(yaw_rad)
-    turn[:, 1, 0] = np.sin(yaw_rad)
-    turn[:, 0, 1] = -turn[:, 1, 0]
-    return turn

@@ -32,7 +32,7 @@ def lateral_chain(random: np.random.Generator) -> tuple[LateralChain, Array, Arr
     chain.set_headings(turn, middle)
     chain.set_clearances(directions)
     first = random.normal(size=SYSTEM.size)
-    chain.set_start(first)
+    chain.begin(first, shifted=False)
 
     def simulated(state: Array, demands: Array) -> tuple[Array, Array]:
         rows = []
@@ -65,7 +65,7 @@ def test_step_of_the_horizontal_problem_is_that_of_the_dense_one(
     added *= random.uniform(size=added.shape) < 0.3
     added[pressed:] = 0.0
     weights = chain.weights + added
-    target = ChainTarget(rows[..., 0], random.normal(size=SYSTEM.size), np.zeros(8), np.zeros(8))
+    target = ChainTarget(rows[..., 0], random.normal(size=SYSTEM.size), np.zeros((1, 8)), np.zeros((1, 8)))
     pull = random.normal(size=weights.shape)
     pull[-1, 4:6] = 0.0
     factor = chain.factorize(weights)
@@ -87,7 +87,7 @@ def flat_chain(random: np.random.Generator, lag: bool) -> Chain:
     root = random.normal(size=(2 * levels, 2 * levels))
     chain.set_matrices(turn, transition, root @ root.T)
     chain.set_clearances(random.normal(size=(STAGES, SLOTS, 2)))
-    chain.set_start(random.normal(size=(levels, 2)), random.normal(size=2))
+    chain.begin(random.normal(size=(levels, 2)), random.normal(size=2), shifted=False)
     return chain
 
 
@@ -98,7 +98,7 @@ def test_step_of_a_chain_of_integrators_goes_to_where_the_cost_has_no_slope(seed
     chain = flat_chain(random, lag)
     weights = chain.weights + random.uniform(0.1, 10.0, chain.weights.shape)
     aim, terminal = random.normal(size=weights.shape), random.normal(size=2 * chain.parameters.levels)
-    target = ChainTarget(aim, terminal, np.zeros(8), np.zeros(8))
+    target = ChainTarget(aim, terminal, np.zeros((1, 8)), np.zeros((1, 8)))
     factor = chain.factorize(weights)
     assert factor is not None
 
@@ -130,7 +130,7 @@ def test_what_settles_satisfies_the_optimality_conditions(seed: int, horizontal:
     chain = lateral_chain(random)[0] if horizontal else flat_chain(random, lag=True)
     shape = chain.weights.shape
     size = SYSTEM.size if horizontal else 6
-    target = ChainTarget(np.zeros(shape), np.zeros(size), np.full(8, -room), np.full(8, room))
+    target = ChainTarget(np.zeros(shape), np.zeros(size), np.full((1, 8), -room), np.full((1, 8), room))
     penalty = chain.bounded * chain.soft_weights
     penalty[:, chain.inputs] = 1e6 * chain.bounded[:, chain.inputs]
     active = ActiveBounds.none(shape, 2)

@@ -20,9 +20,9 @@ from rcopterx.agents.controllers.cascade.lag_problem import LagProblem
 from rcopterx.agents.controllers.cascade.terms import (
     HorizontalProblem,
     HorizontalTask,
+    chain_states,
     let_come_back,
     riccati_cost,
-    solve_chain,
 )
 from rcopterx.agents.controllers.cascade.tilt_problem import TiltProblem
 from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
@@ -33,7 +33,8 @@ from rcopterx.agents.controllers.roll_out import lag_poles
 from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
-from rcopterx.native.cascade import joined_inputs, plan_samples, steady_rows, turned_by_thrust
+from rcopterx.native.cascade import steady_rows
+from rcopterx.native.plans import join_plans, turned_by_thrust
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
@@ -107,10 +108,11 @@ class CascadeController(BaseController):
         self._settings = settings
         horizontal, height, yaw = settings.effort_factors
         self._effort_factors = np.array([horizontal, horizontal, height, yaw])
+        self._slowed = bool((self._effort_factors > 1.0).any())
         self._observer = DisturbanceObserver(model, period_s)
         self._decay = 1.0 + period_s * (np.array(model.direct_damping) if settings.actuator_lag else model.k)
         self._poles = lag_poles(model, period_s)
-        self._levels = 3 if settings.actuator_lag else 2
+        self._coupling = model.thrust_coupling if settings.actuator_lag else 0.0
         self._steady_chain = steady = self._parameters(_STEADY, (True, False))
         self._steady = self.workspace(steady, settings.max_iterations)
         self._horizontal = self._horizontal_problem()
@@ -119,9 +121,10 @@ class CascadeController(BaseController):
         self._remaining = np.exp(-period_s / COMING_BACK_S * np.arange(self._horizon))
         # What was estimated while it oscillated is worth nothing, so this begins with none.
         self._taken_in: Array = np.zeros(INPUT_SIZE)
-        self._steady_dynamics = steady.dynamics
-        self._steady_decay = decay = self._decay[_STEADY].copy()
-        stages = self._horizon + self._levels - 2
+        decay = self._decay[_STEADY].copy()
+        self._steady_dynamics, self._steady_decay = steady.dynamics, decay
+        self._steady_target = ChainTarget.empty(self._horizon, 6, 2 * steady.levels)
+        stages = self._horizon + steady.levels - 2
         turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
         self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
         self.set_limit_scale(LimitScale(4 * (settings.input_range,)))
@@ -166,18 +169,18 @@ class CascadeController(BaseController):
         slower = np.array(limit_scale.rates)
         rates = (slower * limits.state_min[3:], slower * limits.state_max[3:])
         self._steady_bounds, self._horizontal_bounds = (
-            (
-                np.concatenate((positions[0][axes], rates[0][axes], limits.input_min[axes])),
-                np.concatenate((positions[1][axes], rates[1][axes], limits.input_max[axes])),
+            np.array(
+                (
+                    np.concatenate((positions[0][axes], rates[0][axes], limits.input_min[axes])),
+                    np.concatenate((positions[1][axes], rates[1][axes], limits.input_max[axes])),
+                )
             )
             for axes in (_STEADY, _HORIZONTAL)
         )
         whole = np.array(limit_scale.inputs)
         part = np.where(whole < 1.0, whole, np.inf)
-        least, most = part * (limits.input_min - hover), part * (limits.input_max - hover)
-        self._steady_share, self._horizontal_share = (
-            (least[axes], most[axes]) for axes in (_STEADY, _HORIZONTAL)
-        )
+        share = np.array((part * (limits.input_min - hover), part * (limits.input_max - hover)))
+        self._steady_share, self._horizontal_share = share[:, _STEADY].copy(), share[:, _HORIZONTAL].copy()
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         state, inputs = self._settings.state_weights, self._settings.input_weights
@@ -212,7 +215,8 @@ class CascadeController(BaseController):
         push = self._disturbance(estimate).copy()
         push[U_THRUST] -= self._model.gravity_m_s2
         clear = self._clearances(estimate, reference)
-        steady = self._solve_steady(estimate, reference, push, clear, expired)
+        budget = Budget(expired, lambda: self._planned_steady(estimate))
+        steady = self._solve_steady(estimate, push[_STEADY], reference, clear, budget)
         heading, height_m = steady.flat[:, 1], steady.flat[: self._horizon, 0]
         budget = Budget(expired, self._planned_horizontal)
         horizontal = self._horizontal.solve(
@@ -220,12 +224,23 @@ class CascadeController(BaseController):
             self._horizontal_bounds,
             self._horizontal_share,
         )
-        turns = self._thrust_turns(float(estimate.actuator[U_THRUST]), steady.inputs[:, 0])
-        lowest, highest = self._limits.input_min, self._limits.input_max
-        samples = np.empty((self._horizon, COLUMNS))
-        plan_samples(horizontal.flat, steady.flat, self._period_s, samples)
+        inputs, samples = np.empty((self._horizon - 1, INPUT_SIZE)), np.empty((self._horizon, COLUMNS))
+        join_plans(
+            horizontal.flat,
+            steady.flat,
+            horizontal.inputs,
+            steady.inputs,
+            self._coupling,
+            self._poles[U_THRUST],
+            estimate.actuator[U_THRUST],
+            self._limits.input_min,
+            self._limits.input_max,
+            self._period_s,
+            inputs,
+            samples,
+        )
         return Solution(
-            joined_inputs(horizontal.inputs, steady.inputs, turns, lowest, highest),
+            inputs,
             Trajectory(samples, self._period_s),
             horizontal.iterations + steady.iterations,
             early=not (horizontal.solved and steady.solved),
@@ -234,40 +249,33 @@ class CascadeController(BaseController):
     def _solve_steady(
         self,
         estimate: Estimate,
-        reference: Trajectory,
         push: Array,
+        reference: Trajectory,
         clear: Clearances | None,
-        expired: Callable[[], bool],
+        budget: Budget,
     ) -> ChainSolution:
-        """Plan the vertical and yaw."""
-        motion = estimate.motion
-        first = np.empty((3, 2))
-        first[0], first[1], first[2] = motion[2:4], motion[6:8], estimate.actuator[2:4]
-        rows, terminal = self._steady_chain.empty_reference()
-        steady_rows(
+        """Solve for thrust and yaw."""
+        qp, target, first = self._steady, self._steady_target, chain_states(estimate)[:, _STEADY]
+        within = steady_rows(
             reference.samples,
             self._steady_decay,
             self._period_s,
             self._settings.feed_forward,
             *self._steady_dynamics,
-            rows,
-            terminal,
-        )
-
-        def change(target: ChainTarget) -> ChainTarget:
-            kept = target if clear is None else clear.bound_heights(target)
-            return let_come_back(kept, first[1], self._remaining)
-
-        return solve_chain(
-            self._steady,
-            first,
-            push[_STEADY],
-            (rows, terminal),
+            first[1],
             self._steady_bounds,
+            qp.balance(push),
             self._steady_share,
-            Budget(expired, lambda: self._planned_steady(estimate)),
-            change,
+            target.rows,
+            target.terminal,
+            target.lower,
+            target.upper,
         )
+        if clear is not None:
+            target = clear.bound_heights(target)
+        if not within:
+            target = let_come_back(target, first[1], self._remaining)
+        return qp.solve(first[: self._steady_chain.levels], push, target, budget)
 
     def _planned_horizontal(self) -> Array | None:
         """Pitch and roll of the previous plan."""
@@ -280,15 +288,9 @@ class CascadeController(BaseController):
         if planned is None:
             return None
         steady = planned[:, _STEADY].copy()
-        steady[:, 1] += self._thrust_turns(float(estimate.actuator[U_THRUST]), steady[:, 0])
+        actuator = estimate.actuator[U_THRUST]
+        steady[:, 1] += turned_by_thrust(self._coupling, self._poles[U_THRUST], actuator, steady[:, 0])
         return steady
-
-    def _thrust_turns(self, actuator: float, thrust: Array) -> Array:
-        """What a plan of thrust sticks turns the vehicle by, as yaw sticks."""
-        coupling = self._model.thrust_coupling
-        if coupling == 0.0 or not self._settings.actuator_lag:
-            return np.zeros(len(thrust))
-        return turned_by_thrust(coupling, float(self._poles[U_THRUST]), actuator, thrust)
 
     def _clearances(self, estimate: Estimate, reference: Trajectory) -> Clearances | None:
         """Separation constraints around the previous plan; None while nobody is near."""
@@ -316,7 +318,7 @@ class CascadeController(BaseController):
     def _believed(self, estimate: Estimate) -> Array:
         """The estimated disturbance; while the bandwidth is lowered taken in slowly, but for the height's."""
         told, factors = estimate.disturbance, self._effort_factors
-        if not (factors > 1.0).any():
+        if not self._slowed:
             return told
         time_constant_s = SLOWING_S * np.sqrt(factors)
         self._taken_in += self._period_s / (self._period_s + time_constant_s) * (told - self._taken_in)

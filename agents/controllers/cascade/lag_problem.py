@@ -2,7 +2,6 @@
 6)."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -12,13 +11,11 @@ from rcopterx.agents.controllers.cascade.terms import (
     Bounds,
     HeadingCost,
     HorizontalTask,
-    solve_chain,
+    chain_states,
 )
 from rcopterx.agents.controllers.chains.active_set import ChainSolution
-from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
-from rcopterx.agents.interfaces import Estimate
-from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.native.cascade import heading_moved, horizontal_rows, turning
 from rcopterx.vehicles.state import Array
 
@@ -57,12 +54,13 @@ class LagProblem:
         feed_forward: bool,
     ) -> None:
         self._parameters, self._decay, self._feed_forward = parameters, decay, feed_forward
-        self._dynamics = parameters.dynamics
         self._free = workspace(parameters, max_iterations)
         # Only periods in which somebody comes near pay for the rows that keep clear.
         crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
         self._crowded = ChainQP(crowded, max_iterations)
         self._heading_cost = HeadingCost(parameters, decay)
+        self._dynamics = parameters.dynamics
+        self._target = ChainTarget.empty(parameters.stages, 6, 2 * parameters.levels)
         self._heading_plan: Array | None = None
 
     def forget(self) -> None:
@@ -74,32 +72,33 @@ class LagProblem:
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
         """Solve for the sticks of the horizon (`HorizontalProblem` in `terms`)."""
         self._linearize(task.heading)
-        rows, terminal = self._reference(task.heading, task.reference)
-        first = _first_state(task.estimate)
-        push = task.push
-        if task.clear is None:
-            self._crowded.forget()
-            return solve_chain(self._free, first, push, (rows, terminal), bounds, share, task.budget)
-        self._free.forget()
-        self._crowded.set_matrices(*self._matrices)
-        self._crowded.set_clearances(task.clear.directions)
-        add = partial(task.clear.add_rows, task.height_m)
-        return solve_chain(self._crowded, first, push, (rows, terminal), bounds, share, task.budget, add)
-
-    def _reference(self, heading: Array, reference: Trajectory) -> tuple[Array, Array]:
-        """Velocities and accelerations in the body frame of the planned heading."""
-        rows, terminal = self._parameters.empty_reference()
+        parameters, target, estimate = self._parameters, self._target, task.estimate
         horizontal_rows(
-            reference.samples,
-            heading,
+            task.reference.samples,
+            task.heading,
             self._decay,
-            self._parameters.period_s,
+            parameters.period_s,
             self._feed_forward,
             *self._dynamics,
-            rows,
-            terminal,
+            bounds,
+            self._free.balance(task.push),
+            share,
+            target.rows,
+            target.terminal,
+            target.lower,
+            target.upper,
         )
-        return rows, terminal
+        if task.clear is None:
+            self._crowded.forget()
+            qp = self._free
+        else:
+            self._free.forget()
+            qp = self._crowded
+            qp.set_matrices(*self._matrices)
+            qp.set_clearances(task.clear.directions)
+            target = task.clear.add_rows(task.height_m, target)
+        first = chain_states(estimate)[: parameters.levels, :2]
+        return qp.solve(first, task.push, target, task.budget)
 
     def _linearize(self, heading: Array) -> None:
         """Matrices of the chain along the planned heading."""
@@ -113,10 +112,3 @@ class LagProblem:
         self._matrices = turn, transition, cost
         self._free.set_matrices(turn, transition, cost)
         self._heading_plan = heading
-
-
-def _first_state(estimate: Estimate) -> Array:
-    """Position, velocity and actuator of the horizontal axes, shape (3, 2)."""
-    first = np.empty((3, 2))
-    first[0], first[1], first[2] = estimate.motion[:2], estimate.motion[4:6], estimate.actuator[:2]
-    return first

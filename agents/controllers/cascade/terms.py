@@ -4,9 +4,8 @@ control.md section 6. Horizontal quantities that depend on the heading are turne
 heading of the vehicle's own yaw plan, so a reference that is another vehicle's plan is reproduced exactly.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 from msgspec import Struct
@@ -15,18 +14,12 @@ from scipy.linalg import solve_discrete_are
 from rcopterx.agents.controllers.cascade.clearance import Clearances
 from rcopterx.agents.controllers.chains.active_set import Budget, ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
-from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.references.trajectory import Trajectory
-from rcopterx.native.bounds import rows_within
-from rcopterx.native.cascade import cut_to_bounds
 from rcopterx.vehicles.state import Array, heading_matrix
 
-Bounds = tuple[Array, Array]
-"""Lower and upper."""
-
-_NARROWEST: Final = 0.01
-"""Range of a command that is still worth planning with."""
+Bounds = Array
+"""Lower and upper ones, shape (2, ..)."""
 
 
 class HorizontalTask(Struct, frozen=True):
@@ -74,9 +67,9 @@ class HorizontalProblem(Protocol):
         task
             What is given.
         bounds
-            Of position (inertial), velocity (body) and stick, shape (6,) each.
+            Of position (inertial), velocity (body) and stick, shape (2, 6).
         share
-            Of the sticks once the disturbance is balanced, shape (2,) each.
+            Of the sticks once the disturbance is balanced, shape (2, 2).
 
         Returns
         -------
@@ -86,56 +79,9 @@ class HorizontalProblem(Protocol):
         ...
 
 
-def solve_chain(
-    qp: ChainQP,
-    first: Array,
-    push: Array,
-    reference: tuple[Array, Array],
-    bounds: Bounds,
-    share: Bounds,
-    budget: Budget,
-    change: Callable[[ChainTarget], ChainTarget] | None = None,
-) -> ChainSolution:
-    """Solve one chain.
-
-    Parameters
-    ----------
-    qp
-        Its workspace.
-    first
-        Position, velocity, actuator of stage 1, shape (3, m).
-    push
-        Acceleration that acts at every stage, shape (m,).
-    reference
-        Rows (position, velocity, command) of the stages, shape (N, 3 m), and last state, shape (levels m,);
-        commands are cut to their bounds in place.
-    bounds, share
-        As in `HorizontalProblem.solve`.
-    budget
-        What the solve may take.
-    change
-        Adds separation constraints to the target, or changes its bounds.
-    """
-    target = target_within(*reference, bounds, qp.balance(push), share)
-    return qp.solve(first[: qp.levels], push, target if change is None else change(target), budget)
-
-
-def target_within(rows: Array, terminal: Array, bounds: Bounds, balance: Array, share: Bounds) -> ChainTarget:
-    """Target of a chain of two axes with commands that balance what pushes the vehicle.
-
-    Parameters
-    ----------
-    rows, terminal
-        Position, velocity and command of the stages, shape (N, 6), and the last state; commands are cut to
-        their bounds in place.
-    bounds, share
-        As in `HorizontalProblem.solve`.
-    balance
-        Commands beyond the sticks, which balance disturbance or trim, shape (2,).
-    """
-    lower, upper = np.empty(rows.shape[1]), np.empty(rows.shape[1])
-    cut_to_bounds(rows, *bounds, balance, *share, _NARROWEST, lower, upper)
-    return ChainTarget(rows, terminal, lower, upper)
+def chain_states(estimate: Estimate) -> Array:
+    """Position, velocity and actuator of the four axes x, y, z, yaw, shape (3, 4)."""
+    return np.concatenate((estimate.motion, estimate.actuator)).reshape(3, 4)
 
 
 def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> ChainTarget:
@@ -155,10 +101,7 @@ def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> Cha
         Share of the excess that is allowed at each stage, shape (N,).
     """
     columns = slice(len(velocity), 2 * len(velocity))
-    lower, upper = target.rows_of_bounds()
-    lowest, highest = lower[0, columns], upper[0, columns]
-    if rows_within(velocity[None], lowest, highest):
-        return target
+    lowest, highest = target.lower[0, columns], target.upper[0, columns]
     below, above = np.minimum(velocity - lowest, 0.0), np.maximum(velocity - highest, 0.0)
     lower, upper = target.bounds_of_stages()
     lower[:, columns] += remaining[:, None] * below

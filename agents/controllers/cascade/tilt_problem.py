@@ -3,19 +3,18 @@
 The lateral model is predicted whole: bar, disc, coupling of the axes, servo, and the wind as it fades.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from rcopterx.agents.controllers.cascade.clearance import SLOTS
-from rcopterx.agents.controllers.cascade.terms import Bounds, HorizontalTask, target_within
+from rcopterx.agents.controllers.cascade.terms import Bounds, HorizontalTask
 from rcopterx.agents.controllers.chains.active_set import ChainSolution
-from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.lateral_qp import LateralQP
-from rcopterx.agents.flight.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
-from rcopterx.agents.interfaces import Estimate, TiltEstimate
-from rcopterx.native.cascade import lateral_reference
+from rcopterx.agents.flight.lateral import demand_matrix, lateral_system
+from rcopterx.agents.interfaces import TiltEstimate
+from rcopterx.native.cascade import lateral_first_state, lateral_reference
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     GRAVITY_M_S2,
@@ -64,6 +63,9 @@ class TiltProblem:
         self._drag = 0.5 * float(model.k[:2].sum())
         self._lead = self._mean_delay_s() / parameters.period_s
         self._gain: Array = model.b[:2].copy()
+        stages, states = parameters.stages, self._system.size
+        self._turn, self._demand_turn = np.empty((stages, 2, 2)), np.empty((stages - 1, 2, 2))
+        self._first, self._target = np.empty(states), ChainTarget.empty(stages, 6, states)
 
     def forget(self) -> None:
         """Start the next solve from nothing."""
@@ -76,23 +78,24 @@ class TiltProblem:
         The push of the task counts only where the estimator does not tell the wind.
         """
         tilt = self._tilt(task)
-        samples, stages = task.reference.samples, self._parameters.stages
-        turn, demand_turn = np.empty((stages, 2, 2)), np.empty((stages - 1, 2, 2))
-        rows = np.empty((stages, 6))
+        target = self._target
         lateral_reference(
-            samples,
+            task.reference.samples,
             task.heading,
             self._gain,
             self._drag,
             self._lead,
             self._feed_forward,
-            turn,
-            demand_turn,
-            rows,
+            bounds,
+            tilt.trim,
+            share,
+            self._turn,
+            self._demand_turn,
+            target.rows,
+            target.terminal,
+            target.lower,
+            target.upper,
         )
-        terminal = np.zeros(self._system.size)
-        terminal[POSITION], terminal[VELOCITY] = rows[-1, :2], samples[-1, 4:6]
-        target = target_within(rows, terminal, bounds, tilt.trim, share)
         if task.clear is None:
             self._crowded.forget()
             qp = self._free
@@ -101,8 +104,10 @@ class TiltProblem:
             qp = self._crowded
             qp.set_clearances(task.clear.directions)
             target = task.clear.add_rows(task.height_m, target)
-        qp.set_headings(turn, demand_turn)
-        return qp.solve(self._first_state(task.estimate, tilt), tilt.trim, target, task.budget)
+        qp.set_headings(self._turn, self._demand_turn)
+        motion, first = task.estimate.motion, self._first
+        lateral_first_state(motion, tilt.core, tilt.servo, tilt.wind_m_s2, self._gain, first)
+        return qp.solve(first, tilt.trim, target, task.budget)
 
     def _tilt(self, task: HorizontalTask) -> TiltEstimate:
         """Tilt of the estimate; from actuator and push where the estimator does not tell it."""
@@ -117,20 +122,6 @@ class TiltProblem:
         core[:2] = demand / GRAVITY_M_S2
         return TiltEstimate(
             core, task.estimate.actuator[:2], heading_matrix(yaw_rad) @ task.push, np.zeros(2)
-        )
-
-    def _first_state(self, estimate: Estimate, tilt: TiltEstimate) -> Array:
-        """State of the lateral system: number by number, because for so few numpy only costs time."""
-        x, y, _, yaw_rad, forward, left, *_ = estimate.motion.tolist()
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-        pitch, roll = (tilt.servo * self._gain).tolist()
-        return np.array(
-            (
-                *(x, y, c * forward - s * left, s * forward + c * left),
-                *tilt.core.tolist(),
-                *(c * pitch - s * roll, s * pitch + c * roll),
-                *tilt.wind_m_s2.tolist(),
-            )
         )
 
     def _mean_delay_s(self) -> float:

@@ -97,6 +97,7 @@ class ActiveSetQP:
         self._factor_side: Array | None = None
         """The active bounds that the factor is of; None for none."""
         self._warm = False
+        """Whether there is a solution to begin from."""
         self._expired: Callable[[], bool] = _never
 
     def _weigh_bounds(self) -> None:
@@ -109,15 +110,11 @@ class ActiveSetQP:
         self._warm = self._cruising = False
         self._factor = self._factor_side = None
 
-    def _solve(
-        self, start: Callable[[], None], balance: Array, target: ChainTarget, budget: Budget
-    ) -> ChainSolution:
-        """Solve with new numbers, starting from the last solution shifted by one stage.
+    def _solve(self, balance: Array, target: ChainTarget, budget: Budget) -> ChainSolution:
+        """Solve with new numbers, from where the chain has begun.
 
         Parameters
         ----------
-        start
-            Sets the chain's measured state, after the shift.
         balance
             What the rows of the inputs have added to them, shape (m,).
         target
@@ -132,11 +129,6 @@ class ActiveSetQP:
         """
         chain = self._chain
         self._expired = budget.expired
-        if self._warm:
-            chain.shift()
-        start()
-        if not self._warm:
-            chain.rest()
         solved, iterations = self._warm_start(target)
         if not solved:
             solved, further = self._interior_point(target)
@@ -234,8 +226,7 @@ class ActiveSetQP:
     def _input_bounds(self, target: ChainTarget) -> tuple[Array, Array]:
         """Of the inputs of the horizon, which are the same at every stage."""
         columns = self._chain.inputs
-        lower, upper = target.rows_of_bounds()
-        return lower[0, columns], upper[0, columns]
+        return target.lower[0, columns], target.upper[0, columns]
 
     def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
         """Interior-point steps until the active bounds can be read off and give the exact solution."""

@@ -95,10 +95,6 @@ class ChainParameters:
         pole = self.gain if self.pole is None else self.pole
         return self.period_s * self.gain, pole, self.rate_feedback, self.pole is not None
 
-    def empty_reference(self) -> tuple[Array, Array]:
-        """Room for rows of position, velocity, input, shape (N, 3 m), and last state, shape (levels m,)."""
-        return np.empty((self.stages, 3 * self.axes)), np.empty(self.levels * self.axes)
-
 
 @dataclass(slots=True)
 class ActiveBounds:
@@ -153,7 +149,7 @@ class ChainTarget:
     terminal
         Shape (levels m,): position, velocity[, actuator] of stage N.
     lower, upper
-        Shape (3 m + K,), or (N, 3 m + K) where they differ from stage to stage.
+        Shape (1, 3 m + K), or (N, 3 m + K) where they differ from stage to stage.
     """
 
     rows: Array
@@ -161,14 +157,15 @@ class ChainTarget:
     lower: Array
     upper: Array
 
-    def rows_of_bounds(self) -> tuple[Array, Array]:
-        """The bounds as rows, shape (1, 3 m + K) or (N, 3 m + K)."""
-        lower, upper = self.lower, self.upper
-        return (lower, upper) if lower.ndim == 2 else (lower[None], upper[None])
+    @classmethod
+    def empty(cls, stages: int, rows: int, states: int) -> "ChainTarget":
+        """One to be filled, with the same bounds at all stages."""
+        lower, upper = np.empty((2, 1, rows))
+        return cls(np.empty((stages, rows)), np.empty(states), lower, upper)
 
     def bounds_of_stages(self) -> tuple[Array, Array]:
         """Copies of the bounds for each stage, shape (N, 3 m + K), to be changed."""
-        shape = len(self.rows), self.lower.shape[-1]
+        shape = len(self.rows), self.lower.shape[1]
         return np.broadcast_to(self.lower, shape).copy(), np.broadcast_to(self.upper, shape).copy()
 
 
@@ -257,10 +254,10 @@ class Chain:
 
     def balance(self, disturbance: Array) -> Array:
         """What a disturbance adds to the inputs, as an input, shape (m,)."""
-        return np.asarray(self.parameters.period_s * disturbance / self._push)
+        return np.asarray(disturbance / self.parameters.gain)
 
-    def set_start(self, first_state: Array, disturbance: Array) -> None:
-        """Fix the positions that the measured state determines: as many as it has levels.
+    def begin(self, first_state: Array, disturbance: Array, shifted: bool) -> None:
+        """Begin a solve from a measured state, which fixes as many positions as it has levels.
 
         Parameters
         ----------
@@ -268,9 +265,12 @@ class Chain:
             Position, velocity[, actuator] of stage 1, shape (levels, m).
         disturbance
             Acceleration, shape (m,).
+        shifted
+            From the present positions one stage on, instead of standing still where the state leads to.
         """
         chain_start(
             self.flat.reshape(-1),
+            shifted,
             first_state,
             disturbance,
             self._first_turns,
@@ -278,15 +278,6 @@ class Chain:
             self._push,
             self.parameters.period_s,
         )
-
-    def rest(self) -> None:
-        """Begin from standing still where the measured state leads to."""
-        levels = self.parameters.levels
-        self.flat[levels:-1] = self.flat[levels - 1]
-
-    def shift(self) -> None:
-        """Begin one stage on."""
-        self.flat[:-2] = self.flat[1:-1]
 
     def point(self) -> Array:
         """The present positions, to come back to."""
@@ -359,7 +350,8 @@ class Chain:
             target.rows,
             self.weights,
             penalty,
-            *target.rows_of_bounds(),
+            target.lower,
+            target.upper,
             active.values,
             active.side,
             active.multipliers,

@@ -1,7 +1,5 @@
 """Quadratic program of a chain (see `chain`): vehicles with lags, the vertical, yaw."""
 
-from functools import partial
-
 from rcopterx.agents.controllers.chains.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
 from rcopterx.agents.controllers.chains.chain import Chain, ChainParameters, ChainTarget
 from rcopterx.vehicles.state import Array
@@ -21,11 +19,6 @@ class ChainQP(ActiveSetQP):
     def __init__(self, parameters: ChainParameters, max_iterations: int) -> None:
         self._flat_chain = Chain(parameters)
         super().__init__(self._flat_chain, max_iterations)
-
-    @property
-    def levels(self) -> int:
-        """States per axis."""
-        return self._flat_chain.parameters.levels
 
     def set_matrices(self, turn: Array, transition: Array, terminal_cost: Array) -> None:
         """Replace E, F and the terminal cost (`Chain.set_matrices`)."""
@@ -63,5 +56,5 @@ class ChainQP(ActiveSetQP):
         ChainSolution
             The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
-        start = partial(self._flat_chain.set_start, first_state, disturbance)
-        return self._solve(start, self.balance(disturbance), target, budget)
+        self._flat_chain.begin(first_state, disturbance, self._warm)
+        return self._solve(self.balance(disturbance), target, budget)

@@ -30,14 +30,6 @@ class StageProblem(Protocol):
     soft_weights: Array
     inputs: slice
 
-    def rest(self) -> None:
-        """Begin from standing still."""
-        ...
-
-    def shift(self) -> None:
-        """Begin one stage on."""
-        ...
-
     def point(self) -> Array:
         """The present point, to come back to."""
         ...

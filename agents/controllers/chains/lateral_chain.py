@@ -21,6 +21,7 @@ from rcopterx.agents.controllers.chains.chain import (
 )
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.native.lateral import (
+    lateral_begin,
     lateral_factor,
     lateral_rows,
     lateral_settle,
@@ -77,14 +78,14 @@ class LateralChain:
         self._carried = np.ascontiguousarray(system.transition.T)
         self._demand = np.ascontiguousarray(system.demand)
         self._states: Array = np.zeros((stages + BEYOND, system.size))
-        """Of the present demands, but not renewed by every move."""
+        """Always those of the present demands."""
         self.terminal_cost = self._riccati_cost()
         self._endless = self._endless_factor()
         self._unbound: Array = np.tile(self._endless, (stages - 1, 1, 1))
         """Factor of the Hessian without active bounds."""
         level = np.tile(np.eye(AXES), (stages, 1, 1))
         self.set_headings(level, level[:-1])
-        self.set_start(np.zeros(system.size))
+        self.begin(np.zeros(system.size), shifted=False)
 
     def _riccati_cost(self) -> Array:
         """Cost of the last state: what an endless horizon would add."""
@@ -125,17 +126,16 @@ class LateralChain:
         self.bounded[:, self._clearances] = directions.any(axis=2)
         self.bounded[:1, self._clearances] = 0.0
 
-    def set_start(self, first_state: Array) -> None:
-        """Start from a state of the lateral system, shape (n,)."""
+    def begin(self, first_state: Array, shifted: bool) -> None:
+        """Begin a solve from a state of the lateral system, shape (n,).
+
+        Parameters
+        ----------
+        shifted
+            With the present demands one stage on, instead of none at all.
+        """
         self._first_state = first_state
-
-    def rest(self) -> None:
-        """Begin from no demand at all."""
-        self._demands[:] = 0.0
-
-    def shift(self) -> None:
-        """Begin one stage on."""
-        self._demands[:-AXES] = self._demands[AXES:].copy()
+        lateral_begin(self._carried, self._demand, first_state, shifted, self._demands, self._states)
 
     def point(self) -> Array:
         """The present demands, to come back to."""
@@ -144,22 +144,23 @@ class LateralChain:
     def restore(self, point: Array) -> None:
         """Go back to a point."""
         self._demands[:] = point
+        self._follow()
 
     def positions(self) -> Array:
         """Positions of the stages and `BEYOND` more, shape (N + 2, 2)."""
-        self._follow()
         return self._states[:, POSITION].copy()
 
     def values(self) -> Array:
         """Rows at the present demands, shape (N, 6 + K)."""
-        return self._rows(self._first_state, self._demands, self._states)
+        return self._rows(self._demands, self._states)
 
     def change_of_values(self, step: Array) -> Array:
         """Change of the rows under a step of the demands, shape (N, 6 + K)."""
-        return self._rows(np.zeros(self._system.size), step, np.empty(self._states.shape))
+        change = np.empty(self._states.shape)
+        lateral_states(self._carried, self._demand, np.zeros(self._system.size), step, change)
+        return self._rows(step, change)
 
-    def _rows(self, first: Array, demands: Array, states: Array) -> Array:
-        lateral_states(self._carried, self._demand, first, demands, states)
+    def _rows(self, demands: Array, states: Array) -> Array:
         rows = np.empty(self.weights.shape)
         lateral_rows(
             states, demands, self._turn, self._demand_turn, self.parameters.gain, self._directions, rows
@@ -173,11 +174,13 @@ class LateralChain:
     def move(self, step: Array) -> None:
         """Take a step of the demands."""
         self._demands += step
+        self._follow()
 
     def roll_out(self, inputs: Array) -> None:
         """Demand what sticks ask for, trim included; shape (N - 1, 2)."""
         demands = np.einsum("sab,sb->sa", self._demand_turn, inputs * self.parameters.gain)
         self._demands[:] = demands.reshape(-1)
+        self._follow()
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
         """Terminal cost of the present demands."""
@@ -185,7 +188,6 @@ class LateralChain:
         return 0.5 * float(error @ self.terminal_cost @ error)
 
     def _terminal_error(self, target: ChainTarget) -> Array:
-        self._follow()
         return np.asarray(self._states[self.parameters.stages - 1] - target.terminal)
 
     def factorize(self, weights: Array) -> Array | None:
@@ -238,7 +240,6 @@ class LateralChain:
             self.terminal_cost,
             factor,
             target.terminal,
-            self._first_state,
             self._demands,
             self._states,
             self._turn,
@@ -248,7 +249,8 @@ class LateralChain:
             target.rows,
             self.weights,
             penalty,
-            *target.rows_of_bounds(),
+            target.lower,
+            target.upper,
             active.values,
             active.side,
             active.multipliers,

@@ -1,7 +1,5 @@
 """Quadratic program of the horizontal motion of a vehicle with a tilt model."""
 
-from functools import partial
-
 from rcopterx.agents.controllers.chains.active_set import UNLIMITED, ActiveSetQP, Budget, ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.lateral_chain import LateralChain
@@ -59,4 +57,5 @@ class LateralQP(ActiveSetQP):
         ChainSolution
             The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
-        return self._solve(partial(self.chain.set_start, first_state), trim, target, budget)
+        self.chain.begin(first_state, self._warm)
+        return self._solve(trim, target, budget)

@@ -26,7 +26,7 @@ def still(place_m: Array, across_m: float = 0.35, up_m: float = 0.6, stages: int
 
 def bounds(stages: int = STAGES) -> ChainTarget:
     """A chain of two axes, positions -1.2 to 1.2."""
-    return ChainTarget(np.zeros((stages, 6)), np.zeros(6), np.full(6, -1.2), np.full(6, 1.2))
+    return ChainTarget(np.zeros((stages, 6)), np.zeros(6), np.full((1, 6), -1.2), np.full((1, 6), 1.2))
 
 
 @given(place, place, place, half_axis, half_axis, st.lists(place, min_size=1, max_size=20))

@@ -39,7 +39,7 @@ class Case:
         p = self.parameters
         rows, terminal = np.zeros((p.stages, 6)), np.zeros(2 * self.levels)
         balance = np.concatenate((np.zeros(4), disturbance / p.gain))
-        return ChainTarget(rows, terminal, self.lower + balance, self.upper + balance)
+        return ChainTarget(rows, terminal, (self.lower + balance)[None], (self.upper + balance)[None])
 
     def workspace(self) -> ChainQP:
         qp = ChainQP(self.parameters, 60)
@@ -160,7 +160,7 @@ def test_rows_that_keep_clear_say_the_same_as_bounds_along_the_axes(lag: bool) -
     problem = case(16, lag)
     first = np.array([[0.4, -0.6], [0.3, -0.4], [0.2, 0.1]])[: problem.levels]
     aim = problem.target(np.zeros(2))
-    aim.lower[0] = 0.3
+    aim.lower[0, 0] = 0.3
     bounded = problem.workspace().solve(first, np.zeros(2), aim)
     parameters = replace(problem.parameters, clearances=2, clearance_weight=problem.parameters.soft_weight)
     qp = ChainQP(parameters, 60)
@@ -170,8 +170,8 @@ def test_rows_that_keep_clear_say_the_same_as_bounds_along_the_axes(lag: bool) -
     qp.set_clearances(directions)
     wide = problem.target(np.zeros(2))
     rows = np.hstack((wide.rows, np.zeros((16, 2))))
-    lower = np.tile(np.append(wide.lower, [0.0, -20.0]), (16, 1))
-    upper = np.tile(np.append(wide.upper, [0.0, -0.3]), (16, 1))
+    lower = np.tile(np.append(wide.lower[0], [0.0, -20.0]), (16, 1))
+    upper = np.tile(np.append(wide.upper[0], [0.0, -0.3]), (16, 1))
     found = qp.solve(first, np.zeros(2), ChainTarget(rows, wide.terminal, lower, upper))
     assert found.solved
     assert bounded.solved
@@ -234,7 +234,7 @@ def test_multipliers_of_a_farther_set_point_do_not_bend_the_solution_of_a_nearer
     def target(distance_m: float) -> ChainTarget:
         aim = problem.target(np.zeros(2))
         aim.rows[:, :2] = aim.terminal[:2] = (distance_m, -0.7 * distance_m)
-        aim.lower[:2], aim.upper[:2] = -100.0, 100.0
+        aim.lower[0, :2], aim.upper[0, :2] = -100.0, 100.0
         return aim
 
     rest, disturbance = np.zeros((3, 2)), np.zeros(2)
@@ -251,7 +251,7 @@ def test_cruise_along_a_speed_bound_is_solved_as_from_scratch() -> None:
     problem = case(40, lag=True, yaw_rate=0.0, rate_feedback=0.0)
     far = problem.target(np.zeros(2))
     far.rows[:, :2] = far.terminal[:2] = (6.0, -4.0)
-    far.lower[:2], far.upper[:2] = -10.0, 10.0
+    far.lower[0, :2], far.upper[0, :2] = -10.0, 10.0
     qp = problem.workspace()
     random = np.random.default_rng(3)
     state = np.zeros(6)
@@ -265,7 +265,7 @@ def test_cruise_along_a_speed_bound_is_solved_as_from_scratch() -> None:
             assert found.inputs == pytest.approx(from_scratch.inputs, abs=1e-4)
         a, b = problem.matrices(0)
         state = a @ state + b @ found.inputs[0]
-    assert state[2] > 0.9 * far.upper[2]
+    assert state[2] > 0.9 * far.upper[0, 2]
     assert np.mean(counts[1:]) < 4.0
 
 
@@ -286,7 +286,7 @@ def cost_of(problem: Case, first: Array, inputs: Array, aim: ChainTarget) -> flo
             weights = np.concatenate((p.position_weights, p.velocity_weights))
             total += float(weights @ (there - aim.rows[stage, :4]) ** 2)
         if stage:
-            beyond = np.maximum(there - aim.upper[:4], 0.0) + np.maximum(aim.lower[:4] - there, 0.0)
+            beyond = np.maximum(there - aim.upper[0, :4], 0.0) + np.maximum(aim.lower[0, :4] - there, 0.0)
             total += p.soft_weight * float(beyond @ beyond)
         if stage < p.stages - 1:
             total += float(p.input_weights @ (inputs[stage] - aim.rows[stage, 4:]) ** 2)

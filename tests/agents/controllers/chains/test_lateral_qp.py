@@ -31,7 +31,7 @@ def headings(yaw_rad: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def resting(lower: np.ndarray = LOWER, upper: np.ndarray = UPPER) -> ChainTarget:
-    return ChainTarget(np.zeros((STAGES, 6)), np.zeros(SYSTEM.size), lower, upper)
+    return ChainTarget(np.zeros((STAGES, 6)), np.zeros(SYSTEM.size), lower[None], upper[None])
 
 
 def workspace(turn: np.ndarray, middle: np.ndarray) -> LateralQP:
@@ -160,7 +160,10 @@ def test_rows_that_keep_clear_push_the_positions_away() -> None:
     directions = np.tile([[[1.0, 0.0]]], (STAGES, 1, 1))
     qp.set_clearances(directions)
     target = ChainTarget(
-        np.zeros((STAGES, 7)), np.zeros(SYSTEM.size), np.append(LOWER, 0.2), np.append(UPPER, 20.0)
+        np.zeros((STAGES, 7)),
+        np.zeros(SYSTEM.size),
+        np.append(LOWER, 0.2)[None],
+        np.append(UPPER, 20.0)[None],
     )
     found = qp.solve(start((0.25, 0.0), (0.0, 0.0)), np.zeros(2), target)
     assert found.flat[1:STAGES, 0].min() > 0.19
@@ -175,7 +178,7 @@ def cost_of(qp: LateralQP, first: np.ndarray, sticks: np.ndarray, aim: ChainTarg
         if 0 < stage < STAGES - 1:
             total += float(np.repeat((100.0, 1.0), 2) @ (there - aim.rows[stage, :4]) ** 2)
         if stage:
-            beyond = np.maximum(there - aim.upper[:4], 0.0) + np.maximum(aim.lower[:4] - there, 0.0)
+            beyond = np.maximum(there - aim.upper[0, :4], 0.0) + np.maximum(aim.lower[0, :4] - there, 0.0)
             total += PARAMETERS.soft_weight * float(beyond @ beyond)
         if stage < STAGES - 1:
             total += float(effort @ sticks[stage] ** 2)
