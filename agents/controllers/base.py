@@ -14,7 +14,7 @@ from rcopterx.agents.controllers.roll_out import one_stage_on
 from rcopterx.agents.controllers.settings import Limits
 from rcopterx.agents.interfaces import ControlStep, Estimate, NoSolutionError
 from rcopterx.agents.references.trajectory import YAW, Trajectory
-from rcopterx.native.bounds import cut_rows
+from rcopterx.native.bounds import cut_rows, rows_within
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -136,6 +136,8 @@ class BaseController(ABC):
         return Trajectory(samples, self._period_s)
 
     def _usable_input(self, last_input: Array) -> Array:
+        if rows_within(last_input[None], self._model.u_min, self._model.u_max):
+            return last_input.copy()
         if not np.isfinite(last_input).all():
             return self._model.hover_input
         return np.minimum(np.maximum(last_input, self._model.u_min), self._model.u_max)

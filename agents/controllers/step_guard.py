@@ -213,12 +213,12 @@ class StepGuard:
         ):
             if values.shape != shape or values.dtype != np.float64:
                 return f"{name} have shape {values.shape} of {values.dtype}, not {shape} of float64"
-            if not all_within(values, _LARGEST):
-                return f"{name} are not finite, or beyond all reason"
+        if not all_within(samples, _LARGEST):
+            return "the plan is not finite, or beyond all reason"
         if abs(step.plan.period_s - controller.period_s) > _TOLERANCE:
             return f"stages of the plan are {step.plan.period_s:g} s apart, not {controller.period_s:g} s"
         if not rows_within(inputs, self._lowest, self._highest):
-            return "inputs leave the limits of the vehicle"
+            return "inputs are not finite, or leave the limits of the vehicle"
         if not (step.fallback is None or isinstance(step.fallback, str)):
             return f"fallback is {step.fallback!r}, neither a name nor None"
         return None

@@ -308,7 +308,7 @@ class CascadeController(BaseController):
         told = self._believed(estimate) if self._settings.disturbance_compensation else np.zeros(4)
         integrate = self._settings.integrators
         if integrate is None:
-            integrate = not told.any()
+            integrate = not any(told.tolist())
         if not integrate:
             return told
         if self._last_plan is not None:

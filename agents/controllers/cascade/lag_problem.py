@@ -58,6 +58,8 @@ class LagProblem:
         # Only periods in which somebody comes near pay for the rows that keep clear.
         crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
         self._crowded = ChainQP(crowded, max_iterations)
+        self._last = self._free
+        """The one that solved last; the other one has nothing to begin from."""
         self._heading_cost = HeadingCost(parameters, decay)
         self._dynamics = parameters.dynamics
         self._target = ChainTarget.empty(parameters.stages, 6, 2 * parameters.levels)
@@ -88,14 +90,13 @@ class LagProblem:
             target.lower,
             target.upper,
         )
-        if task.clear is None:
-            self._crowded.forget()
-            qp = self._free
-        else:
-            self._free.forget()
-            qp = self._crowded
-            qp.set_matrices(*self._matrices)
-            qp.set_clearances(task.clear.directions)
+        qp = self._free if task.clear is None else self._crowded
+        if qp is not self._last:
+            self._last.forget()
+            self._last = qp
+        if task.clear is not None:
+            self._crowded.set_matrices(*self._matrices)
+            self._crowded.set_clearances(task.clear.directions)
             target = task.clear.add_rows(task.height_m, target)
         first = chain_states(estimate)[: parameters.levels, :2]
         return qp.solve(first, task.push, target, task.budget)

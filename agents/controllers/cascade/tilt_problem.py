@@ -60,6 +60,8 @@ class TiltProblem:
         # Only periods in which somebody comes near pay for the rows that keep clear.
         crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
         self._crowded = LateralQP(crowded, self._system, max_iterations)
+        self._last = self._free
+        """The one that solved last; the other one has nothing to begin from."""
         self._drag = 0.5 * float(model.k[:2].sum())
         self._lead = self._mean_delay_s() / parameters.period_s
         self._gain: Array = model.b[:2].copy()
@@ -96,13 +98,12 @@ class TiltProblem:
             target.lower,
             target.upper,
         )
-        if task.clear is None:
-            self._crowded.forget()
-            qp = self._free
-        else:
-            self._free.forget()
-            qp = self._crowded
-            qp.set_clearances(task.clear.directions)
+        qp = self._free if task.clear is None else self._crowded
+        if qp is not self._last:
+            self._last.forget()
+            self._last = qp
+        if task.clear is not None:
+            self._crowded.set_clearances(task.clear.directions)
             target = task.clear.add_rows(task.height_m, target)
         qp.set_headings(self._turn, self._demand_turn)
         motion, first = task.estimate.motion, self._first

@@ -107,7 +107,8 @@ class ActiveSetQP:
 
     def forget(self) -> None:
         """Start the next solve from nothing, also after one that was interrupted anywhere."""
-        self._warm = self._cruising = False
+        self._warm = self._cruising = self._presses = False
+        self._active.clear()
         self._factor = self._factor_side = None
 
     def _solve(self, balance: Array, target: ChainTarget, budget: Budget) -> ChainSolution:
@@ -129,7 +130,10 @@ class ActiveSetQP:
         """
         chain = self._chain
         self._expired = budget.expired
-        solved, iterations = self._warm_start(target)
+        if self._presses:
+            solved, iterations = self._guess_twice(target)
+        else:
+            solved, iterations = self._active_set(target, ACTIVE_SET_STEPS)
         if not solved:
             solved, further = self._interior_point(target)
             iterations += further
@@ -166,13 +170,8 @@ class ActiveSetQP:
         running = np.vdot(chain.weights * error, error) + np.vdot(self._penalty * excess, excess)
         return 0.5 * float(running) + chain.terminal_cost_of(target)
 
-    def _warm_start(self, target: ChainTarget) -> tuple[bool, int]:
+    def _guess_twice(self, target: ChainTarget) -> tuple[bool, int]:
         """Active-set steps from either guess, the one that was right last time first."""
-        if not self._warm:
-            self._active.clear()
-            self._presses = False
-        if not self._presses:
-            return self._active_set(target, ACTIVE_SET_STEPS)
         moved, same = self._active.moved_on(self._chain.bounded), self._active
         first, second = (same, moved) if self._cruising else (moved, same)
         start = self._chain.point()
@@ -211,7 +210,10 @@ class ActiveSetQP:
     def _present_factor(self) -> Array | None:
         """Factor of the Hessian with the active bounds; None if there is none, or no time for a new one."""
         side = self._active.side if self._presses else None
-        if self._factor is not None and _same(side, self._factor_side):
+        known = self._factor_side
+        if self._factor is not None and (
+            side is known if side is None or known is None else bool((side == known).all())
+        ):
             return self._factor
         self._factor = None
         if self._expired():
@@ -252,9 +254,3 @@ class ActiveSetQP:
         upper, lower = method.multipliers * pressing
         self._active.multipliers[:] = (upper - lower)[:, self._chain.inputs]
         self._factor = None
-
-
-def _same(one: Array | None, other: Array | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return bool((one == other).all())

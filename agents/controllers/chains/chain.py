@@ -139,7 +139,7 @@ class ActiveBounds:
 
 @dataclass(frozen=True, slots=True)
 class ChainTarget:
-    """Reference and bounds of the rows; inputs and actuators with the disturbance's `Chain.balance` added.
+    """Reference and bounds of the rows; inputs and actuators with the disturbance's `ChainQP.balance` added.
 
     Attributes
     ----------
@@ -251,10 +251,6 @@ class Chain:
         self._rows[:, self._clearances, : self.parameters.axes] = directions
         self.bounded[:, self._clearances] = directions.any(axis=2)
         self.bounded[: self.parameters.levels, self._clearances] = 0.0
-
-    def balance(self, disturbance: Array) -> Array:
-        """What a disturbance adds to the inputs, as an input, shape (m,)."""
-        return np.asarray(disturbance / self.parameters.gain)
 
     def begin(self, first_state: Array, disturbance: Array, shifted: bool) -> None:
         """Begin a solve from a measured state, which fixes as many positions as it has levels.

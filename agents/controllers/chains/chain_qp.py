@@ -32,8 +32,9 @@ class ChainQP(ActiveSetQP):
         self._factor = None
 
     def balance(self, disturbance: Array) -> Array:
-        """What a disturbance adds to the inputs (`Chain.balance`)."""
-        return self._flat_chain.balance(disturbance)
+        """What a disturbance adds to the inputs, as an input, shape (m,)."""
+        balance: Array = disturbance / self._flat_chain.parameters.gain
+        return balance
 
     def solve(
         self, first_state: Array, disturbance: Array, target: ChainTarget, budget: Budget = UNLIMITED
