@@ -43,7 +43,9 @@ def cut_to_bounds(rows: Array, bounds: Array, balance: Array, share: Array, low:
     low, high
         Set to the bounds, shape (1, 6).
     """
-    low[0], high[0] = bounds[0], bounds[1]
+    # Number by number here and below: numba takes seconds to compile assignments of slices.
+    for at in range(bounds.shape[1]):
+        low[0, at], high[0, at] = bounds[0, at], bounds[1, at]
     for axis in range(2):
         at = 4 + axis
         below, above = bounds[0, at] + balance[axis], bounds[1, at] + balance[axis]
@@ -107,8 +109,8 @@ def lateral_reference(
         Set to position (inertial), velocity (body) and stick, shape (N, 6), and to the last state.
     """
     stages = len(samples)
-    rows[:, 4:] = 0.0
     for stage in range(stages):
+        rows[stage, 4] = rows[stage, 5] = 0.0
         c, s = math.cos(heading[stage]), math.sin(heading[stage])
         write_turn(turn, stage, c, s)
         rows[stage, 0], rows[stage, 1] = samples[stage, 0], samples[stage, 1]
@@ -129,8 +131,10 @@ def lateral_reference(
                 needed[axis] = earlier * (1.0 - ahead) + later * ahead
             rows[stage, 4] = (c * needed[0] + s * needed[1]) / gain[0]
             rows[stage, 5] = (c * needed[1] - s * needed[0]) / gain[1]
-    terminal[:] = 0.0
-    terminal[:2], terminal[2:4] = samples[stages - 1, :2], samples[stages - 1, 4:6]
+    for row in range(len(terminal)):
+        terminal[row] = 0.0
+    for axis in range(2):
+        terminal[axis], terminal[2 + axis] = samples[stages - 1, axis], samples[stages - 1, 4 + axis]
     cut_to_bounds(rows, bounds, trim, share, low, high)
 
 
@@ -155,10 +159,12 @@ def lateral_first_state(
     first[0], first[1] = motion[0], motion[1]
     first[2], first[3] = c * motion[4] - s * motion[5], s * motion[4] + c * motion[5]
     behind = 4 + len(core)
-    first[4:behind] = core
+    for row in range(len(core)):
+        first[4 + row] = core[row]
     pitch, roll = servo[0] * gain[0], servo[1] * gain[1]
     first[behind], first[behind + 1] = c * pitch - s * roll, s * pitch + c * roll
-    first[behind + 2 :] = wind
+    for axis in range(2):
+        first[behind + 2 + axis] = wind[axis]
 
 
 @part
@@ -193,8 +199,8 @@ def chain_rows(
         Set to position, velocity[, actuator] at the end, shape (levels m,).
     """
     stages, axes = position.shape
-    rows[stages - 1, 2 * axes :] = 0.0
     for axis in range(axes):
+        rows[stages - 1, 2 * axes + axis] = 0.0
         actuator = 0.0
         for stage in range(stages):
             rows[stage, axis], rows[stage, axes + axis] = position[stage, axis], velocity[stage, axis]
@@ -330,7 +336,7 @@ def horizontal_rows(
             v_x, v_y = v_x + period_s * samples[stage, 8], v_y + period_s * samples[stage, 9]
             after[stage, 0], after[stage, 1] = c * v_x + s * v_y, c * v_y - s * v_x
         else:
-            after[stage] = carried[stage]
+            after[stage, 0], after[stage, 1] = carried[stage, 0], carried[stage, 1]
     chain_rows(samples[:, :2], velocity, after, carried, push, pole, feedback, lagged, rows, terminal)
     cut_to_bounds(rows, bounds, balance, share, low, high)
 

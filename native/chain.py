@@ -102,6 +102,14 @@ def _velocity_rows(turn: Array, period_s: float, velocity: Array) -> None:
 
 
 @part
+def _write(values: Array, rows: Array, first: int) -> None:
+    """Write some rows from `first` on: numba takes seconds to compile that as an assignment of slices."""
+    for row in range(values.shape[0]):
+        for place in range(values.shape[1]):
+            rows[first + row, place] = values[row, place]
+
+
+@part
 def _lagged_inputs(rows: Array, actuator: Array, later: Array, pole: Array, feedback: Array) -> None:
     """Set the rows of inputs that lead from an actuator to the next one, a stage later."""
     axes = len(pole)
@@ -166,18 +174,20 @@ def rows_of_positions(
             for place in range(3 * axes):
                 actuator[axis, place] /= push[axis]
         if stage < stages:
-            rows[stage, axes : 2 * axes, : 2 * axes] = velocity
+            _write(velocity, rows[stage], axes)
         if lagged and 0 < stage <= stages - 1:
             _lagged_inputs(rows[stage - 1], before, actuator, pole, feedback)
         elif not lagged and stage < stages - 1:
-            rows[stage, 2 * axes : 3 * axes, : 3 * axes] = actuator
+            _write(actuator, rows[stage], 2 * axes)
         if lagged and stage == stages - 1:
-            terminal_map[2 * axes :] = actuator
+            _write(actuator, terminal_map, 2 * axes)
         before, actuator = actuator, before
         velocity, after = after, velocity
     if len(transition) < stages:
-        rows[stages - 1, axes : 2 * axes, : 2 * axes] = velocity
-    terminal_map[axes : 2 * axes, : 2 * axes] = rows[stages - 1, axes : 2 * axes, : 2 * axes]
+        _write(velocity, rows[stages - 1], axes)
+    for axis in range(axes, 2 * axes):
+        for place in range(2 * axes):
+            terminal_map[axis, place] = rows[stages - 1, axis, place]
 
 
 @compiled(VECTOR, FLAG, ANY_MATRIX, ANY_VECTOR, BLOCKS, MATRIX, VECTOR, NUMBER)
