@@ -2,7 +2,8 @@
 
 Fleets fly in real time and leave much of two cores unused. The unit tests run in what they leave, at the
 lowest priority, so that they delay no fleet. Lines of both are printed as they come, the tests that failed
-once more at the end; the exit code is 1 if either fails.
+once more at the end; the exit code is 1 if either fails. A run that hangs tells where and has failed, and so
+has one that leaves processes behind.
 """
 
 import os
@@ -16,7 +17,11 @@ from threading import Thread
 TESTS = Path(__file__).parent
 # pytest cuts the reason of a failure off at the width of the terminal.
 SUMMARY_COLUMNS = "200"
-PYTEST = (sys.executable, "-u", "-m", "pytest", "--durations=10", "--color=no")
+PYTEST = (sys.executable, "-u", "-X", "faulthandler", "-m", "pytest", "--durations=10", "--color=no")
+LIMIT_S = 1800.0
+"""A run of several times the usual length hangs, in what no limit of a single test ends."""
+LAST_LINES_S = 10.0
+"""For what a run that has ended still has to print."""
 # Importing all the others would take ten seconds, in which no fleet flies.
 FILES_WITH_FLEETS = sorted(
     str(path) for path in TESTS.rglob("test_*.py") if "mark.integration" in path.read_text(encoding="utf-8")
@@ -46,7 +51,7 @@ class Run:
             text=True,
             env=os.environ | {"COLUMNS": SUMMARY_COLUMNS},
         )
-        self._thread = Thread(target=self._print)
+        self._thread = Thread(target=self._print, daemon=True)
         self._thread.start()
 
     def _print(self) -> None:
@@ -55,13 +60,53 @@ class Run:
             print(f"{self.name:6} | {line}", end="", flush=True)
             if line.startswith(("FAILED ", "ERROR ")):
                 self.broken.append(line.rstrip())
-        self._process.wait()
-        self.seconds = time.monotonic() - self._begun_s
 
     def wait(self) -> bool:
         """Whether all tests of the run passed."""
-        self._thread.join()
-        return self._process.returncode == 0
+        try:
+            self._process.wait(max(0.0, self._begun_s + LIMIT_S - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            self._end()
+        self.seconds = time.monotonic() - self._begun_s
+        self._thread.join(LAST_LINES_S)
+        if self._thread.is_alive():
+            self.broken.append(f"ERROR processes were left behind: {', '.join(self._left_behind())}")
+        return self._process.returncode == 0 and not self._thread.is_alive()
+
+    def _end(self) -> None:
+        """End a run that hangs; it tells where each of its threads is."""
+        self.broken.append(f"ERROR not ended after {LIMIT_S / 60:.0f} min")
+        self._process.send_signal(signal.SIGABRT)
+        try:
+            self._process.wait(LAST_LINES_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _left_behind(self) -> list[str]:
+        """Processes that hold what the lines of this run come from."""
+        assert self._process.stdout is not None
+        pipe = os.fstat(self._process.stdout.fileno()).st_ino
+        return [
+            f"{process.name} ({' '.join(_command(process))[:80]})"
+            for process in Path("/proc").iterdir()
+            if process.name.isdigit() and process.name != str(os.getpid()) and _holds(process, pipe)
+        ]
+
+
+def _command(process: Path) -> list[str]:
+    try:
+        return (process / "cmdline").read_text(errors="replace").split("\0")
+    except OSError:
+        return []
+
+
+def _holds(process: Path, pipe: int) -> bool:
+    """Whether a process has a descriptor of a pipe."""
+    try:
+        return any(os.readlink(held) == f"pipe:[{pipe}]" for held in (process / "fd").iterdir())
+    except OSError:
+        return False  # It has ended.
 
 
 def main() -> int:

@@ -6,6 +6,8 @@ import pytest
 import run_all
 
 PASSES = (sys.executable, "-c", "print('one'); print('two')")
+HANGS = (sys.executable, "-X", "faulthandler", "-c", "import time; time.sleep(600)")
+LEAVES = (sys.executable, "-c", "import subprocess; subprocess.Popen(('sleep', '3'))")
 FAILS = (sys.executable, "-c", "import sys; print('three'); print('FAILED a'); sys.exit(3)")
 
 
@@ -27,6 +29,26 @@ def test_every_line_has_its_name_and_the_end_tells_what_failed(
     lines = capsys.readouterr().out.splitlines()
     assert sorted(lines[:4]) == ["fleets | one", "fleets | two", "units  | FAILED a", "units  | three"]
     assert lines[4:] == ["fleets: passed, 0.0 min", "FAILED a", "units: FAILED, 0.0 min"]
+
+
+def test_a_run_that_hangs_tells_where_and_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_all, "RUNS", {"units": HANGS})
+    monkeypatch.setattr(run_all, "LIMIT_S", 1.0)
+    assert run_all.main() == 1
+    lines = capsys.readouterr().out
+    assert 'File "<string>", line 1 in <module>' in lines
+    assert "ERROR not ended after" in lines
+
+
+def test_a_run_that_leaves_a_process_behind_names_it_and_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_all, "RUNS", {"units": LEAVES})
+    monkeypatch.setattr(run_all, "LAST_LINES_S", 0.2)
+    assert run_all.main() == 1
+    assert "(sleep 3 )" in capsys.readouterr().out
 
 
 def test_every_test_but_campaigns_is_run_once() -> None:
