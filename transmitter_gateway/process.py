@@ -37,6 +37,10 @@ LONGEST_POSE_WAIT_S = 0.025
 """How long the other poses wait, which are looked at when commands arrive: longer than a control period."""
 TELL_SHARE = 0.2
 """Of a frame's period that the first command that was written waits to be told until the others are, too."""
+HELD_S = 0.05
+"""Between two times at which what was written as commanded is told: at 50 Hz three writes go out together."""
+LONGEST_HELD_S = 0.08
+"""The same where nothing is written any more."""
 POSES_KEPT = 16
 """Of one vehicle: more than arrive meanwhile, also from a fast Tracker."""
 
@@ -68,6 +72,7 @@ class Gateway:
         self._poses_taken_s = -math.inf
         self._stations_due_s = -math.inf
         self._tell_by_s = math.inf
+        self._told_s = -math.inf
         self._pose_arrived_s: float | None = None
         self._period_s = 0.0
         self._flying = False
@@ -152,18 +157,27 @@ class Gateway:
         self._tell_writes(untold, complete)
 
     def _tell_writes(self, untold: list[Station], complete: bool) -> None:
-        """Publish what these have written as soon as all that fly have, or the first one has waited enough.
+        """Publish what these have written, when all that fly have, or the first one has waited enough.
 
         Nobody needs it before the next frame, and several programs of each host take it in: nobody's command
-        waits for that, and messages that go out together share packets.
+        waits for that, and messages that go out together share packets. What agents know already is kept back
+        for longer for the same reason.
         """
+        if not untold:
+            self._tell_by_s = math.inf
+            return
         now_s = self._clock()
-        if untold and not complete and now_s < self._tell_by_s:
+        held_enough = now_s >= self._told_s + HELD_S
+        due = untold if held_enough or now_s >= self._tell_by_s else [one for one in untold if one.has_news]
+        if due and not complete and now_s < self._tell_by_s:
             self._tell_by_s = min(self._tell_by_s, now_s + TELL_SHARE * self._period_s)
             return
-        for station in untold:
+        for station in due:
             station.publish_writes()
-        self._tell_by_s = math.inf
+        if len(due) == len(untold):
+            self._told_s, self._tell_by_s = now_s, math.inf
+        else:
+            self._tell_by_s = self._told_s + LONGEST_HELD_S
 
     def kill(self, by: str) -> None:
         """Cut the motors of every vehicle of this gateway, latching."""

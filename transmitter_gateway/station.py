@@ -1,5 +1,6 @@
 """One transmitter on the bus: takes commands, poses and requests, and says what was written."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -16,7 +17,7 @@ from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.bus.timing import CommandTiming
-from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, CommandInput, State
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, ActionRequest, CommandInput, Input, State
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
@@ -27,6 +28,8 @@ COMMANDS_KEPT = 256
 COMMANDS_AT_ONCE = 8
 """So that a flood for one vehicle keeps no other one waiting."""
 BIDS_KEPT = 16
+WATCHED_S = 1.0
+"""After a bid the agent that made it may watch: it has not commanded what it hears of."""
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
@@ -71,6 +74,11 @@ class Station:
             channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT, wake=partial(call, self)
         )
         self._unpublished: list[Applied] = []
+        self._news = False
+        self._watched_until_s = -math.inf
+        self._commanded: Input = NEUTRAL
+        self._written_u: Input = NEUTRAL
+        self._written_state = State.DISARMED
         self._written_command: tuple[int, int, int] | None = None
         self._told_lease = 0
         self._accepted_s: float | None = None
@@ -96,7 +104,7 @@ class Station:
             now_s = clock()
             if self.transmitter.on_command(command, now_s).accepted:
                 self._accepted_s, self._timing = received.arrived_s, message.timing
-                self._last_sequence = message.sequence
+                self._last_sequence, self._commanded = message.sequence, message.input
                 self.tick(now_s)
 
     def take_bids(self, now_s: float) -> None:
@@ -105,7 +113,7 @@ class Station:
         if self.transmitter.awaiting_recall:
             return  # Which leases were issued before is not known yet.
         for received in self._bids.drain():
-            bid = received.message
+            bid, self._watched_until_s = received.message, now_s + WATCHED_S
             number = arbiter.bid(bid.agent, now_s, take_over=bid.take_over)
             self._publish_lease(bid.agent, number)
 
@@ -129,7 +137,13 @@ class Station:
         """Let the transmitter do what is due; what is written is published by `publish_writes`."""
         write = self.transmitter.tick(now_s)
         if write is not None and write.outcome is WriteOutcome.WRITTEN:
-            self._unpublished.append(self._applied(write))
+            applied, output = self._applied(write), write.output
+            expected = self._commanded if applied.fresh else self._written_u
+            as_expected = output.u == expected and not output.bridging_step
+            same_state = output.state is self._written_state
+            self._news = self._news or not (as_expected and same_state and now_s >= self._watched_until_s)
+            self._written_u, self._written_state = output.u, output.state
+            self._unpublished.append(applied)
 
     def take_kill(self, kill: Kill, now_s: float) -> None:
         """Obey a kill for this vehicle or for all."""
@@ -161,6 +175,14 @@ class Station:
         return bool(self._unpublished)
 
     @property
+    def has_news(self) -> bool:
+        """Whether `publish_writes` has something to tell that the agent that commands does not know already.
+
+        It knows what is written as it was commanded, and what is repeated because no command has come.
+        """
+        return self._news
+
+    @property
     def changed(self) -> bool:
         """Whether the state is another one than `publish_writes` has published."""
         return self.transmitter.arbiter.state is not self._told_state
@@ -170,6 +192,7 @@ class Station:
         for applied in self._unpublished:
             self._session.publish(channels.APPLIED, self.vehicle, applied)
         self._unpublished.clear()
+        self._news = False
         self._told_state = self.transmitter.arbiter.state
         before, now = self._reported_state, self._told_state
         if before is not now and State.KILLED in (before, now):

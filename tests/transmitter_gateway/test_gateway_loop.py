@@ -24,7 +24,13 @@ from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.process import LONGEST_POSE_WAIT_S, POSE_PATIENCE_S, TELL_SHARE, Gateway
+from rcopterx.transmitter_gateway.process import (
+    LONGEST_HELD_S,
+    LONGEST_POSE_WAIT_S,
+    POSE_PATIENCE_S,
+    TELL_SHARE,
+    Gateway,
+)
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
@@ -306,19 +312,72 @@ def test_what_is_written_for_a_command_tells_the_stages_it_has_passed(laboratory
     assert all(applied.timing is None for applied in written if not applied.fresh)
 
 
-def test_what_the_commands_of_a_frame_led_to_is_told_when_all_of_them_are_written(
+def forget_what_was_told(laboratory: Laboratory) -> None:
+    """Until nothing is kept back, without commands from then on."""
+    laboratory.thrust = None
+    for station in laboratory.gateway._stations.values():
+        station.publish_writes()
+    laboratory.bus.published.clear()
+
+
+TOO_FAST = 0.95
+"""A thrust that slew rates do not let the vehicle have at once."""
+
+
+def test_what_departs_from_the_commands_of_a_frame_is_told_when_all_of_them_are_written(
     laboratory: Laboratory,
 ) -> None:
     laboratory.fly()
     laboratory.thrust = None
     next_frame_arrives(laboratory)
-    laboratory.bus.published.clear()
+    forget_what_was_told(laboratory)
     for name in NAMES:
         assert laboratory.told() == []
-        laboratory.bus.arrive("command", name, laboratory.command(0.55))
+        laboratory.bus.arrive("command", name, laboratory.command(TOO_FAST))
         laboratory.turn()
         assert laboratory.writes[name][-1].time_s == laboratory.bus.now_s
     assert laboratory.told() == [(name, laboratory._frame) for name in NAMES]
+
+
+def test_what_is_written_as_commanded_is_told_three_frames_at_a_time(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    first, told_at_s = laboratory._frame + 1, {}
+    forget_what_was_told(laboratory)
+    laboratory.thrust = 0.55
+    while laboratory._frame < first + 30:
+        laboratory.turn()
+        for told in laboratory.told():
+            told_at_s.setdefault(told, laboratory.bus.now_s)
+    for name in NAMES:
+        frames = [frame for vehicle, frame in told_at_s if vehicle == name]
+        assert frames == list(range(first, frames[-1] + 1))
+        assert frames[-1] >= first + 28
+    late_s = [at_s - PERIOD_S * frame for (_, frame), at_s in told_at_s.items()]
+    assert max(late_s) <= LONGEST_HELD_S + 1e-3
+    assert len(set(told_at_s.values())) <= 12
+
+
+def test_everything_is_told_at_once_while_another_agent_bids(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    forget_what_was_told(laboratory)
+    laboratory.bus.arrive("lease_bid", "h2", LeaseBid(agent=7))
+    laboratory.thrust = 0.55
+    for _ in range(5):
+        next_frame_arrives(laboratory)
+        assert ("h2", laboratory._frame) in laboratory.told()
+
+
+def test_what_is_kept_back_is_told_when_nothing_more_is_written(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    forget_what_was_told(laboratory)
+    written_s = next_frame_arrives(laboratory)
+    laboratory.bus.arrive("command", "h1", laboratory.command(0.55))
+    while not laboratory.told():
+        laboratory.turn()
+    assert (
+        laboratory.told() == [("h1", laboratory._frame - 1)] or laboratory.bus.now_s <= written_s + PERIOD_S
+    )
+    assert laboratory.bus.now_s <= written_s + LONGEST_HELD_S + 1e-3
 
 
 def test_a_command_that_is_missing_keeps_what_was_written_from_nobody_for_long(
@@ -327,8 +386,8 @@ def test_a_command_that_is_missing_keeps_what_was_written_from_nobody_for_long(
     laboratory.fly()
     laboratory.thrust = None
     written_s = next_frame_arrives(laboratory)
-    laboratory.bus.published.clear()
-    laboratory.bus.arrive("command", "h1", laboratory.command(0.55))
+    forget_what_was_told(laboratory)
+    laboratory.bus.arrive("command", "h1", laboratory.command(TOO_FAST))
     while not laboratory.told():
         laboratory.turn()
     assert laboratory.told() == [("h1", laboratory._frame)]
@@ -346,7 +405,7 @@ def test_another_state_is_told_at_once(laboratory: Laboratory) -> None:
         for name in ("h1", "h3") if laboratory._frame > frame else ():
             laboratory.bus.arrive("command", name, laboratory.command(0.55))
     told = [applied for name, applied in laboratory.bus.published if name == "h2"]
-    assert [applied.state for applied in told if isinstance(applied, Applied)] == ["hold"]
+    assert [applied.state for applied in told if isinstance(applied, Applied)][-1] == "hold"
 
 
 def own_track(laboratory: Laboratory) -> Track:
