@@ -209,6 +209,8 @@ class Agent:
         self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
 
     def _publish_plan(self, output: ControlOutput) -> None:
+        if not self._bus.wanted(channels.PLAN, self._settings.vehicle):
+            return
         plan = plan_message(self._settings, self._pilot, output, self._parts.plans)
         self._bus.publish(channels.PLAN, self._settings.vehicle, plan)
 

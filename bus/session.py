@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import count
 from queue import SimpleQueue
 from struct import Struct
-from typing import Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import zenoh
 
@@ -32,6 +32,8 @@ RETRY_S = 0.02
 """Pause before asking again where nobody serves a request."""
 FIRST_ATTEMPT_S = 0.1
 """For one endpoint; each round takes twice as long, for routers on a busy machine."""
+UNKNOWN_S: Final = 0.5
+"""The router has not told yet who listens to a publisher that is younger."""
 _COUNTER: Final = Struct("<I")
 """Every message carries the count of its sender on this key as an attachment, so that losses are seen."""
 SILENT_SHARE = 0.8
@@ -89,6 +91,12 @@ class Incoming:
     def answer(self, reply: Reply) -> None:
         """Send the reply and close the request."""
         self.send(encode(reply))
+
+
+class _Publisher(NamedTuple):
+    publisher: zenoh.Publisher
+    counter: Iterator[int]
+    declared_s: float
 
 
 class Heard(NamedTuple):
@@ -174,7 +182,7 @@ class Session:
         self.address = address
         self.clock = clock
         self.wake = wake
-        self._publishers: dict[tuple[str, str], tuple[zenoh.Publisher, Iterator[int]]] = {}
+        self._publishers: dict[tuple[str, str], _Publisher] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
         self._taps: list[zenoh.Subscriber[None]] = []
         self._tokens: list[zenoh.LivelinessToken] = []
@@ -199,8 +207,19 @@ class Session:
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """Send a message; never blocks, drops on congestion."""
-        publisher = self._publishers.get((unit, channel.topic))
-        if publisher is None:
+        known = self._publisher(channel, unit)
+        known.publisher.put(encode(message), attachment=_COUNTER.pack(next(known.counter) & 0xFFFFFFFF))
+
+    def wanted(self, channel: Channel[M], unit: str) -> bool:
+        """Whether anybody listens, as far as is known; else a message need not be made."""
+        known = self._publisher(channel, unit)
+        # Zenoh's description calls it a truth value.
+        status: Any = known.publisher.matching_status
+        return bool(status.matching) or self.clock() < known.declared_s + UNKNOWN_S
+
+    def _publisher(self, channel: Channel[M], unit: str) -> "_Publisher":
+        known = self._publishers.get((unit, channel.topic))
+        if known is None:
             declared = self._zenoh.declare_publisher(
                 channels.key(self.address.fleet, unit, channel.topic),
                 encoding=channel.encoding,
@@ -208,8 +227,8 @@ class Session:
                 priority=_PRIORITIES[channel.priority],
                 express=False,
             )
-            publisher = self._publishers[unit, channel.topic] = (declared, count(1))
-        publisher[0].put(encode(message), attachment=_COUNTER.pack(next(publisher[1]) & 0xFFFFFFFF))
+            known = self._publishers[unit, channel.topic] = _Publisher(declared, count(1), self.clock())
+        return known
 
     def republish(self, unit: str, topic: str, payload: bytes) -> None:
         """Send a message of a flight log again, as it was."""

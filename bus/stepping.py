@@ -89,6 +89,10 @@ class StepBus(Protocol):
         """Send a message."""
         ...
 
+    def wanted(self, channel: Channel[M], unit: str) -> bool:
+        """Whether anybody listens to what would be published."""
+        ...
+
     def serve(self, unit: str, verbs: list[str]) -> None:
         """Answer requests."""
         ...
@@ -170,7 +174,7 @@ class SteppedSession:
         self._overtime += [(len(self._times_s) - 1, *given_up) for given_up in overtime]
         if estimate is None and len(self._times_s) < STEPS_TOLD:
             return
-        if self._telling:
+        if self._telling and self._session.wanted(channels.AGENT_STEPS, vehicle):
             self._tell(vehicle, None if estimate is None else RoundedEstimate.of(estimate))
         self._told += 1
         self._times_s.clear()
@@ -225,6 +229,10 @@ class SteppedSession:
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """See `StepBus.publish`."""
         self._session.publish(channel, unit, message)
+
+    def wanted(self, channel: Channel[M], unit: str) -> bool:
+        """See `StepBus.wanted`."""
+        return self._session.wanted(channel, unit)
 
     def serve(self, unit: str, verbs: list[str]) -> None:
         """See `StepBus.serve`."""

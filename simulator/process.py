@@ -76,9 +76,7 @@ class Simulator:
         self._room.advance(min(now_s, self._frame_at_s))
         if now_s >= self._frame_at_s:
             published = self._tracker.publish(self._room.capture(self._frame))
-            self._session.publish(
-                channels.LABORATORY, channels.SIMULATOR_UNIT, self._truth(published.frame, published.sent_s)
-            )
+            self._tell_truth(published.frame, published.sent_s)
             self._frame += 1
             self._frame_at_s += self._period_s
         self._step_at_s = min(self._frame_at_s, now_s + LONGEST_STEP_S)
@@ -111,6 +109,13 @@ class Simulator:
         """Switch the laboratory off."""
         self._tracker.close()
         self._room.close()
+
+    def _tell_truth(self, frame: int, sent_s: float) -> None:
+        if self._session.wanted(channels.LABORATORY, channels.SIMULATOR_UNIT):
+            self._session.publish(channels.LABORATORY, channels.SIMULATOR_UNIT, self._truth(frame, sent_s))
+        else:
+            for radio in self._room.radios.values():
+                radio.link.take_frames()
 
     def _truth(self, frame: int, sent_s: float) -> LaboratoryState:
         vehicles = {vehicle.name: self._vehicle(vehicle) for vehicle in self._room.vehicles}

@@ -19,7 +19,14 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Kill, Pose, SetPoint, TrackerStatus
 from rcopterx.bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply, Request
-from rcopterx.bus.session import BusAddress, BusUnreachableError, Incoming, RequestFailedError, Session
+from rcopterx.bus.session import (
+    UNKNOWN_S,
+    BusAddress,
+    BusUnreachableError,
+    Incoming,
+    RequestFailedError,
+    Session,
+)
 from rcopterx.bus.subscription import Inbox
 
 Join = Callable[..., Session]
@@ -117,6 +124,20 @@ def test_a_subscription_can_leave_out_what_its_own_session_publishes(join: Join)
 
     wait_for(heard, "a message of the other session arrives")
     assert {received.message.source for received in from_others.drain()} == {"other"}
+
+
+def test_a_message_is_wanted_as_long_as_somebody_listens(join: Join) -> None:
+    clock = FakeClock()
+    sender, listener = join(clock=clock), join()
+    assert sender.wanted(channels.PLAN, "h1"), "the router has not told yet who listens"
+    assert sender.wanted(channels.PLAN, "h2")
+    clock.advance(UNKNOWN_S + 0.01)
+    assert not sender.wanted(channels.PLAN, "h1")
+    subscription = listener.subscribe(channels.PLAN, "h1")
+    wait_for(lambda: sender.wanted(channels.PLAN, "h1"), "nobody seems to listen")
+    assert not sender.wanted(channels.PLAN, "h2")
+    subscription.close()
+    wait_for(lambda: not sender.wanted(channels.PLAN, "h1"), "somebody still seems to listen")
 
 
 def test_a_closed_subscription_receives_nothing_more(join: Join) -> None:

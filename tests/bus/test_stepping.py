@@ -100,7 +100,7 @@ def test_an_estimate_that_is_no_number_is_told_as_far_away(place: int) -> None:
 
 
 def test_columns_of_inputs_belong_together(join: Join) -> None:
-    stepped, sent = SteppedSession(join()), []
+    stepped, sent = SteppedSession(join(clock=FakeClock())), []
     stepped._session.publish = lambda channel, unit, message: sent.append((channel, unit, message))  # type: ignore[method-assign]
     inbox = stepped.subscribe(channels.POSE, "h1", depth=4)
     for frame in (1, 2):
@@ -120,7 +120,7 @@ def test_columns_of_inputs_belong_together(join: Join) -> None:
 
 
 def test_what_was_given_up_for_time_is_told_with_its_step(join: Join) -> None:
-    stepped, sent = SteppedSession(join()), []
+    stepped, sent = SteppedSession(join(clock=FakeClock())), []
     stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
     for overtime in ([(3, 2)], [], [(1, 0), (4, 7)]):
         stepped.begin_step()
@@ -138,7 +138,7 @@ def stepped_input(stepped: SteppedSession, inbox: object, frame: int) -> object:
 
 
 def test_a_process_that_controls_nothing_tells_its_steps_now_and_then(join: Join) -> None:
-    stepped, sent = SteppedSession(join()), []
+    stepped, sent = SteppedSession(join(clock=FakeClock())), []
     stepped._session.publish = lambda channel, unit, message: sent.append(message)  # type: ignore[method-assign]
     for _ in range(2 * STEPS_TOLD):
         stepped.begin_step()
@@ -171,7 +171,7 @@ def test_steps_that_are_not_told_leave_a_gap_in_the_numbers(join: Join) -> None:
 
 
 def test_requests_are_inputs_and_replies_are_told(join: Join) -> None:
-    stepped, other, sent = SteppedSession(join()), join(), []
+    stepped, other, sent = SteppedSession(join(clock=FakeClock())), join(), []
     other.serve("h1", ["recall"])
     with answering(other, lambda _: RecallReply(accepted=True, age_s=2.0)):
         reply = stepped.request("h1", Recall(vehicle="h1"), timeout_s=DEADLINE_S, patience_s=DEADLINE_S)
