@@ -253,5 +253,6 @@ class AvoidsObstacles(Protocol):
     """A controller that plans around other vehicles."""
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
-        """Keep clear of these in the next step; to be told anew before every step."""
+        """Keep clear of these from the next step on; told anew before every step while there are any, and
+        that there are none once."""
         ...

@@ -6,7 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rcopterx.native.bounds import cut_rows
-from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, read
+from rcopterx.native.compiled import (
+    ANY_MATRIX,
+    ANY_VECTOR,
+    COUNT,
+    MATRIX,
+    NUMBER,
+    Array,
+    compiled,
+    part,
+    read,
+)
 
 MOST = 2**31 - 1
 OCTETS = "uint8[:, ::1]"
@@ -117,6 +127,43 @@ def unpacked_plan(octets: NDArray[np.uint8], layout: Array, largest: float, valu
                 values[stage, column] = min(max(value, -largest), largest)
 
 
+@part
+def place_in_plan(at_s: float, plan_period_s: float, last: int) -> tuple[int, float, float, int]:
+    """Stage before an instant of a plan, and the share of the next one.
+
+    Parameters
+    ----------
+    at_s, plan_period_s
+        The instant, counted from the first stage, and the time between stages.
+    last
+        The last stage.
+
+    Returns
+    -------
+    tuple
+        The stage, the share of the one after it, how long ahead of the plan (negative) or behind it the
+        instant is, and the stage at that end.
+    """
+    at = at_s / plan_period_s
+    nearest = np.rint(at)
+    if abs(at - nearest) < NEXT_TO:
+        at = nearest
+    inside = min(max(at, 0.0), float(last))
+    lower = min(int(inside), max(last - 1, 0))
+    return lower, inside - lower, (at - inside) * plan_period_s, last if at > inside else 0
+
+
+@part
+def position_at(samples: Array, plan_period_s: float, at_s: float, position_m: Array) -> None:
+    """Set the position of a plan, shape (stages, 12), at an instant."""
+    last = len(samples) - 1
+    lower, share, outside_s, end = place_in_plan(at_s, plan_period_s, last)
+    upper = min(lower + 1, last)
+    for axis in range(3):
+        position_m[axis] = samples[lower, axis] * (1 - share) + samples[upper, axis] * share
+        position_m[axis] += outside_s * samples[end, 4 + axis]
+
+
 @compiled(ANY_MATRIX, NUMBER, NUMBER, NUMBER, ANY_VECTOR, NUMBER, MATRIX)
 def read_plan(
     samples: Array,
@@ -142,44 +189,52 @@ def read_plan(
     """
     last = len(samples) - 1
     for stage in range(len(values)):
-        at = (start_s + period_s * stage) / plan_period_s
-        nearest = np.rint(at)
-        if abs(at - nearest) < NEXT_TO:
-            at = nearest
-        inside = min(max(at, 0.0), float(last))
-        lower = min(int(inside), max(last - 1, 0))
+        lower, share, outside_s, end = place_in_plan(start_s + period_s * stage, plan_period_s, last)
         upper = min(lower + 1, last)
-        share = inside - lower
         for column in range(12):
             values[stage, column] = samples[lower, column] * (1 - share) + samples[upper, column] * share
-        if at != inside:
-            outside_s = (at - inside) * plan_period_s
-            end = last if at > inside else 0
+        if outside_s != 0.0:
             for column in range(4):
                 values[stage, column] += outside_s * samples[end, 4 + column]
-            if at > inside or at <= -1.0:
-                values[stage, 8:] = 0.0
+            if outside_s > 0.0 or outside_s <= -plan_period_s:
+                for column in range(8, 12):
+                    values[stage, column] = 0.0
         for axis in range(3):
             values[stage, axis] += offset_m[axis]
         values[stage, 3] += yaw_offset_rad
 
 
-@compiled(ANY_MATRIX, ANY_MATRIX, ANY_VECTOR)
-def smallest_gaps(first_m: Array, second_m: Array, stiffness: Array) -> tuple[float, float]:
-    """Smallest distance of two vehicles at the same stages, in ellipsoids and in metres.
+@compiled(*2 * [ANY_MATRIX, NUMBER, NUMBER], NUMBER, COUNT, ANY_VECTOR)
+def smallest_gaps(
+    first: Array,
+    first_period_s: float,
+    first_start_s: float,
+    second: Array,
+    second_period_s: float,
+    second_start_s: float,
+    period_s: float,
+    stages: int,
+    stiffness: Array,
+) -> tuple[float, float]:
+    """Smallest distance of two plans at the same instants, in ellipsoids and in metres.
 
     Parameters
     ----------
-    first_m, second_m
-        Positions, shape (N, 3).
+    first, first_period_s, second, second_period_s
+        The plans, shape (.., 12), and the time between their stages.
+    first_start_s, second_start_s, period_s, stages
+        First instant, counted from the first stage of each, the time between instants, and their number.
     stiffness
         What squares of gaps are multiplied by, shape (3,).
     """
     in_ellipsoids, in_m = math.inf, math.inf
-    for stage in range(first_m.shape[0]):
+    one, other = np.empty(3), np.empty(3)
+    for stage in range(stages):
+        position_at(first, first_period_s, first_start_s + period_s * stage, one)
+        position_at(second, second_period_s, second_start_s + period_s * stage, other)
         scaled = plain = 0.0
         for axis in range(3):
-            square = (first_m[stage, axis] - second_m[stage, axis]) ** 2
+            square = (one[axis] - other[axis]) ** 2
             scaled += square * stiffness[axis]
             plain += square
         in_ellipsoids, in_m = min(in_ellipsoids, scaled), min(in_m, plain)

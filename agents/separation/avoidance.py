@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.interfaces import Obstacle
+from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.native.plans import smallest_gaps
 from rcopterx.vehicles.state import Array
 
@@ -69,8 +70,9 @@ class Near(Struct, frozen=True):
 def near(
     ellipsoid: SeparationEllipsoid,
     neighbours: Mapping[str, Neighbour],
-    own_m: Array,
+    plan: Trajectory,
     period_s: float,
+    stages: int,
     delay_s: float,
 ) -> Near:
     """Find the plans that come near.
@@ -81,10 +83,10 @@ def near(
         The ellipsoid.
     neighbours
         The others by name.
-    own_m
-        Positions of the own previous plan at the present stages, shape (N, 3).
-    period_s
-        Time between them.
+    plan
+        The own previous plan, whose second stage is the present's first one.
+    period_s, stages
+        Control period, and number of stages N.
     delay_s
         Time from the present to the first stage.
 
@@ -96,13 +98,25 @@ def near(
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf
     for name in sorted(neighbours):
-        plan, scale = neighbours[name].plan, neighbours[name].scale
+        neighbour = neighbours[name]
+        scale = neighbour.scale
         if scale <= 0.0:
             continue
-        other_m = plan.trajectory.positions_from(plan.ahead_s + delay_s, period_s, len(own_m))
-        in_ellipsoids, gap_m = smallest_gaps(own_m, other_m, ellipsoid.stiffness)
+        other, start_s = neighbour.plan.trajectory, neighbour.plan.ahead_s + delay_s
+        in_ellipsoids, gap_m = smallest_gaps(
+            plan.samples,
+            plan.period_s,
+            period_s,
+            other.samples,
+            other.period_s,
+            start_s,
+            period_s,
+            stages,
+            ellipsoid.stiffness,
+        )
         distance = in_ellipsoids / scale
         closest, closest_m = min(closest, distance), min(closest_m, gap_m)
         if distance < NEAR:
+            other_m = other.positions_from(start_s, period_s, stages)
             obstacles.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
     return Near(tuple(obstacles), closest < TOUCHING, closest_m)

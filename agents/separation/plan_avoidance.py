@@ -1,8 +1,7 @@
 """Keeps the plan of one vehicle clear of the plans of others, as far as its controller can."""
 
+import math
 from collections.abc import Mapping
-
-import numpy as np
 
 from rcopterx.agents.controllers.step_guard import StepGuard
 from rcopterx.agents.interfaces import AvoidsObstacles, Controller, Obstacle
@@ -33,12 +32,14 @@ class PlanAvoidance:
         self._step_guard = step_guard
         self._controller: Controller | None = None
         self._avoiding: AvoidsObstacles | None = None
+        self._told = True
+        """Whether the controller may believe that somebody is near."""
         self.ticks = 0
         self.closest_m: float | None = None
 
     def use(self, controller: Controller) -> None:
         """Tell another controller from now on."""
-        self._controller = controller
+        self._controller, self._told = controller, True
         self._avoiding = controller if isinstance(controller, AvoidsObstacles) else None
 
     def tend(
@@ -68,13 +69,13 @@ class PlanAvoidance:
         obstacles: tuple[Obstacle, ...] = ()
         touching = False
         if neighbours and self._ellipsoid is not None and plan is not None and free:
-            period_s = controller.period_s
-            own_m = plan.positions_from(period_s, period_s, controller.horizon)
-            found = near(self._ellipsoid, neighbours, own_m, period_s, delay_s)
-            self.closest_m = min(found.closest_m, np.inf if self.closest_m is None else self.closest_m)
+            found = near(self._ellipsoid, neighbours, plan, controller.period_s, controller.horizon, delay_s)
+            self.closest_m = min(found.closest_m, math.inf if self.closest_m is None else self.closest_m)
             obstacles, touching = found.obstacles, found.touching
         if avoiding is None:
             return not touching
-        self._step_guard.tell(controller, lambda: avoiding.set_obstacles(obstacles))
+        if obstacles or self._told:
+            heard = self._step_guard.tell(controller, lambda: avoiding.set_obstacles(obstacles))
+            self._told = bool(obstacles) or not heard
         self.ticks += touching
         return True

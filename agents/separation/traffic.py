@@ -134,6 +134,9 @@ class Traffic:
         """Those who are heard, and the leaders, whose plans are known anyway."""
         if self._ellipsoid is None:
             return {}
+        scales = self._scales
+        if not (scales and (plans or self._inboxes)):
+            return {}
         found = {name: plan for name, plan in plans.items() if plan.ahead_s < OLDEST_S}
         for name, inbox in self._inboxes.items():
             received = None if name in found else inbox.latest()
@@ -142,9 +145,7 @@ class Traffic:
             plan = leader_plan(received.message, clock)
             if plan.ahead_s < OLDEST_S:
                 found[name] = plan
-        return {
-            name: Neighbour(plan, self._scales[name]) for name, plan in found.items() if name in self._scales
-        }
+        return {name: Neighbour(plan, scales[name]) for name, plan in found.items() if name in scales}
 
     @property
     def rejected(self) -> Mapping[str, int]:

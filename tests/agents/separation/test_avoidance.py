@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rcopterx.agents.controllers.registry import CONTROLLERS
 from rcopterx.agents.estimators.registry import ESTIMATORS
@@ -12,13 +14,14 @@ from rcopterx.agents.interfaces import AvoidsObstacles, Measurement
 from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
-from rcopterx.agents.separation.avoidance import NEAR, Neighbour, SeparationEllipsoid, near
+from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
 from rcopterx.agents.separation.ellipsoid_scales import FORMATION_SCALE, ellipsoid_scale
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 CLEARANCE = SeparationEllipsoid()
-OWN = np.zeros((30, 3))
+STAGES = 30
+OWN = Trajectory(np.zeros((STAGES, COLUMNS)), 0.02)
 LINKS = {
     "h1": (),
     "h2": (LeaderLink(leader="h1", offset_m=(-0.4, 0.5, 0.0)),),
@@ -38,25 +41,49 @@ def flying(velocity: float, start: float, ahead_s: float = 0.0, scale: float = 1
 
 def test_only_plans_that_come_near_are_kept_clear_of() -> None:
     others = {"comes": flying(-1.0, 0.8), "leaves": flying(1.0, 0.8), "far": flying(0.0, 2.0)}
-    found = near(CLEARANCE, others, OWN, 0.02, 0.0)
+    found = near(CLEARANCE, others, OWN, 0.02, STAGES, 0.0)
     assert len(found.obstacles) == 1
     assert found.touching
     assert found.closest_m == pytest.approx(0.8 - 0.58)
-    assert near(CLEARANCE, {}, OWN, 0.02, 0.0).closest_m == np.inf
+    assert near(CLEARANCE, {}, OWN, 0.02, STAGES, 0.0).closest_m == np.inf
 
 
 def test_an_old_plan_is_read_at_the_present_and_goes_on_beyond_its_end() -> None:
-    found = near(CLEARANCE, {"h2": flying(-1.0, 1.0, ahead_s=0.08)}, OWN, 0.02, 0.02)
+    found = near(CLEARANCE, {"h2": flying(-1.0, 1.0, ahead_s=0.08)}, OWN, 0.02, STAGES, 0.02)
     assert found.obstacles[0].positions_m[:, 0] == pytest.approx(0.9 - 0.02 * np.arange(30))
 
 
 def test_the_share_shrinks_the_ellipsoid_and_what_counts_as_near() -> None:
     beside = flying(0.0, 0.35 * 0.5 * (NEAR + 0.1), scale=0.5)
-    assert near(CLEARANCE, {"h2": beside}, OWN, 0.02, 0.0).obstacles == ()
+    assert near(CLEARANCE, {"h2": beside}, OWN, 0.02, STAGES, 0.0).obstacles == ()
     nearer = flying(0.0, 0.35 * 0.5 * (NEAR - 0.1), scale=0.5)
-    (obstacle,) = near(CLEARANCE, {"h2": nearer}, OWN, 0.02, 0.0).obstacles
+    (obstacle,) = near(CLEARANCE, {"h2": nearer}, OWN, 0.02, STAGES, 0.0).obstacles
     assert obstacle.horizontal_m == pytest.approx(0.175)
-    assert near(CLEARANCE, {"h2": flying(0.0, 0.0, scale=0.0)}, OWN, 0.02, 0.0).obstacles == ()
+    assert near(CLEARANCE, {"h2": flying(0.0, 0.0, scale=0.0)}, OWN, 0.02, STAGES, 0.0).obstacles == ()
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(-0.3, 1.0),
+    st.sampled_from([0.02, 0.03]),
+    st.sampled_from([0.02, 0.05]),
+)
+def test_distances_are_those_of_the_plans_read_at_the_same_instants(
+    seed: int, ahead_s: float, own_period_s: float, other_period_s: float
+) -> None:
+    random = np.random.default_rng(seed)
+    own, other = (
+        Trajectory(random.normal(size=(stages, COLUMNS)), period_s)
+        for stages, period_s in ((STAGES, own_period_s), (9, other_period_s))
+    )
+    found = near(CLEARANCE, {"h2": Neighbour(LeaderPlan(other, ahead_s), 1.0)}, own, 0.02, STAGES, 0.01)
+    other_m = other.positions_from(ahead_s + 0.01, 0.02, STAGES)
+    gap_m = own.positions_from(0.02, 0.02, STAGES) - other_m
+    assert found.closest_m == pytest.approx(np.linalg.norm(gap_m, axis=1).min(), abs=1e-12)
+    closest = CLEARANCE.normalised(gap_m).min()
+    assert [len(found.obstacles), found.touching] == [closest < NEAR, closest < TOUCHING]
+    for obstacle in found.obstacles:
+        assert (obstacle.positions_m == other_m).all()
 
 
 @pytest.mark.parametrize("axes", [(0.0, 0.6), (0.35, -1.0), (6.0, 0.6), (float("nan"), 0.6)])
