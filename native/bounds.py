@@ -4,6 +4,8 @@ Arrays of rows have shape (N, r); bounds have it too, or (1, r) where they are t
 bounds of inputs, columns `first` to `last`, are hard.
 """
 
+import math
+
 import numpy as np
 
 from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, BLOCKS, MATRIX, NUMBER, Array, compiled, part
@@ -39,6 +41,111 @@ def cut_rows(values: Array, low: Array, high: Array, cut: Array) -> None:
                 value = low[column]
             elif value > high[column]:
                 value = high[column]
+            cut[row, column] = value
+
+
+@compiled(*7 * [ANY_VECTOR], ANY_VECTOR, ANY_MATRIX, NUMBER)
+def sound_question(
+    motion: Array,
+    actuator: Array,
+    disturbance: Array,
+    core: Array,
+    servo: Array,
+    wind: Array,
+    trim: Array,
+    cap: Array,
+    samples: Array,
+    largest: float,
+) -> tuple[bool, bool]:
+    """Whether a controller can be asked with an estimate, and with a reference.
+
+    Parameters
+    ----------
+    motion, actuator, disturbance, core, servo, wind, trim
+        The estimate.
+    cap
+        Largest size of the numbers of motion, actuator and disturbance, one after the other.
+    samples, largest
+        The reference, and the largest size of its numbers.
+
+    Returns
+    -------
+    tuple
+        Whether the estimate is finite and within its cap, and whether the reference has stages and is finite.
+    """
+    known, at = True, 0
+    for numbers in (motion, actuator, disturbance):
+        for number in numbers:
+            known &= abs(number) <= cap[at]
+            at += 1
+    for numbers in (core, servo, wind, trim):
+        for number in numbers:
+            known &= math.isfinite(number)
+    return known, len(samples) > 0 and all_within(samples, largest)
+
+
+@compiled(ANY_MATRIX, ANY_MATRIX, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX)
+def usable_answer(
+    samples: Array,
+    inputs: Array,
+    largest: float,
+    low: Array,
+    high: Array,
+    tolerance: float,
+    cut: Array,
+) -> tuple[bool, bool]:
+    """Whether plan and inputs of a controller can be flown.
+
+    Parameters
+    ----------
+    samples, largest
+        The plan, and the largest size of its numbers.
+    inputs, low, high, tolerance
+        The inputs, shape (k, 4), their limits, and by how much they may leave these.
+    cut
+        Set to the inputs cut to their limits.
+
+    Returns
+    -------
+    tuple
+        Whether the plan is, and whether the inputs are.
+    """
+    within = True
+    for row in range(inputs.shape[0]):
+        for column in range(inputs.shape[1]):
+            value = inputs[row, column]
+            within &= low[column] - tolerance <= value <= high[column] + tolerance
+    cut_rows(inputs, low, high, cut)
+    return all_within(samples, largest), within
+
+
+@compiled(ANY_MATRIX, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX)
+def cut_reference(
+    samples: Array, yaw_rad: float, low: Array, high: Array, most_turned_rad: float, cut: Array
+) -> None:
+    """Set a reference to another one that is cut to bounds, its headings to some turns from the present one.
+
+    Parameters
+    ----------
+    samples
+        Shape (N, 12).
+    yaw_rad, most_turned_rad
+        Present heading, and how far the reference may turn away from it.
+    low, high
+        Bounds, shape (12,); those of headings are not used.
+    cut
+        Set to the reference that is cut.
+    """
+    for row in range(samples.shape[0]):
+        for column in range(samples.shape[1]):
+            least, most = low[column], high[column]
+            if column == 3:
+                least, most = yaw_rad - most_turned_rad, yaw_rad + most_turned_rad
+            value = samples[row, column]
+            if value < least:
+                value = least
+            elif value > most:
+                value = most
             cut[row, column] = value
 
 

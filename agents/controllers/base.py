@@ -1,7 +1,8 @@
 """What the controllers of this package have in common: sane numbers go into the law, limits hold after it.
 
-`BaseController.step` cuts the reference to what arithmetic can bear, lets the control law compute, and
-remembers its plan. What happens where a law finds nothing, raises or errs is up to the `StepGuard`.
+A `PlanningController` remembers its plan. A `BaseController` is one around a control law: it cuts the
+reference to what arithmetic can bear, lets the law compute, and cuts inputs to their limits. What happens
+where a law finds nothing, raises or errs is up to the `StepGuard`.
 """
 
 from abc import ABC, abstractmethod
@@ -14,14 +15,15 @@ from rcopterx.agents.controllers.roll_out import one_stage_on
 from rcopterx.agents.controllers.settings import Limits
 from rcopterx.agents.interfaces import ControlStep, Estimate, NoSolutionError
 from rcopterx.agents.references.trajectory import YAW, Trajectory
-from rcopterx.native.bounds import cut_rows, rows_within
+from rcopterx.native.bounds import cut_reference, cut_rows, rows_within
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
 EARLY_STOP: Final = "early_stop"
 """Counted for every step that is the best iterate of a solver that stopped before its tolerances were met."""
 
-_REFERENCE_YAW_CAP_RAD: Final = 60.0
+REFERENCE_YAW_CAP_RAD: Final = 60.0
+"""A reference turns no farther away from the present heading."""
 
 
 class Solution(Struct, frozen=True):
@@ -45,8 +47,8 @@ class Solution(Struct, frozen=True):
     early: bool = False
 
 
-class BaseController(ABC):
-    """A `Controller` around a control law.
+class PlanningController(ABC):
+    """A `Controller` that remembers its plan.
 
     Parameters
     ----------
@@ -96,23 +98,26 @@ class BaseController(ABC):
         NoSolutionError
             The control law has nothing to offer that is better than the previous plan.
         """
-        aim = self._usable_reference(reference, estimate)
-        solution = self._compute(estimate, aim, self._usable_input(last_input))
+        if len(reference.samples) != self._horizon or abs(reference.period_s - self._period_s) > 1e-9:
+            reference = reference.resampled(0.0, self._period_s, self._horizon)
+        solution = self._solve(estimate, reference, last_input)
         if solution is None:
             self._move_on()
             raise NoSolutionError
-        inputs = np.empty(solution.inputs.shape)
-        cut_rows(solution.inputs, self._limits.input_min, self._limits.input_max, inputs)
-        self._last_inputs, self._last_plan = inputs, solution.plan
-        return ControlStep(inputs, solution.plan, EARLY_STOP if solution.early else None, solution.iterations)
+        inputs, plan = solution.inputs, solution.plan
+        self._last_inputs, self._last_plan = inputs, plan
+        return ControlStep(inputs, plan, EARLY_STOP if solution.early else None, solution.iterations)
 
     @abstractmethod
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         """Set integral states and warm starts for a bumpless first step."""
 
     @abstractmethod
-    def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution | None:
-        """Compute inputs and plan from finite numbers; None if there is nothing to offer."""
+    def _solve(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution | None:
+        """Compute inputs within their limits, and the plan; None if there is nothing to offer.
+
+        The reference has N stages of this period; numbers may be beyond all reason.
+        """
 
     def _planned_inputs(self) -> Array | None:
         """Inputs of the previous plan one stage on, shape (N - 1, 4); None if there is none."""
@@ -124,20 +129,28 @@ class BaseController(ABC):
         if self._last_plan is not None:
             self._last_plan = self._last_plan.resampled(self._period_s, self._period_s, self._horizon)
 
-    def _usable_reference(self, reference: Trajectory, estimate: Estimate) -> Trajectory:
-        """Reference with N stages of this period and sane numbers."""
-        if len(reference.samples) != self._horizon or abs(reference.period_s - self._period_s) > 1e-9:
-            reference = reference.resampled(0.0, self._period_s, self._horizon)
-        lower, upper = self._reference_min, self._reference_max
-        yaw = estimate.motion[YAW]
-        lower[YAW], upper[YAW] = yaw - _REFERENCE_YAW_CAP_RAD, yaw + _REFERENCE_YAW_CAP_RAD
-        samples = np.empty(reference.samples.shape)
-        cut_rows(reference.samples, lower, upper, samples)
-        return Trajectory(samples, self._period_s)
-
     def _usable_input(self, last_input: Array) -> Array:
         if rows_within(last_input[None], self._model.u_min, self._model.u_max):
             return last_input.copy()
         if not np.isfinite(last_input).all():
             return self._model.hover_input
         return np.minimum(np.maximum(last_input, self._model.u_min), self._model.u_max)
+
+
+class BaseController(PlanningController):
+    """A `Controller` around a control law; parameters as of `PlanningController`."""
+
+    @abstractmethod
+    def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution | None:
+        """Compute inputs and plan from finite numbers; None if there is nothing to offer."""
+
+    def _solve(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution | None:
+        samples, low, high = np.empty(reference.samples.shape), self._reference_min, self._reference_max
+        cut_reference(reference.samples, estimate.motion[YAW], low, high, REFERENCE_YAW_CAP_RAD, samples)
+        aim = Trajectory(samples, self._period_s)
+        solution = self._compute(estimate, aim, self._usable_input(last_input))
+        if solution is None:
+            return None
+        inputs = np.empty(solution.inputs.shape)
+        cut_rows(solution.inputs, self._limits.input_min, self._limits.input_max, inputs)
+        return Solution(inputs, solution.plan, solution.iterations, solution.early)

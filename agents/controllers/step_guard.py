@@ -17,12 +17,12 @@ import numpy as np
 
 from rcopterx.agents.controllers.hovering import hovering_input
 from rcopterx.agents.controllers.roll_out import one_stage_on, predict
-from rcopterx.agents.flight.finite import is_finite
+from rcopterx.agents.flight.finite import NO_TILT, is_finite
 from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
 from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
 from rcopterx.agents.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
-from rcopterx.native.bounds import all_within, cut_rows, rows_within
+from rcopterx.native.bounds import sound_question, usable_answer
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
@@ -50,7 +50,7 @@ _LARGEST: Final = 1e6
 _LARGEST_FLOAT: Final = sys.float_info.max
 _ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
 """Motion, actuators, disturbance: numbers beyond these are no vehicle; cut, they keep arithmetic finite."""
-_ESTIMATE_FLOOR: Final = -_ESTIMATE_CAP
+_NUMBERS: Final = np.dtype(np.float64)
 
 
 class StepGuard:
@@ -78,7 +78,7 @@ class StepGuard:
         kinds = FailureKinds(RAISED, UNUSABLE, LATE)
         self.calls = GuardedCall(kinds, FIRST_STEPS, FIRST_STEPS_FACTOR, limit)
         self._model = model
-        self._lowest, self._highest = model.u_min - _TOLERANCE, model.u_max + _TOLERANCE
+        self._lowest, self._highest = model.u_min, model.u_max
         self._without_s = 0.0
         """Time since the last usable step."""
         self._failed_for_s = 0.0
@@ -87,9 +87,11 @@ class StepGuard:
         self._default_flies = False
         self._inputs: Array | None = None
         self._plan: Trajectory | None = None
-        self._set_point: Array | None = None
+        self._aim: Trajectory | None = None
+        """The last reference that was finite."""
         self._known: Controller | None = None
         self._early: StopsEarly | None = None
+        self._solver_s = 0.0
 
     @property
     def events(self) -> Counter[str]:
@@ -105,7 +107,7 @@ class StepGuard:
         """Let a controller start from a flying vehicle."""
         self._failed_for_s = self._without_s = 0.0
         self.calls.begin()
-        self._inputs = self._plan = self._set_point = None
+        self._inputs = self._plan = self._aim = None
         self._default_flies = False
         self._to_start = not is_finite(estimate)
         if not self._to_start:
@@ -122,9 +124,26 @@ class StepGuard:
             Finite and within the vehicle's limits; its `fallback` names what was flown in the place of a
             result that could not be used.
         """
-        estimate = _capped(estimate)
-        aim = self._finite(reference, estimate, controller)
-        step = self._asked(controller, estimate, aim, last_input) if is_finite(estimate) else None
+        tilt = NO_TILT if estimate.tilt is None else estimate.tilt
+        known, aimed = sound_question(
+            estimate.motion,
+            estimate.actuator,
+            estimate.disturbance,
+            tilt.core,
+            tilt.servo,
+            tilt.wind_m_s2,
+            tilt.trim,
+            _ESTIMATE_CAP,
+            reference.samples,
+            _LARGEST_FLOAT,
+        )
+        if not known:
+            estimate = _capped(estimate)
+        if aimed:
+            self._aim = aim = reference
+        else:
+            aim = self._last_aim(estimate, controller)
+        step = self._asked(controller, estimate, aim, last_input) if known or is_finite(estimate) else None
         if step is not None:
             self._failed_for_s = self._without_s = 0.0
             self._default_flies = False
@@ -137,19 +156,17 @@ class StepGuard:
             return self._flown_by(self._inputs, SHIFTED_PLAN, estimate, aim, controller.period_s)
         return self._step_by_default(controller, estimate, aim, last_input)
 
-    def tell(self, controller: Controller, message: Callable[[], None]) -> None:
-        """Tell a controller something besides its steps; what it raises is a failure like any other."""
-        self.calls.tell(_name(controller), message)
+    def tell(self, controller: Controller, message: Callable[[], None]) -> bool:
+        """Tell a controller something besides its steps; what it raises is a failure, and told by False."""
+        return self.calls.tell(type(controller).__name__, message)
 
     def _start(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
         self.tell(controller, lambda: controller.reset(estimate, last_input))
 
-    def _finite(self, reference: Trajectory, estimate: Estimate, controller: Controller) -> Trajectory:
-        """The reference, or where it is not finite the last set point, else the place of the vehicle."""
-        if len(reference.samples) and all_within(reference.samples, _LARGEST_FLOAT):
-            self._set_point = reference.samples[-1, :4]
-            return reference
-        place = np.nan_to_num(estimate.motion[:4]) if self._set_point is None else self._set_point
+    def _last_aim(self, estimate: Estimate, controller: Controller) -> Trajectory:
+        """In the place of a reference that is not finite: the last set point, else where the vehicle is."""
+        known = self._aim
+        place = np.nan_to_num(estimate.motion[:4]) if known is None else known.samples[-1, :4]
         return hold(place[POSITION], float(place[YAW]), controller.period_s, controller.horizon)
 
     def _asked(
@@ -174,12 +191,11 @@ class StepGuard:
     ) -> ControlStep | NoSolutionError | None:
         """A usable step, what the solver says if it offers none, or None after a failure."""
         if controller is not self._known:
-            # Asking for a protocol takes longer than most of what is done here, so it is done once.
-            self._known = controller
-            self._early = controller if isinstance(controller, StopsEarly) else None
+            self._meet(controller)
+        period_s, calls = self._period_s, self.calls
         if self._early is not None:
-            limit, solver_s = self.calls.limit, self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
-            self._early.set_deadline(lambda: limit.over(solver_s))
+            self._solver_s = calls.allowed_s(SOLVER_SHARE * period_s)
+            self._early.set_deadline(self._solver_late)
 
         def question() -> ControlStep | NoSolutionError:
             try:
@@ -187,37 +203,44 @@ class StepGuard:
             except NoSolutionError as nothing:
                 return nothing
 
-        answer = self.calls.attempt(
-            _name(controller),
-            STEP_SHARE * controller.period_s,
-            question,
-            lambda answer: self._problem(answer, controller),
-        )
+        answer = calls.attempt(self._name, STEP_SHARE * period_s, question, self._problem)
         if answer is None or isinstance(answer, NoSolutionError):
             return answer
-        inputs = np.empty(answer.inputs.shape)
-        cut_rows(answer.inputs, self._model.u_min, self._model.u_max, inputs)
-        return ControlStep(inputs, answer.plan, answer.fallback, answer.iterations)
+        return ControlStep(self._cut, answer.plan, answer.fallback, answer.iterations)
 
-    def _problem(self, step: object, controller: Controller) -> str | None:
-        """What makes a result unusable; None if it can be flown."""
+    def _meet(self, controller: Controller) -> None:
+        """Ask a controller once what stays as it is: above all, asking for a protocol takes long."""
+        self._early = controller if isinstance(controller, StopsEarly) else None
+        self._name, self._period_s = type(controller).__name__, controller.period_s
+        stages = controller.horizon
+        self._inputs_shape, self._plan_shape = (stages - 1, INPUT_SIZE), (stages, COLUMNS)
+        self._known = controller
+
+    def _solver_late(self) -> bool:
+        """Whether the solver of the present step is to stop."""
+        return self.calls.limit.over(self._solver_s)
+
+    def _problem(self, step: object) -> str | None:
+        """What makes a result unusable; None if it can be flown, with the inputs that are kept as cut."""
         if isinstance(step, NoSolutionError):
             return None
         if not (isinstance(step, ControlStep) and isinstance(step.plan, Trajectory)):
             return f"a step is {type(step).__name__} and no ControlStep with a Trajectory for its plan"
-        inputs, samples = np.asarray(step.inputs), np.asarray(step.plan.samples)
-        stages = controller.horizon
-        for name, values, shape in (
-            ("inputs", inputs, (stages - 1, INPUT_SIZE)),
-            ("plan", samples, (stages, COLUMNS)),
-        ):
-            if values.shape != shape or values.dtype != np.float64:
-                return f"{name} have shape {values.shape} of {values.dtype}, not {shape} of float64"
-        if not all_within(samples, _LARGEST):
+        inputs, plan = step.inputs, step.plan
+        wrong = _misshapen("inputs", inputs, self._inputs_shape) or _misshapen(
+            "plan", plan.samples, self._plan_shape
+        )
+        if wrong is not None:
+            return wrong
+        self._cut = cut = np.empty(self._inputs_shape)
+        sane, within = usable_answer(
+            plan.samples, inputs, _LARGEST, self._lowest, self._highest, _TOLERANCE, cut
+        )
+        if not sane:
             return "the plan is not finite, or beyond all reason"
-        if abs(step.plan.period_s - controller.period_s) > _TOLERANCE:
-            return f"stages of the plan are {step.plan.period_s:g} s apart, not {controller.period_s:g} s"
-        if not rows_within(inputs, self._lowest, self._highest):
+        if abs(plan.period_s - self._period_s) > _TOLERANCE:
+            return f"stages of the plan are {plan.period_s:g} s apart, not {self._period_s:g} s"
+        if not within:
             return "inputs are not finite, or leave the limits of the vehicle"
         if not (step.fallback is None or isinstance(step.fallback, str)):
             return f"fallback is {step.fallback!r}, neither a name nor None"
@@ -256,14 +279,17 @@ class StepGuard:
         return ControlStep(inputs, plan, fallback, 0)
 
 
-def _name(controller: Controller) -> str:
-    return type(controller).__name__
+def _misshapen(name: str, values: object, shape: tuple[int, int]) -> str | None:
+    """What is wrong with numbers that should be an array of this shape; None if nothing is."""
+    if not isinstance(values, np.ndarray):
+        return f"{name} are {type(values).__name__} and no array"
+    if values.shape != shape or values.dtype != _NUMBERS:
+        return f"{name} have shape {values.shape} of {values.dtype}, not {shape} of float64"
+    return None
 
 
 def _capped(estimate: Estimate) -> Estimate:
-    """Estimate within what arithmetic can bear; the same object in every real flight."""
+    """Estimate within what arithmetic can bear."""
     values = np.concatenate((estimate.motion, estimate.actuator, estimate.disturbance))
-    if rows_within(values[None], _ESTIMATE_FLOOR, _ESTIMATE_CAP):
-        return estimate
-    motion, actuator, disturbance = np.split(np.clip(values, _ESTIMATE_FLOOR, _ESTIMATE_CAP), (8, 12))
+    motion, actuator, disturbance = np.split(np.clip(values, -_ESTIMATE_CAP, _ESTIMATE_CAP), (8, 12))
     return Estimate(motion, actuator, disturbance, estimate.tilt)
