@@ -149,6 +149,60 @@ def cut_reference(
             cut[row, column] = value
 
 
+@compiled(*3 * [MATRIX])
+def move_bounds_on(side: Array, multipliers: Array, bounded: Array) -> None:
+    """Let what presses do so one stage earlier, where rows are `bounded`; arguments as in `press`."""
+    stages, count = side.shape
+    for stage in range(stages):
+        after = min(stage + 1, stages - 1)
+        for row in range(count):
+            side[stage, row] = side[after, row] * bounded[stage, row]
+        if stage < stages - 2:
+            for axis in range(multipliers.shape[1]):
+                multipliers[stage, axis] = multipliers[stage + 1, axis]
+
+
+@part
+def add_penalties(weights: Array, penalty: Array, side: Array, of: Array, total: Array) -> None:
+    """Set weights of the rows with the penalties of what presses, and what presses there.
+
+    Parameters
+    ----------
+    weights, penalty, side
+        As in `pull_at`.
+    of
+        Becomes the present sides; without stages it stays.
+    total
+        Becomes the weights.
+    """
+    for stage in range(len(weights)):
+        for row in range(weights.shape[1]):
+            pressed = side[stage, row] != 0.0
+            total[stage, row] = weights[stage, row] + penalty[stage, row] if pressed else weights[stage, row]
+            if stage < len(of):
+                of[stage, row] = side[stage, row]
+
+
+@part
+def differ(one: Array, other: Array) -> bool:
+    """Whether any number of an array differs from that of another one with as many rows or more."""
+    for row in range(len(one)):
+        for column in range(one.shape[1]):
+            if one[row, column] != other[row, column]:
+                return True
+    return False
+
+
+@part
+def any_nonzero(values: Array) -> bool:
+    """Whether any number is not zero."""
+    for row in range(len(values)):
+        for column in range(values.shape[1]):
+            if values[row, column] != 0.0:
+                return True
+    return False
+
+
 @part
 def pull_at(
     values: Array,

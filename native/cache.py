@@ -22,7 +22,18 @@ from typing import Final
 
 COMPLETE: Final = "complete"
 """File in the directory of the kernels from when on all of them are there."""
-MODULES: Final = ("kalman", "bounds", "cascade", "chain", "helicopter", "plans", "lateral", "noise", "motion")
+MODULES: Final = (
+    "settling",
+    "kalman",
+    "bounds",
+    "cascade",
+    "chain",
+    "helicopter",
+    "plans",
+    "lateral",
+    "noise",
+    "motion",
+)
 """Modules of kernels, those first that take longest: nobody shall wait for one of them alone at the end."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
 """Environment variable with the directory to keep kernels in, instead of the user's cache."""

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from rcopterx.native.bounds import press, pull_at, update_multipliers
 from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
@@ -242,9 +241,9 @@ def chain_start(
             flat[at] = flat[at - axes]
 
 
-@compiled(BLOCKS, MATRIX, MATRIX, COUNT, COUNT)
-def chain_factor(rows: Array, weights: Array, terminal: Array, axes: int, fixed: int) -> tuple[Array, bool]:
-    """Banded Cholesky factor of the Hessian with respect to the free positions.
+@compiled(BLOCKS, MATRIX, MATRIX, COUNT, COUNT, MATRIX)
+def chain_factor(rows: Array, weights: Array, terminal: Array, axes: int, fixed: int, factor: Array) -> bool:
+    """Set the banded Cholesky factor of the Hessian with respect to the free positions.
 
     Parameters
     ----------
@@ -256,12 +255,13 @@ def chain_factor(rows: Array, weights: Array, terminal: Array, axes: int, fixed:
         m.
     fixed
         How many of the first positions are not free.
+    factor
+        Set to it: entries (i, i) to (i + w - 1, i) in row i, shape (free, w).
 
     Returns
     -------
-    tuple
-        Column i holds entries (i, i) to (i + w - 1, i) of the factor, shape (free, w); and whether the
-        Hessian is definite.
+    bool
+        Whether the Hessian is definite.
     """
     stages, count, width = rows.shape
     size = (stages - 1) * axes + width
@@ -272,31 +272,33 @@ def chain_factor(rows: Array, weights: Array, terminal: Array, axes: int, fixed:
             weight = weights[stage, row]
             if weight != 0.0:
                 for place in range(width):
-                    factor = weight * rows[stage, row, place]
-                    if factor != 0.0:
+                    share = weight * rows[stage, row, place]
+                    if share != 0.0:
                         for further in range(place, width):
-                            band[begin + place, further - place] += factor * rows[stage, row, further]
+                            band[begin + place, further - place] += share * rows[stage, row, further]
     begin = (stages - 1) * axes
     for place in range(len(terminal)):
         for further in range(place, len(terminal)):
             band[begin + place, further - place] += terminal[place, further]
     # The last positions are padding: no row depends on them.
-    free = band[fixed : size - axes].copy()
-    for column in range(len(free)):
-        pivot = free[column, 0]
+    for column in range(len(factor)):
+        for place in range(width):
+            factor[column, place] = band[fixed + column, place]
+    for column in range(len(factor)):
+        pivot = factor[column, 0]
         if not pivot > 0.0:
-            return free, False
+            return False
         pivot = math.sqrt(pivot)
-        below = min(width, len(free) - column)
-        free[column, 0] = pivot
+        below = min(width, len(factor) - column)
+        factor[column, 0] = pivot
         for place in range(1, below):
-            free[column, place] /= pivot
+            factor[column, place] /= pivot
         for place in range(1, below):
-            factor = free[column, place]
-            if factor != 0.0:
+            share = factor[column, place]
+            if share != 0.0:
                 for further in range(place, below):
-                    free[column + place, further - place] -= factor * free[column, further]
-    return free, True
+                    factor[column + place, further - place] -= share * factor[column, further]
+    return True
 
 
 @part
@@ -348,67 +350,6 @@ def chain_step(
     for place in range(len(step)):
         step[place] = -gradient[fixed + place]
     chain_solve(factor, step)
-
-
-@compiled(BLOCKS, VECTOR, MATRIX, MATRIX, VECTOR, *9 * [MATRIX], COUNT, COUNT, COUNT, NUMBER, NUMBER)
-def chain_settle(
-    rows: Array,
-    flat: Array,
-    terminal_map: Array,
-    cost: Array,
-    terminal: Array,
-    factor: Array,
-    aim: Array,
-    weights: Array,
-    penalty: Array,
-    lower: Array,
-    upper: Array,
-    values: Array,
-    side: Array,
-    multipliers: Array,
-    first: int,
-    fixed: int,
-    most: int,
-    hardness: float,
-    tolerance: float,
-) -> tuple[int, bool, bool]:
-    """Newton steps and updates of the multipliers with one factor, until other bounds press or it is solved.
-
-    Parameters
-    ----------
-    rows, terminal_map, cost, terminal, factor, fixed
-        As in `chain_step`.
-    aim, weights, penalty, lower, upper, side, multipliers, first
-        As in `pull_at`; the penalty is positive where a row is bounded.
-    flat, values, side, multipliers
-        Point, its rows and what presses there, changed in place.
-    most
-        Number of steps after which it ends.
-    hardness
-        Penalty of the inputs.
-    tolerance
-        Distance of inputs to their bounds up to which it is solved.
-
-    Returns
-    -------
-    tuple
-        Number of steps, whether it is solved, and whether what presses is still what the factor is of.
-    """
-    stages, _, width = rows.shape
-    axes = (len(flat) - width) // (stages - 1)
-    pull, step = np.empty(values.shape), np.empty(len(factor))
-    chain_values(rows, flat, axes, values)
-    for count in range(1, most + 1):
-        pull_at(values, aim, weights, penalty, side, multipliers, lower, upper, first, pull)
-        chain_step(rows, flat, terminal_map, cost, terminal, factor, pull, fixed, step)
-        for place in range(len(step)):
-            flat[fixed + place] += step[place]
-        chain_values(rows, flat, axes, values)
-        if not press(values, penalty, multipliers, lower, upper, first, hardness, side):
-            return count, False, False
-        if update_multipliers(values, multipliers, lower, upper, first, hardness) <= tolerance:
-            return count, True, True
-    return most, False, True
 
 
 @compiled(BLOCKS, MATRIX, VECTOR, COUNT, COUNT)

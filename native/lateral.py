@@ -8,14 +8,11 @@ feedback, which is the factor of the Hessian, and one pass back and forth for th
 
 import numpy as np
 
-from rcopterx.native.bounds import press, pull_at, update_multipliers
 from rcopterx.native.compiled import (
     ANY_BLOCKS,
     BLOCKS,
-    COUNT,
     FLAG,
     MATRIX,
-    NUMBER,
     VECTOR,
     Array,
     compiled,
@@ -339,83 +336,3 @@ def lateral_step(
                     total -= here[axis, column] * moved[stage, column]
                 step[2 * stage + axis] = total
         go_on(carried, demand, moved[stage], step[2 * at], step[2 * at + 1], moved[stage + 1])
-
-
-@part
-def pull_of_last(terminal: Array, state: Array, aim: Array, pull: Array) -> None:
-    """Set the derivative of the terminal cost by the last state."""
-    for row in range(len(aim)):
-        total = 0.0
-        for inner in range(len(aim)):
-            total += terminal[row, inner] * (state[inner] - aim[inner])
-        pull[row] = total
-
-
-@compiled(
-    MATRIX, MATRIX, MATRIX, MATRIX, BLOCKS, VECTOR, VECTOR, MATRIX, BLOCKS, BLOCKS, VECTOR, ANY_BLOCKS,
-    *8 * [MATRIX], COUNT, NUMBER, NUMBER,
-)  # fmt: skip
-def lateral_settle(
-    transition: Array,
-    carried: Array,
-    demand: Array,
-    terminal: Array,
-    factor: Array,
-    aim_of_last: Array,
-    demands: Array,
-    states: Array,
-    turn: Array,
-    demand_turn: Array,
-    gain: Array,
-    directions: Array,
-    aim: Array,
-    weights: Array,
-    penalty: Array,
-    lower: Array,
-    upper: Array,
-    values: Array,
-    side: Array,
-    multipliers: Array,
-    most: int,
-    hardness: float,
-    tolerance: float,
-) -> tuple[int, bool, bool]:
-    """Newton steps and updates of the multipliers with one factor, until other bounds press or it is solved.
-
-    Parameters
-    ----------
-    transition, carried, demand, factor, turn, demand_turn, gain, directions
-        As in `lateral_step`.
-    terminal, aim_of_last
-        Cost of the last state, and the state that costs nothing.
-    demands, states, values, side, multipliers
-        Point, its states and rows and what presses there, changed in place; states as in `lateral_states`.
-    aim, weights, penalty, lower, upper, most, hardness, tolerance
-        As in `rcopterx.native.chain.chain_settle`.
-
-    Returns
-    -------
-    tuple
-        Number of steps, whether it is solved, and whether what presses is still what the factor is of.
-    """
-    pull, step = np.empty(values.shape), np.empty(len(demands))
-    pull_last, moved = np.empty(len(aim_of_last)), np.empty(states.shape)
-    lateral_rows(states, demands, turn, demand_turn, gain, directions, values)
-    for count in range(1, most + 1):
-        pull_at(values, aim, weights, penalty, side, multipliers, lower, upper, 4, pull)
-        pull_of_last(terminal, states[len(turn) - 1], aim_of_last, pull_last)
-        lateral_step(
-            transition, carried, demand, factor, pull, pull_last, turn, demand_turn, gain, directions,
-            step, moved,
-        )  # fmt: skip
-        for place in range(len(step)):
-            demands[place] += step[place]
-        for stage in range(len(states)):
-            for row in range(len(aim_of_last)):
-                states[stage, row] += moved[stage, row]
-        lateral_rows(states, demands, turn, demand_turn, gain, directions, values)
-        if not press(values, penalty, multipliers, lower, upper, 4, hardness, side):
-            return count, False, False
-        if update_multipliers(values, multipliers, lower, upper, 4, hardness) <= tolerance:
-            return count, True, True
-    return most, False, True

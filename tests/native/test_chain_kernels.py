@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.chains import PERIOD_S, coaxial_lateral
 
-from rcopterx.agents.controllers.chains.chain import ActiveBounds, Chain, ChainTarget
+from rcopterx.agents.controllers.chains.chain import Chain, ChainTarget
 from rcopterx.agents.controllers.chains.lateral_chain import LateralChain
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
+from rcopterx.native.bounds import move_bounds_on
+from rcopterx.native.settling import AFRESH, GO_ON, SHIFTED
 from rcopterx.vehicles.state import Array, heading_matrix
 from rcopterx.vehicles.types import COAXIAL
 
@@ -29,10 +31,10 @@ def lateral_chain(random: np.random.Generator) -> tuple[LateralChain, Array, Arr
         np.array([heading_matrix(angle) for angle in some]) for some in (angles, angles[1:] + 0.1)
     )
     directions = random.normal(size=(STAGES, SLOTS, 2))
-    chain.set_headings(turn, middle)
+    chain.turn[:], chain.demand_turn[:] = turn, middle
     chain.set_clearances(directions)
     first = random.normal(size=SYSTEM.size)
-    chain.begin(first, shifted=False)
+    chain.begin(first, np.zeros(2), shifted=False)
 
     def simulated(state: Array, demands: Array) -> tuple[Array, Array]:
         rows = []
@@ -131,27 +133,83 @@ def test_what_settles_satisfies_the_optimality_conditions(seed: int, horizontal:
     shape = chain.weights.shape
     size = SYSTEM.size if horizontal else 6
     target = ChainTarget(np.zeros(shape), np.zeros(size), np.full((1, 8), -room), np.full((1, 8), room))
-    penalty = chain.bounded * chain.soft_weights
-    penalty[:, chain.inputs] = 1e6 * chain.bounded[:, chain.inputs]
-    active = ActiveBounds.none(shape, 2)
-    for _ in range(20):
+    penalty, active, factor = chain.penalty, chain.active, chain.unknown_factor(bounds=True)
+    start = np.full((3, 2), np.nan), random.normal(size=2)
+    if horizontal:
+        start = np.full(SYSTEM.size, np.nan), start[1]
+    plan = chain.unknown_plan()
+    for stale in 20 * [True, False]:
         side = active.side.copy()
-        factor = chain.factorize(chain.weights + penalty * np.abs(side))
-        assert factor is not None
-        _, solved, same = chain.settle(factor, target, penalty, active, 20)
+        steps, solved, same, presses = chain.attempt(
+            *chain.problem, *start, GO_ON, factor.numbers, factor.side, stale,
+            target.rows, target.terminal, target.lower, target.upper, 20, *plan,
+        )  # fmt: skip
+        assert steps > 0
+        assert (factor.side == side).all()
+        known = chain.factorize(chain.weights + penalty * np.abs(side))
+        assert known is not None
+        assert factor.numbers == pytest.approx(known, rel=1e-12)
         assert same == bool((active.side == side).all())
+        assert presses == bool(active.side.any())
         if solved or same:
             break
     if not solved:  # Newton's steps may go round in circles; the interior point is there for these
         return
     values = chain.values()
+    assert (plan[0] == chain.positions()).all()
+    assert plan[1] == pytest.approx(values[:-1, chain.inputs] - chain.balance(start[1]), abs=1e-12)
     assert active.values == pytest.approx(values, abs=1e-6)
     bound = np.where(active.side > 0.0, room, -room)
     soft = penalty * np.abs(active.side) * (values - bound)
     soft[:, chain.inputs] = active.multipliers
-    left = chain.step(factor, chain.weights * values + soft, target)
+    left = chain.step(factor.numbers, chain.weights * values + soft, target)
     assert np.abs(chain.change_of_values(left)).max() < 1e-4
     beyond = chain.bounded * (np.abs(values) - room)
     assert beyond[:, chain.inputs].max() < 2e-5
     assert (active.multipliers * active.side[:, chain.inputs] >= -1e-6).all()
     assert (np.abs(active.side) == (beyond > 0.0))[:, : chain.inputs.start].all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, st.booleans())
+def test_an_attempt_without_bounds_begins_and_goes_to_where_the_cost_has_no_slope(
+    seed: int, horizontal: bool
+) -> None:
+    """From nothing, and then from there one stage on, with a factor that is known."""
+    random = np.random.default_rng(seed)
+    chain = lateral_chain(random)[0] if horizontal else flat_chain(random, lag=True)
+    size = SYSTEM.size if horizontal else 6
+    target = ChainTarget(
+        random.normal(size=chain.weights.shape),
+        random.normal(size=size),
+        np.full((1, 8), -1e9),
+        np.full((1, 8), 1e9),
+    )
+    factor, plan = chain.unknown_factor(bounds=False), chain.unknown_plan()
+    for begin in (AFRESH, SHIFTED):
+        start = random.normal(size=size).reshape((size,) if horizontal else (3, 2)), random.normal(size=2)
+        outcome = chain.attempt(
+            *chain.problem, *start, begin, factor.numbers, factor.side, begin == AFRESH,
+            target.rows, target.terminal, target.lower, target.upper, 9, *plan,
+        )  # fmt: skip
+        assert outcome == (1, True, True, False)
+        inputs = chain.values()[:-1, chain.inputs]
+        assert plan[1] == pytest.approx(inputs - chain.balance(start[1]), rel=1e-9, abs=1e-9)
+        left = chain.step(factor.numbers, chain.weights * (chain.values() - target.rows), target)
+        assert np.abs(left).max() < 1e-7 * (1.0 + np.abs(plan[0]).max())
+        chain.begin(*start, shifted=False)
+        chain.roll_out(inputs)
+        assert chain.positions() == pytest.approx(plan[0], rel=1e-6, abs=1e-6)
+
+
+@given(seeds)
+def test_bounds_move_on_by_a_stage(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    side, bounded = random.integers(-1, 2, (STAGES, 6)).astype(float), np.ones((STAGES, 6))
+    bounded[0, :4] = bounded[-1, 4:] = 0.0
+    multipliers = random.normal(size=(STAGES, 2))
+    moved, then = side.copy(), multipliers.copy()
+    move_bounds_on(moved, then, bounded)
+    expected = np.vstack((side[1:], side[-1:])) * bounded
+    assert (moved == expected).all()
+    assert (then == np.vstack((multipliers[1:-1], multipliers[-2:]))).all()

@@ -66,7 +66,6 @@ class TiltProblem:
         self._lead = self._mean_delay_s() / parameters.period_s
         self._gain: Array = model.b[:2].copy()
         stages, states = parameters.stages, self._system.size
-        self._turn, self._demand_turn = np.empty((stages, 2, 2)), np.empty((stages - 1, 2, 2))
         self._first, self._target = np.empty(states), ChainTarget.empty(stages, 6, states)
 
     def forget(self) -> None:
@@ -81,6 +80,8 @@ class TiltProblem:
         """
         tilt = self._tilt(task)
         target = self._target
+        qp = self._free if task.clear is None else self._crowded
+        chain = qp.chain
         lateral_reference(
             task.reference.samples,
             task.heading,
@@ -91,21 +92,20 @@ class TiltProblem:
             bounds,
             tilt.trim,
             share,
-            self._turn,
-            self._demand_turn,
+            chain.turn,
+            chain.demand_turn,
             target.rows,
             target.terminal,
             target.lower,
             target.upper,
         )
-        qp = self._free if task.clear is None else self._crowded
+        qp.turned()
         if qp is not self._last:
             self._last.forget()
             self._last = qp
         if task.clear is not None:
             self._crowded.set_clearances(task.clear.directions)
             target = task.clear.add_rows(task.height_m, target)
-        qp.set_headings(self._turn, self._demand_turn)
         motion, first = task.estimate.motion, self._first
         lateral_first_state(motion, tilt.core, tilt.servo, tilt.wind_m_s2, self._gain, first)
         return qp.solve(first, tilt.trim, target, task.budget)

@@ -10,18 +10,24 @@ inputs of the previous plan.
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.agents.controllers.chains.chain import INPUT_PENALTY, ActiveBounds, ChainTarget
-from rcopterx.agents.controllers.chains.interior_point import InteriorPoint, StageProblem
+from rcopterx.agents.controllers.chains.chain import Chain, ChainTarget
+from rcopterx.agents.controllers.chains.interior_point import InteriorPoint
+from rcopterx.agents.controllers.chains.lateral_chain import LateralChain
+from rcopterx.native.bounds import move_bounds_on
+from rcopterx.native.settling import AFRESH, GO_ON, SHIFTED
 from rcopterx.vehicles.state import Array
 
 ACTIVE_SET_STEPS: Final = 5
 SECOND_GUESS_STEPS: Final = 3
 MULTIPLIER_STEPS: Final = 12
+Start = tuple[Array, Array]
+"""State of stage 1, and what the inputs balance."""
+SomeChain = TypeVar("SomeChain", Chain, LateralChain)
 READABLE_GAPS: Final = (1e-2, 1e-4, 1e-6)
 """Mean complementarities at which the active bounds are read off an interior point; the last one is exact."""
 
@@ -74,7 +80,7 @@ class ChainSolution(Struct, frozen=True):
     iterations: int
 
 
-class ActiveSetQP:
+class ActiveSetQP(Generic[SomeChain]):
     """Workspace of one problem.
 
     Parameters
@@ -85,41 +91,42 @@ class ActiveSetQP:
         Interior-point steps after which the best point is returned unsolved.
     """
 
-    def __init__(self, chain: StageProblem, max_iterations: int) -> None:
-        self._chain = chain
+    def __init__(self, chain: SomeChain, max_iterations: int) -> None:
+        self.chain: SomeChain = chain
         self._max_iterations = max_iterations
-        self._weigh_bounds()
-        self._active = ActiveBounds.none(chain.bounded.shape, chain.parameters.axes)
+        self._active = chain.active
         self._presses = False
         """Whether any bound is active."""
         self._cruising = False
-        self._factor: Array | None = None
-        self._factor_side: Array | None = None
-        """The active bounds that the factor is of; None for none."""
+        self._free, self._pressed = chain.unknown_factor(bounds=False), chain.unknown_factor(bounds=True)
+        """Factors without active bounds and with some."""
+        self._plan = chain.unknown_plan()
         self._warm = False
         """Whether there is a solution to begin from."""
         self._expired: Callable[[], bool] = _never
-
-    def _weigh_bounds(self) -> None:
-        chain = self._chain
-        self._penalty: Array = chain.bounded * chain.soft_weights
-        self._penalty[:, chain.inputs] = chain.bounded[:, chain.inputs] * INPUT_PENALTY
 
     def forget(self) -> None:
         """Start the next solve from nothing, also after one that was interrupted anywhere."""
         self._warm = self._cruising = self._presses = False
         self._active.clear()
-        self._factor = self._factor_side = None
+        self._forget_factors()
 
-    def _solve(self, balance: Array, target: ChainTarget, budget: Budget) -> ChainSolution:
-        """Solve with new numbers, from where the chain has begun.
+    def _forget_factors(self) -> None:
+        self._free.stale = self._pressed.stale = True
+
+    def solve(
+        self, first_state: Array, load: Array, target: ChainTarget, budget: Budget = UNLIMITED
+    ) -> ChainSolution:
+        """Solve with new numbers, starting from the last solution shifted by one stage.
 
         Parameters
         ----------
-        balance
-            What the rows of the inputs have added to them, shape (m,).
+        first_state
+            State of stage 1, as `begin` of the chain takes it.
+        load
+            What acts at every stage and inputs balance (`balance` of the chain), shape (m,).
         target
-            Reference and bounds.
+            Reference and bounds; inputs with the balance added.
         budget
             What it may take.
 
@@ -128,29 +135,41 @@ class ActiveSetQP:
         ChainSolution
             The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
-        chain = self._chain
+        self._plan = self.chain.unknown_plan()
         self._expired = budget.expired
+        start = first_state, load
         if self._presses:
-            solved, iterations = self._guess_twice(target)
+            solved, iterations = self._guess_twice(start, target)
         else:
-            solved, iterations = self._active_set(target, ACTIVE_SET_STEPS)
+            solved, iterations = self._active_set(start, self._beginning(), target, ACTIVE_SET_STEPS)
         if not solved:
-            solved, further = self._interior_point(target)
+            solved, further = self._interior_point(start, target)
             iterations += further
         self._warm = True
-        if solved:
-            inputs = self._active.values[:-1, chain.inputs]
-        else:
-            known = [chain.values()[:-1, chain.inputs]]
-            planned = budget.planned()
-            if planned is not None:
-                known.append(planned + balance)
-            inputs = self._best(known, target)
-        return ChainSolution(chain.positions(), inputs - balance, solved, iterations)
+        if not solved:
+            self._go_to_best(load, target, budget.planned())
+        positions, inputs = self._plan
+        return ChainSolution(positions, inputs, solved, iterations)
+
+    def _beginning(self) -> int:
+        """Where a solve begins."""
+        return SHIFTED if self._warm else AFRESH
+
+    def _take_point(self, inputs: Array, load: Array) -> None:
+        """Plan the present point, where inputs, balance added, are these."""
+        self._plan = self.chain.positions(), inputs - self.chain.balance(load)
+
+    def _go_to_best(self, load: Array, target: ChainTarget, planned: Array | None) -> None:
+        """Plan the less costly of the present point and planned inputs."""
+        chain = self.chain
+        known = [chain.values()[:-1, chain.inputs]]
+        if planned is not None:
+            known.append(planned + chain.balance(load))
+        self._take_point(self._best(known, target), load)
 
     def _best(self, known: list[Array], target: ChainTarget) -> Array:
         """Go to the least costly of these inputs, cut to their bounds."""
-        chain = self._chain
+        chain = self.chain
         within = [np.clip(inputs, *self._input_bounds(target)) for inputs in known]
         costs = []
         for inputs in within:
@@ -163,87 +182,100 @@ class ActiveSetQP:
 
     def _cost_of(self, target: ChainTarget) -> float:
         """Cost of the present point, excesses over bounds included."""
-        chain = self._chain
+        chain = self.chain
         values = chain.values()
         error = values - target.rows
         excess = np.maximum(values - target.upper, 0.0) + np.maximum(target.lower - values, 0.0)
-        running = np.vdot(chain.weights * error, error) + np.vdot(self._penalty * excess, excess)
+        running = np.vdot(chain.weights * error, error) + np.vdot(chain.penalty * excess, excess)
         return 0.5 * float(running) + chain.terminal_cost_of(target)
 
-    def _guess_twice(self, target: ChainTarget) -> tuple[bool, int]:
+    def _guess_twice(self, start: Start, target: ChainTarget) -> tuple[bool, int]:
         """Active-set steps from either guess, the one that was right last time first."""
-        moved, same = self._active.moved_on(self._chain.bounded), self._active
-        first, second = (same, moved) if self._cruising else (moved, same)
-        start = self._chain.point()
-        self._active = first.copy()
-        solved, iterations = self._active_set(target, ACTIVE_SET_STEPS)
+        chain, active = self.chain, self._active
+        point, side, multipliers = chain.point(), active.side.copy(), active.multipliers.copy()
+        if not self._cruising:
+            move_bounds_on(active.side, active.multipliers, chain.bounded)
+        begin = self._beginning()
+        solved, iterations = self._active_set(start, begin, target, ACTIVE_SET_STEPS)
         if solved:
             return solved, iterations
-        self._chain.restore(start)
-        self._active, self._presses = second, True
-        solved, further = self._active_set(target, SECOND_GUESS_STEPS)
+        chain.restore(point)
+        active.side[:], active.multipliers[:] = side, multipliers
+        if self._cruising:
+            move_bounds_on(active.side, active.multipliers, chain.bounded)
+        self._presses = True
+        solved, further = self._active_set(start, begin, target, SECOND_GUESS_STEPS)
         self._cruising = solved and not self._cruising
         return solved, iterations + further
 
-    def _active_set(self, target: ChainTarget, most: int) -> tuple[bool, int]:
+    def _active_set(self, start: Start, begin: int, target: ChainTarget, most: int) -> tuple[bool, int]:
         """Semismooth Newton steps between multiplier updates; False if `most` of them do not settle.
 
         Steps that change no bound only bring the multipliers to where they belong. They need no new
         factorisation and are not counted against `most`.
+
+        Parameters
+        ----------
+        start
+            Measured state, and what the inputs balance.
+        begin
+            Whether to begin there, or to go on (`rcopterx.native.settling`).
         """
-        chain, active = self._chain, self._active
+        chain, limit = self.chain, MULTIPLIER_STEPS + most
         steps = changes = 0
-        while changes < most and steps < MULTIPLIER_STEPS + most:
-            factor = self._present_factor()
-            if factor is None:
+        while changes < most and steps < limit:
+            presses = self._presses
+            factor = self._pressed if presses else self._free
+            if (presses or factor.stale) and self._expired():
+                if begin != GO_ON:
+                    chain.begin(*start, begin == SHIFTED)
                 return False, steps + 1
-            left = MULTIPLIER_STEPS + most - steps
-            further, solved, same = chain.settle(factor, target, self._penalty, active, left)
-            steps += further
+            further, solved, same, self._presses = chain.attempt(
+                *chain.problem,
+                *start,
+                begin,
+                factor.numbers,
+                factor.side,
+                factor.stale,
+                target.rows,
+                target.terminal,
+                target.lower,
+                target.upper,
+                limit - steps,
+                *self._plan,
+            )
+            factor.stale = further == 0
             if solved:
-                return True, steps
+                return True, steps + further
+            if factor.stale:
+                return False, steps + 1
+            begin = GO_ON
+            steps += further
             if not same:
                 changes += 1
-                self._presses = bool(active.side.any())
         return False, steps
-
-    def _present_factor(self) -> Array | None:
-        """Factor of the Hessian with the active bounds; None if there is none, or no time for a new one."""
-        side = self._active.side if self._presses else None
-        known = self._factor_side
-        if self._factor is not None and (
-            side is known if side is None or known is None else bool((side == known).all())
-        ):
-            return self._factor
-        self._factor = None
-        if self._expired():
-            return None
-        weights = self._chain.weights
-        self._factor_side = None if side is None else side.copy()
-        self._factor = self._chain.factorize(
-            weights if side is None else np.where(side == 0.0, weights, weights + self._penalty)
-        )
-        return self._factor
 
     def _input_bounds(self, target: ChainTarget) -> tuple[Array, Array]:
         """Of the inputs of the horizon, which are the same at every stage."""
-        columns = self._chain.inputs
+        columns = self.chain.inputs
         return target.lower[0, columns], target.upper[0, columns]
 
-    def _interior_point(self, target: ChainTarget) -> tuple[bool, int]:
+    def _interior_point(self, start: Start, target: ChainTarget) -> tuple[bool, int]:
         """Interior-point steps until the active bounds can be read off and give the exact solution."""
-        method = InteriorPoint(self._chain, target)
+        chain = self.chain
+        method = InteriorPoint(chain, target)
         for gap in READABLE_GAPS:
             closed = method.run(gap, self._max_iterations, self._expired)
-            inside = self._chain.point()
+            inside = chain.point()
             self._take_over(method)
-            solved, _ = self._active_set(target, ACTIVE_SET_STEPS)
+            solved, _ = self._active_set(start, GO_ON, target, ACTIVE_SET_STEPS)
             if solved:
                 return True, method.iterations
-            self._chain.restore(inside)
-            self._active.values[:] = self._chain.values()
+            chain.restore(inside)
             if not closed:
                 break
+        if closed:
+            self._take_point(chain.values()[:-1, chain.inputs], start[1])
         return closed, method.iterations
 
     def _take_over(self, method: InteriorPoint) -> None:
@@ -252,5 +284,4 @@ class ActiveSetQP:
         self._active.side[:] = pressing[0].astype(float) - pressing[1]
         self._presses = bool(self._active.side.any())
         upper, lower = method.multipliers * pressing
-        self._active.multipliers[:] = (upper - lower)[:, self._chain.inputs]
-        self._factor = None
+        self._active.multipliers[:] = (upper - lower)[:, self.chain.inputs]

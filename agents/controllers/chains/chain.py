@@ -21,12 +21,12 @@ import numpy as np
 from rcopterx.native.chain import (
     chain_factor,
     chain_roll_out,
-    chain_settle,
     chain_start,
     chain_step,
     chain_values,
     rows_of_positions,
 )
+from rcopterx.native.settling import chain_attempt
 from rcopterx.vehicles.state import Array
 
 INPUT_PENALTY: Final = 1e6
@@ -124,17 +124,24 @@ class ActiveBounds:
         self.side[:] = 0.0
         self.multipliers[:] = 0.0
 
-    def copy(self) -> "ActiveBounds":
-        """An independent copy."""
-        return ActiveBounds(self.side.copy(), self.multipliers.copy(), self.values)
 
-    def moved_on(self, bounded: Array) -> "ActiveBounds":
-        """The same bounds one stage earlier, where rows are `bounded`."""
-        moved = self.copy()
-        moved.multipliers[:-2] = self.multipliers[1:-1]
-        moved.side[:-1] = self.side[1:]
-        moved.side *= bounded
-        return moved
+@dataclass(slots=True)
+class Factor:
+    """A known factor of the Hessian.
+
+    Attributes
+    ----------
+    numbers
+        The factor, as `Chain.factorize` makes it.
+    side
+        Bounds that are active in it, shape (N, 3 m + K); no rows where there never are any.
+    stale
+        Whether it is of other matrices than the present ones.
+    """
+
+    numbers: Array
+    side: Array
+    stale: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +197,15 @@ class Chain:
         Columns of the inputs among the rows.
     flat
         The positions y, shape (N + levels, m); the last is padding.
+    penalty
+        Weight of the squared distance to an active bound, shape (N, 3 m + K).
+    active
+        The bounds that are active.
+    attempt, problem
+        The kernel that attempts to solve the problem, and its first arguments.
     """
+
+    attempt = staticmethod(chain_attempt)
 
     def __init__(self, parameters: ChainParameters) -> None:
         self.parameters = parameters
@@ -218,7 +233,54 @@ class Chain:
         self.soft_weights[self._clearances] = parameters.clearance_weight
         self._free = slice(levels * m, (stages + levels - 1) * m)
         self.flat: Array = np.zeros((stages + levels, m))
+        self._flat = self.flat.reshape(-1)
         self._change: Array = np.zeros((stages + levels) * m)
+        self._terminal_cost: Array = np.zeros((levels * m, levels * m))
+        self._terminal_hessian: Array = np.zeros((levels * m, levels * m))
+        self._first_turns: Array = np.zeros((levels - 1, m, m))
+        self._first_transition: Array = np.zeros((m, m))
+        self.penalty: Array = np.empty(self.weights.shape)
+        self._weigh_bounds()
+        self.active = ActiveBounds.none(self.weights.shape, m)
+        self.problem = (
+            self._rows,
+            self._terminal_map,
+            self._terminal_cost,
+            self._terminal_hessian,
+            self._first_turns,
+            self._first_transition,
+            self._push,
+            parameters.gain,
+            self.weights,
+            self.penalty,
+            self._flat,
+            self.active.values,
+            self.active.side,
+            self.active.multipliers,
+            parameters.period_s,
+            INPUT_PENALTY,
+            INPUT_TOLERANCE,
+        )
+
+    def _weigh_bounds(self) -> None:
+        self.penalty[:] = self.bounded * self.soft_weights
+        self.penalty[:, self.inputs] = self.bounded[:, self.inputs] * INPUT_PENALTY
+
+    def unknown_factor(self, bounds: bool) -> Factor:
+        """Room for a factor, with active bounds or without."""
+        size, width = self._free.stop - self._free.start, self._rows.shape[2]
+        rows = self.weights.shape if bounds else (0, self.weights.shape[1])
+        return Factor(np.empty((size, width)), np.zeros(rows))
+
+    def unknown_plan(self) -> tuple[Array, Array]:
+        """Room for positions and inputs, shapes (N + levels - 1, m) and (N - 1, m)."""
+        axes = self.flat.shape[1]
+        return np.empty((len(self.flat) - 1, axes)), np.empty((len(self.weights) - 1, axes))
+
+    def balance(self, disturbance: Array) -> Array:
+        """What a disturbance, shape (m,), adds to the inputs, as an input, shape (m,)."""
+        balance: Array = disturbance / self.parameters.gain
+        return balance
 
     def set_matrices(self, turn: Array, transition: Array, terminal_cost: Array) -> None:
         """Replace E, F and the terminal cost.
@@ -234,10 +296,10 @@ class Chain:
         """
         period_s = self.parameters.period_s
         rows_of_positions(turn, transition, *self._dynamics, period_s, self._rows, self._terminal_map)
-        self._first_turns = turn[:2].copy()
-        self._first_transition = transition[0].copy()
-        self._terminal_cost = np.ascontiguousarray(terminal_cost)
-        self._terminal_hessian = self._terminal_map.T @ terminal_cost @ self._terminal_map
+        self._first_turns[:] = turn[: len(self._first_turns)]
+        self._first_transition[:] = transition[0]
+        self._terminal_cost[:] = terminal_cost
+        self._terminal_hessian[:] = self._terminal_map.T @ terminal_cost @ self._terminal_map
 
     def set_clearances(self, directions: Array) -> None:
         """Replace the rows that keep clear of others.
@@ -251,6 +313,7 @@ class Chain:
         self._rows[:, self._clearances, : self.parameters.axes] = directions
         self.bounded[:, self._clearances] = directions.any(axis=2)
         self.bounded[: self.parameters.levels, self._clearances] = 0.0
+        self._weigh_bounds()
 
     def begin(self, first_state: Array, disturbance: Array, shifted: bool) -> None:
         """Begin a solve from a measured state, which fixes as many positions as it has levels.
@@ -265,7 +328,7 @@ class Chain:
             From the present positions one stage on, instead of standing still where the state leads to.
         """
         chain_start(
-            self.flat.reshape(-1),
+            self._flat,
             shifted,
             first_state,
             disturbance,
@@ -289,7 +352,7 @@ class Chain:
 
     def values(self) -> Array:
         """Rows at the present positions, shape (N, 3 m + K)."""
-        return self._values_of(self.flat.reshape(-1))
+        return self._values_of(self._flat)
 
     def change_of_values(self, step: Array) -> Array:
         """Change of the rows under a step of the free positions, shape (N, 3 m + K)."""
@@ -303,12 +366,12 @@ class Chain:
 
     def move(self, step: Array) -> None:
         """Take a step of the free positions."""
-        self.flat.reshape(-1)[self._free] += step
+        self._flat[self._free] += step
 
     def roll_out(self, inputs: Array) -> None:
         """Set the free positions to what inputs, balance added, lead to; shape (N - 1, m)."""
-        flat = self.flat.reshape(-1)
-        chain_roll_out(self._rows, inputs.copy(), flat, self.parameters.axes, self.inputs.start)
+        axes = self.parameters.axes
+        chain_roll_out(self._rows, inputs.copy(), self._flat, axes, self.inputs.start)
 
     def step(self, factor: Array, pull: Array, target: ChainTarget) -> Array:
         """Newton step of the free positions with a factor from `factorize`.
@@ -321,7 +384,7 @@ class Chain:
         step = np.empty(len(factor))
         chain_step(
             self._rows,
-            self.flat.reshape(-1),
+            self._flat,
             self._terminal_map,
             self._terminal_cost,
             target.terminal,
@@ -331,32 +394,6 @@ class Chain:
             step,
         )
         return step
-
-    def settle(
-        self, factor: Array, target: ChainTarget, penalty: Array, active: ActiveBounds, most: int
-    ) -> tuple[int, bool, bool]:
-        """Newton steps with one factor (`rcopterx.native.chain.chain_settle`)."""
-        return chain_settle(
-            self._rows,
-            self.flat.reshape(-1),
-            self._terminal_map,
-            self._terminal_cost,
-            target.terminal,
-            factor,
-            target.rows,
-            self.weights,
-            penalty,
-            target.lower,
-            target.upper,
-            active.values,
-            active.side,
-            active.multipliers,
-            self.inputs.start,
-            self._free.start,
-            most,
-            INPUT_PENALTY,
-            INPUT_TOLERANCE,
-        )
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
         """Terminal cost of the present positions."""
@@ -370,5 +407,6 @@ class Chain:
     def factorize(self, weights: Array) -> Array | None:
         """Banded Cholesky factor of the Hessian with these row weights; None if it is not definite."""
         m, fixed = self.parameters.axes, self._free.start
-        factor, definite = chain_factor(self._rows, weights, self._terminal_hessian, m, fixed)
+        factor = np.empty((self._free.stop - fixed, self._rows.shape[2]))
+        definite = chain_factor(self._rows, weights, self._terminal_hessian, m, fixed, factor)
         return factor if definite else None

@@ -10,7 +10,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from rcopterx.agents.controllers.chains.chain import ActiveBounds, ChainParameters, ChainTarget
+from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.native.bounds import complementarity_ahead, direction_of, residual_of, shift_of, softened_of
 from rcopterx.vehicles.state import Array
 
@@ -68,27 +68,6 @@ class StageProblem(Protocol):
 
     def step(self, factor: Array, pull: Array, target: ChainTarget) -> Array:
         """Newton step with a factor, where the derivative by the rows is `pull`."""
-        ...
-
-    def settle(
-        self, factor: Array, target: ChainTarget, penalty: Array, active: ActiveBounds, most: int
-    ) -> tuple[int, bool, bool]:
-        """Newton steps with one factor, until other bounds are active or it is solved.
-
-        Parameters
-        ----------
-        penalty
-            Weights of the squared distances to active bounds, shape (N, 3 m + K).
-        active
-            The bounds that are active, changed in place.
-        most
-            Number of steps after which it ends.
-
-        Returns
-        -------
-        tuple
-            Number of steps, whether it is solved, and whether the same bounds are active.
-        """
         ...
 
 

@@ -18,16 +18,17 @@ from rcopterx.agents.controllers.chains.chain import (
     ActiveBounds,
     ChainParameters,
     ChainTarget,
+    Factor,
 )
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.native.lateral import (
     lateral_begin,
     lateral_factor,
     lateral_rows,
-    lateral_settle,
     lateral_states,
     lateral_step,
 )
+from rcopterx.native.settling import lateral_attempt
 from rcopterx.vehicles.state import Array
 
 AXES: Final = 2
@@ -47,7 +48,15 @@ class LateralChain:
         Sizes and weights; those of x and y are averaged, because the prediction does not prefer a direction.
     system
         The prediction over one control period.
+
+    Attributes
+    ----------
+    turn, demand_turn
+        R(psi) of the stages, shape (N, 2, 2), and in the middle of the periods, shape (N - 1, 2, 2); to be
+        written ahead of a solve.
     """
+
+    attempt = staticmethod(lateral_attempt)
 
     def __init__(self, parameters: ChainParameters, system: LateralSystem) -> None:
         self.parameters = parameters
@@ -81,11 +90,49 @@ class LateralChain:
         """Always those of the present demands."""
         self.terminal_cost = self._riccati_cost()
         self._endless = self._endless_factor()
-        self._unbound: Array = np.tile(self._endless, (stages - 1, 1, 1))
-        """Factor of the Hessian without active bounds."""
-        level = np.tile(np.eye(AXES), (stages, 1, 1))
-        self.set_headings(level, level[:-1])
-        self.begin(np.zeros(system.size), shifted=False)
+        self.turn: Array = np.tile(np.eye(AXES), (stages, 1, 1))
+        self.demand_turn: Array = self.turn[:-1].copy()
+        self.penalty: Array = np.empty(self.weights.shape)
+        self._weigh_bounds()
+        self.active = ActiveBounds.none(self.weights.shape, AXES)
+        self.problem = (
+            self._transition,
+            self._carried,
+            self._demand,
+            self.terminal_cost,
+            self._endless,
+            self.turn,
+            self.demand_turn,
+            gain,
+            self._directions,
+            self.weights,
+            self.penalty,
+            self._demands,
+            self._states,
+            self.active.values,
+            self.active.side,
+            self.active.multipliers,
+            INPUT_PENALTY,
+            INPUT_TOLERANCE,
+        )
+
+    def _weigh_bounds(self) -> None:
+        self.penalty[:] = self.bounded * self.soft_weights
+        self.penalty[:, self.inputs] = self.bounded[:, self.inputs] * INPUT_PENALTY
+
+    def unknown_factor(self, bounds: bool) -> Factor:
+        """See `Chain.unknown_factor`."""
+        shape = len(self.weights) - 1, AXES, self._system.size + AXES
+        rows = self.weights.shape if bounds else (0, self.weights.shape[1])
+        return Factor(np.empty(shape), np.zeros(rows))
+
+    def unknown_plan(self) -> tuple[Array, Array]:
+        """Room for positions, shape (N + 2, 2), and sticks, shape (N - 1, 2)."""
+        return np.empty((len(self._states), AXES)), np.empty((len(self.weights) - 1, AXES))
+
+    def balance(self, trim: Array) -> Array:
+        """What the offsets of the sticks, shape (2,), add to the inputs: themselves."""
+        return trim
 
     def _riccati_cost(self) -> Array:
         """Cost of the last state: what an endless horizon would add."""
@@ -108,25 +155,19 @@ class LateralChain:
         """Feedback of the first demand on the state when no bound is active: e = -gain x, shape (2, n)."""
         return self._endless[:, : self._system.size]
 
-    def set_headings(self, turn: Array, demand_turn: Array) -> None:
-        """Replace the headings of the horizon.
-
-        Parameters
-        ----------
-        turn
-            R(psi) of the stages, shape (N, 2, 2).
-        demand_turn
-            R(psi) in the middle of the periods, shape (N - 1, 2, 2).
-        """
-        self._turn, self._demand_turn = turn, demand_turn
-
     def set_clearances(self, directions: Array) -> None:
         """Replace the rows that keep clear of others, shape (N, K, 2) (`Chain.set_clearances`)."""
-        self._directions = directions
+        self._directions[:] = directions
         self.bounded[:, self._clearances] = directions.any(axis=2)
         self.bounded[:1, self._clearances] = 0.0
+        self._weigh_bounds()
 
-    def begin(self, first_state: Array, shifted: bool) -> None:
+    def begin(
+        self,
+        first_state: Array,
+        trim: Array,  # noqa: ARG002 - of what the sticks are, not of where they lead
+        shifted: bool,
+    ) -> None:
         """Begin a solve from a state of the lateral system, shape (n,).
 
         Parameters
@@ -134,7 +175,6 @@ class LateralChain:
         shifted
             With the present demands one stage on, instead of none at all.
         """
-        self._first_state = first_state
         lateral_begin(self._carried, self._demand, first_state, shifted, self._demands, self._states)
 
     def point(self) -> Array:
@@ -163,13 +203,14 @@ class LateralChain:
     def _rows(self, demands: Array, states: Array) -> Array:
         rows = np.empty(self.weights.shape)
         lateral_rows(
-            states, demands, self._turn, self._demand_turn, self.parameters.gain, self._directions, rows
+            states, demands, self.turn, self.demand_turn, self.parameters.gain, self._directions, rows
         )
         return rows
 
     def _follow(self) -> None:
         """Renew the states."""
-        lateral_states(self._carried, self._demand, self._first_state, self._demands, self._states)
+        first_state = self._states[0].copy()
+        lateral_states(self._carried, self._demand, first_state, self._demands, self._states)
 
     def move(self, step: Array) -> None:
         """Take a step of the demands."""
@@ -178,7 +219,7 @@ class LateralChain:
 
     def roll_out(self, inputs: Array) -> None:
         """Demand what sticks ask for, trim included; shape (N - 1, 2)."""
-        demands = np.einsum("sab,sb->sa", self._demand_turn, inputs * self.parameters.gain)
+        demands = np.einsum("sab,sb->sa", self.demand_turn, inputs * self.parameters.gain)
         self._demands[:] = demands.reshape(-1)
         self._follow()
 
@@ -192,9 +233,7 @@ class LateralChain:
 
     def factorize(self, weights: Array) -> Array | None:
         """Factor of the Hessian with these row weights; None if it is not definite."""
-        if weights is self.weights:
-            return self._unbound
-        factor = np.empty(self._unbound.shape)
+        factor = np.empty((len(weights) - 1, *self._endless.shape))
         definite = lateral_factor(
             self._transition,
             self._demand,
@@ -202,8 +241,8 @@ class LateralChain:
             self._endless,
             self.weights,
             weights,
-            self._turn,
-            self._demand_turn,
+            self.turn,
+            self.demand_turn,
             self.parameters.gain,
             self._directions,
             factor,
@@ -220,41 +259,11 @@ class LateralChain:
             factor,
             pull,
             self.terminal_cost @ self._terminal_error(target),
-            self._turn,
-            self._demand_turn,
+            self.turn,
+            self.demand_turn,
             self.parameters.gain,
             self._directions,
             step,
             np.empty(self._states.shape),
         )
         return step
-
-    def settle(
-        self, factor: Array, target: ChainTarget, penalty: Array, active: ActiveBounds, most: int
-    ) -> tuple[int, bool, bool]:
-        """Newton steps with one factor (`rcopterx.native.lateral.lateral_settle`)."""
-        return lateral_settle(
-            self._transition,
-            self._carried,
-            self._demand,
-            self.terminal_cost,
-            factor,
-            target.terminal,
-            self._demands,
-            self._states,
-            self._turn,
-            self._demand_turn,
-            self.parameters.gain,
-            self._directions,
-            target.rows,
-            self.weights,
-            penalty,
-            target.lower,
-            target.upper,
-            active.values,
-            active.side,
-            active.multipliers,
-            most,
-            INPUT_PENALTY,
-            INPUT_TOLERANCE,
-        )

@@ -36,7 +36,7 @@ def resting(lower: np.ndarray = LOWER, upper: np.ndarray = UPPER) -> ChainTarget
 
 def workspace(turn: np.ndarray, middle: np.ndarray) -> LateralQP:
     qp = LateralQP(PARAMETERS, SYSTEM, 60)
-    qp.set_headings(turn, middle)
+    qp.chain.turn[:], qp.chain.demand_turn[:] = turn, middle
     return qp
 
 
@@ -156,7 +156,7 @@ def test_the_trim_is_taken_off_the_sticks() -> None:
 def test_rows_that_keep_clear_push_the_positions_away() -> None:
     turn, middle = headings(0.0, 0.0)
     qp = LateralQP(replace(PARAMETERS, clearances=1, clearance_weight=5e5), SYSTEM, 60)
-    qp.set_headings(turn, middle)
+    qp.chain.turn[:], qp.chain.demand_turn[:] = turn, middle
     directions = np.tile([[[1.0, 0.0]]], (STAGES, 1, 1))
     qp.set_clearances(directions)
     target = ChainTarget(
