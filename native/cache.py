@@ -33,6 +33,8 @@ MODULES: Final = (
     "lateral",
     "noise",
     "motion",
+    "interior",
+    "lateral_problem",
 )
 """Modules of kernels, those first that take longest: nobody shall wait for one of them alone at the end."""
 VARIABLE: Final = "RCOPTERX_KERNELS"

@@ -11,7 +11,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
-from rcopterx.native.bounds import complementarity_ahead, direction_of, residual_of, shift_of, softened_of
+from rcopterx.native.interior import complementarity_ahead, direction_of, residual_of, shift_of, softened_of
 from rcopterx.vehicles.state import Array
 
 RESIDUAL: Final = 1e-7
