@@ -142,7 +142,7 @@ class PiqpChainQP(ChainQP):
         piqp: Any = import_module("piqp")
 
         p, m = self._parameters, self._parameters.axes
-        balance = self.balance(disturbance)
+        balance = self.chain.balance(disturbance)
         first = first_state.copy()
         first[2:] += balance
         self._right[: self._states] = first.ravel()

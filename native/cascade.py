@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.native.bounds import cut_reference
 from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
@@ -64,109 +65,6 @@ def write_turn(turn: Array, stage: int, cosine: float, sine: float) -> None:
     turn[stage, 0, 1] = -sine
 
 
-@compiled(
-    ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, NUMBER, FLAG, MATRIX, ANY_VECTOR, MATRIX, BLOCKS, BLOCKS, MATRIX,
-    VECTOR, MATRIX, MATRIX,
-)  # fmt: skip
-def lateral_reference(
-    samples: Array,
-    heading: Array,
-    gain: Array,
-    drag: float,
-    lead: float,
-    feed_forward: bool,
-    bounds: Array,
-    trim: Array,
-    share: Array,
-    turn: Array,
-    middle_turn: Array,
-    rows: Array,
-    terminal: Array,
-    low: Array,
-    high: Array,
-) -> None:
-    """Reference of the horizontal problem of a vehicle with a tilt model, along a planned heading.
-
-    Parameters
-    ----------
-    samples
-        Reference: columns 0 to 1 position, 4 to 5 velocity, 8 to 9 acceleration (inertial), shape (N, 12).
-    heading
-        Planned, at least N.
-    gain
-        Demand per stick, shape (2,).
-    drag
-        Acceleration per velocity.
-    lead
-        Stages by which demands are ahead of the accelerations that they make.
-    feed_forward
-        Whether sticks are those that fly the reference, or none.
-    bounds, trim, share, low, high
-        As in `cut_to_bounds`, the trim being the balance.
-    turn, middle_turn
-        Set to R(psi) of the stages and in the middle of the periods, shapes (N, 2, 2) and (N - 1, 2, 2).
-    rows, terminal
-        Set to position (inertial), velocity (body) and stick, shape (N, 6), and to the last state.
-    """
-    stages = len(samples)
-    for stage in range(stages):
-        rows[stage, 4] = rows[stage, 5] = 0.0
-        c, s = math.cos(heading[stage]), math.sin(heading[stage])
-        write_turn(turn, stage, c, s)
-        rows[stage, 0], rows[stage, 1] = samples[stage, 0], samples[stage, 1]
-        v_x, v_y = samples[stage, 4], samples[stage, 5]
-        rows[stage, 2], rows[stage, 3] = c * v_x + s * v_y, c * v_y - s * v_x
-    for stage in range(stages - 1):
-        middle = 0.5 * (heading[stage] + heading[stage + 1])
-        c, s = math.cos(middle), math.sin(middle)
-        write_turn(middle_turn, stage, c, s)
-        if feed_forward:
-            at = min(stage + lead, stages - 1.0)
-            before = min(int(at), stages - 2)
-            ahead = at - before
-            needed = np.empty(2)
-            for axis in range(2):
-                earlier = samples[before, 8 + axis] - drag * samples[before, 4 + axis]
-                later = samples[before + 1, 8 + axis] - drag * samples[before + 1, 4 + axis]
-                needed[axis] = earlier * (1.0 - ahead) + later * ahead
-            rows[stage, 4] = (c * needed[0] + s * needed[1]) / gain[0]
-            rows[stage, 5] = (c * needed[1] - s * needed[0]) / gain[1]
-    for row in range(len(terminal)):
-        terminal[row] = 0.0
-    for axis in range(2):
-        terminal[axis], terminal[2 + axis] = samples[stages - 1, axis], samples[stages - 1, 4 + axis]
-    cut_to_bounds(rows, bounds, trim, share, low, high)
-
-
-@compiled(*4 * [ANY_VECTOR], VECTOR, VECTOR)
-def lateral_first_state(
-    motion: Array, core: Array, servo: Array, wind: Array, gain: Array, first: Array
-) -> None:
-    """Set the first state of the horizontal problem of a vehicle with a tilt model.
-
-    Parameters
-    ----------
-    motion
-        Position, heading, velocities (body), shape (8,).
-    core, servo, wind
-        Rotor and body, actuators of pitch and roll (body), and wind, as estimated.
-    gain
-        Demand per stick, shape (2,).
-    first
-        Set to position, velocity, core, demands of the actuators, wind: all inertial, shape (n,).
-    """
-    c, s = math.cos(motion[3]), math.sin(motion[3])
-    first[0], first[1] = motion[0], motion[1]
-    first[2], first[3] = c * motion[4] - s * motion[5], s * motion[4] + c * motion[5]
-    behind = 4 + len(core)
-    for row in range(len(core)):
-        first[4 + row] = core[row]
-    pitch, roll = servo[0] * gain[0], servo[1] * gain[1]
-    first[behind], first[behind + 1] = c * pitch - s * roll, s * pitch + c * roll
-    for axis in range(2):
-        first[behind + 2 + axis] = wind[axis]
-
-
 @part
 def chain_rows(
     position: Array,
@@ -216,10 +114,27 @@ def chain_rows(
             terminal[2 * axes + axis] = actuator
 
 
-@compiled(
-    ANY_MATRIX, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, ANY_VECTOR, MATRIX, VECTOR, MATRIX,
-    MATRIX, VECTOR, MATRIX, MATRIX,
-)  # fmt: skip
+@part
+def chain_state(motion: Array, actuator: Array, axis: int, first: Array) -> None:
+    """Set position, velocity[, actuator] of an axis and the next one, shape (levels, 2)."""
+    for beside in range(2):
+        first[0, beside], first[1, beside] = motion[axis + beside], motion[4 + axis + beside]
+        if len(first) > 2:
+            first[2, beside] = actuator[axis + beside]
+
+
+@part
+def cut_to_balance(
+    rows: Array, bounds: Array, load: Array, gain: Array, share: Array, low: Array, high: Array
+) -> None:
+    """As `cut_to_bounds`, where inputs of a gain balance a load, shape (2,)."""
+    balance = np.empty(2)
+    for axis in range(2):
+        balance[axis] = load[axis] / gain[axis]
+    cut_to_bounds(rows, bounds, balance, share, low, high)
+
+
+@part
 def steady_rows(
     samples: Array,
     decay: Array,
@@ -229,15 +144,9 @@ def steady_rows(
     pole: Array,
     feedback: Array,
     lagged: bool,
-    velocity: Array,
-    bounds: Array,
-    balance: Array,
-    share: Array,
     rows: Array,
     terminal: Array,
-    low: Array,
-    high: Array,
-) -> bool:
+) -> None:
     """Reference of the vertical and of yaw, whose frame is the inertial one.
 
     Parameters
@@ -250,15 +159,6 @@ def steady_rows(
         Whether inputs are those that fly the reference, or those that carry its velocities on.
     push, pole, feedback, lagged, rows, terminal
         As in `chain_rows`.
-    velocity
-        Measured, shape (2,).
-    bounds, balance, share, low, high
-        As in `cut_to_bounds`.
-
-    Returns
-    -------
-    bool
-        Whether the measured velocity is within its bounds.
     """
     stages = len(samples)
     carried, after = np.empty((stages, 2)), np.empty((stages, 2))
@@ -270,17 +170,78 @@ def steady_rows(
                 after[stage, axis] = wanted + period_s * samples[stage, 10 + axis]
     position, velocities = samples[:, 2:4], samples[:, 6:8]
     chain_rows(position, velocities, after, carried, push, pole, feedback, lagged, rows, terminal)
-    cut_to_bounds(rows, bounds, balance, share, low, high)
-    within = True
-    for axis in range(2):
-        within &= low[0, 2 + axis] <= velocity[axis] <= high[0, 2 + axis]
-    return within
 
 
 @compiled(
-    ANY_MATRIX, ANY_VECTOR, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, MATRIX, VECTOR, MATRIX,
-    MATRIX, VECTOR, MATRIX, MATRIX,
+    *3 * [ANY_VECTOR], ANY_MATRIX, MATRIX, MATRIX, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER, VECTOR, NUMBER,
+    FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, ANY_VECTOR, MATRIX, MATRIX, VECTOR, MATRIX, VECTOR,
+    MATRIX, MATRIX,
 )  # fmt: skip
+def steady_problem(
+    motion: Array,
+    actuator: Array,
+    disturbance: Array,
+    samples: Array,
+    bounds: Array,
+    share: Array,
+    lowest: Array,
+    highest: Array,
+    most_turned_rad: float,
+    gravity_m_s2: float,
+    decay: Array,
+    period_s: float,
+    feed_forward: bool,
+    push: Array,
+    pole: Array,
+    feedback: Array,
+    lagged: bool,
+    gain: Array,
+    aim: Array,
+    first: Array,
+    load: Array,
+    rows: Array,
+    terminal: Array,
+    low: Array,
+    high: Array,
+) -> bool:
+    """Cut the reference of a control step, and put the problem of the vertical and of yaw together.
+
+    Parameters
+    ----------
+    motion, actuator, disturbance
+        The estimate.
+    samples, lowest, highest, most_turned_rad, aim
+        The reference, its bounds, and what it is cut to (`cut_reference`).
+    gravity_m_s2
+        Pushes downwards, besides the disturbance.
+    decay, period_s, feed_forward, push, pole, feedback, lagged, rows, terminal
+        As in `steady_rows`.
+    gain
+        Acceleration per actuator, shape (2,).
+    first
+        Set to position, velocity[, actuator] of stage 1, shape (levels, 2).
+    load
+        Set to the acceleration that acts at every stage, shape (2,).
+    bounds, share, low, high
+        As in `cut_to_bounds`.
+
+    Returns
+    -------
+    bool
+        Whether the measured velocity is within its bounds.
+    """
+    cut_reference(samples, motion[3], lowest, highest, most_turned_rad, aim)
+    chain_state(motion, actuator, 2, first)
+    load[0], load[1] = disturbance[2] - gravity_m_s2, disturbance[3]
+    steady_rows(aim, decay, period_s, feed_forward, push, pole, feedback, lagged, rows, terminal)
+    cut_to_balance(rows, bounds, load, gain, share, low, high)
+    within = True
+    for axis in range(2):
+        within &= low[0, 2 + axis] <= first[1, axis] <= high[0, 2 + axis]
+    return within
+
+
+@part
 def horizontal_rows(
     samples: Array,
     heading: Array,
@@ -291,13 +252,8 @@ def horizontal_rows(
     pole: Array,
     feedback: Array,
     lagged: bool,
-    bounds: Array,
-    balance: Array,
-    share: Array,
     rows: Array,
     terminal: Array,
-    low: Array,
-    high: Array,
 ) -> None:
     """Reference of the horizontal problem of a vehicle with lags, along a planned heading.
 
@@ -315,8 +271,6 @@ def horizontal_rows(
         As in `steady_rows`.
     push, pole, feedback, lagged, rows, terminal
         As in `chain_rows`.
-    bounds, balance, share, low, high
-        As in `cut_to_bounds`.
     """
     stages = len(samples)
     velocity, carried, after = np.empty((stages, 2)), np.empty((stages, 2)), np.empty((stages, 2))
@@ -338,7 +292,54 @@ def horizontal_rows(
         else:
             after[stage, 0], after[stage, 1] = carried[stage, 0], carried[stage, 1]
     chain_rows(samples[:, :2], velocity, after, carried, push, pole, feedback, lagged, rows, terminal)
-    cut_to_bounds(rows, bounds, balance, share, low, high)
+
+
+@compiled(
+    *3 * [ANY_VECTOR], ANY_MATRIX, ANY_VECTOR, MATRIX, MATRIX, VECTOR, NUMBER, FLAG, VECTOR, VECTOR,
+    ANY_VECTOR, FLAG, ANY_VECTOR, MATRIX, MATRIX, VECTOR, MATRIX, MATRIX,
+)  # fmt: skip
+def horizontal_problem(
+    motion: Array,
+    actuator: Array,
+    load: Array,
+    samples: Array,
+    heading: Array,
+    bounds: Array,
+    share: Array,
+    decay: Array,
+    period_s: float,
+    feed_forward: bool,
+    push: Array,
+    pole: Array,
+    feedback: Array,
+    lagged: bool,
+    gain: Array,
+    first: Array,
+    rows: Array,
+    terminal: Array,
+    low: Array,
+    high: Array,
+) -> None:
+    """Put the horizontal problem of a vehicle with lags together.
+
+    Parameters
+    ----------
+    motion, actuator
+        The estimate.
+    load
+        Acceleration that acts at every stage, body frame, shape (2,).
+    samples, heading, decay, period_s, feed_forward, push, pole, feedback, lagged, rows, terminal
+        As in `horizontal_rows`.
+    gain, first
+        As in `steady_problem`.
+    bounds, share, low, high
+        As in `cut_to_bounds`.
+    """
+    chain_state(motion, actuator, 0, first)
+    horizontal_rows(
+        samples, heading, decay, period_s, feed_forward, push, pole, feedback, lagged, rows, terminal
+    )
+    cut_to_balance(rows, bounds, load, gain, share, low, high)
 
 
 @compiled(ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)

@@ -261,15 +261,15 @@ def turned_by_thrust(coupling: float, pole: float, actuator: float, thrust: Arra
     return turns
 
 
-@compiled(*4 * [ANY_MATRIX], NUMBER, NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX)
+@compiled(*4 * [ANY_MATRIX], ANY_VECTOR, NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX)
 def join_plans(
     horizontal: Array,
     steady: Array,
     horizontal_inputs: Array,
     steady_inputs: Array,
+    actuator: Array,
     coupling: float,
     pole: float,
-    actuator: float,
     low: Array,
     high: Array,
     period_s: float,
@@ -284,8 +284,8 @@ def join_plans(
         Positions of x and y, and of height and yaw, shape (N + 1 or more, 2).
     horizontal_inputs, steady_inputs
         Shape (N - 1, 2).
-    coupling, pole, actuator
-        As in `turned_by_thrust`, whose sticks are taken from the yaw's.
+    actuator, coupling, pole
+        Inputs after their lag, shape (4,); else as in `turned_by_thrust`, whose sticks are taken from yaw's.
     low, high
         Limits of the inputs, shape (4,).
     inputs, samples
@@ -293,7 +293,7 @@ def join_plans(
         Stages whose acceleration would need positions beyond the given ones accelerate like the last one that
         needs none.
     """
-    turned = turned_by_thrust(coupling, pole, actuator, steady_inputs[:, 0])
+    turned = turned_by_thrust(coupling, pole, actuator[2], steady_inputs[:, 0])
     for stage in range(len(inputs)):
         for axis in range(2):
             inputs[stage, axis] = horizontal_inputs[stage, axis]

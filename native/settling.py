@@ -34,7 +34,7 @@ from rcopterx.native.lateral import lateral_begin, lateral_factor, lateral_rows,
 GO_ON = 0
 AFRESH = 1
 SHIFTED = 2
-"""Where an attempt begins: at the present point, where nothing is planned, or at the last plan one stage on."""
+"""Where an attempt begins: at the present point, with no inputs at all, or at the last plan one stage on."""
 
 
 @part
@@ -99,9 +99,9 @@ def chain_settle(
 
 
 @compiled(
-    BLOCKS, MATRIX, MATRIX, MATRIX, BLOCKS, MATRIX, VECTOR, ANY_VECTOR, MATRIX, MATRIX, VECTOR, MATRIX, MATRIX,
-    MATRIX, NUMBER, NUMBER, NUMBER, ANY_MATRIX, ANY_VECTOR, COUNT, MATRIX, MATRIX, FLAG, MATRIX, VECTOR, MATRIX,
-    MATRIX, COUNT, MATRIX, MATRIX,
+    BLOCKS, MATRIX, MATRIX, MATRIX, BLOCKS, MATRIX, VECTOR, ANY_VECTOR, MATRIX, MATRIX, VECTOR, *3 * [MATRIX],
+    *3 * [NUMBER], ANY_MATRIX, ANY_VECTOR, COUNT, MATRIX, MATRIX, FLAG, MATRIX, VECTOR, MATRIX, MATRIX, COUNT,
+    MATRIX, MATRIX,
 )  # fmt: skip
 def chain_attempt(
     rows: Array,

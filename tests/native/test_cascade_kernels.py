@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from rcopterx.native.cascade import (
     heading_moved,
-    horizontal_rows,
-    lateral_first_state,
-    steady_rows,
+    horizontal_problem,
+    steady_problem,
     turning,
 )
+from rcopterx.native.lateral_problem import lateral_problem
 from rcopterx.native.plans import join_plans, turned_by_thrust
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -41,9 +41,23 @@ class Problem:
     def steady(
         self, velocity: Array, bounds: Array, balance: Array, share: Array, feed_forward: bool = True
     ) -> bool:
+        random, self.gain = self.random, np.array((2.0, -0.5))
+        motion, actuator = random.normal(size=8), random.normal(size=4)
+        motion[6:] = velocity
+        disturbance = np.concatenate((random.normal(size=2), balance * self.gain))
+        disturbance[2] += 9.0
         target = self.rows, self.terminal, self.low, self.high
-        chain = self.decay, PERIOD_S, feed_forward, *self.dynamics
-        return steady_rows(self.samples, *chain, velocity, bounds, balance, share, *target)
+        chain = 9.0, self.decay, PERIOD_S, feed_forward, *self.dynamics, self.gain
+        far, aim, load = np.full(12, 1e9), np.empty((STAGES, 12)), np.empty(2)
+        first = np.empty((3 if self.lagged else 2, 2))
+        reference = self.samples, bounds, share, -far, far, 1e9
+        begin = aim, first, load
+        within = steady_problem(motion, actuator, disturbance, *reference, *chain, *begin, *target)
+        assert (aim == self.samples).all()
+        state = np.concatenate((motion, actuator)).reshape(3, 4)[:, 2:]
+        assert (first == state[: len(first)]).all()
+        assert load == pytest.approx(balance * self.gain)
+        return within
 
     def flown(self, velocity: Array, after: Array, turns: Array) -> Array:
         """Velocities after each stage when the sticks of the rows are flown."""
@@ -79,8 +93,11 @@ def test_sticks_along_a_heading_fly_their_reference_in_the_body_frame(seed: int,
     problem = Problem(seed, lagged)
     heading, samples = problem.heading, problem.samples
     target = problem.rows, problem.terminal, problem.low, problem.high
-    chain = problem.decay, PERIOD_S, True, *problem.dynamics
-    horizontal_rows(samples, heading, *chain, WIDE, np.zeros(2), WHOLE, *target)
+    chain = problem.decay, PERIOD_S, True, *problem.dynamics, np.ones(2)
+    motion, actuator, first = np.arange(8.0), np.arange(8.0, 12.0), np.empty((3 if lagged else 2, 2))
+    reference = samples, heading, WIDE, WHOLE
+    horizontal_problem(motion, actuator, np.zeros(2), *reference, *chain, first, *target)
+    assert first.tolist() == [[0.0, 1.0], [4.0, 5.0], [8.0, 9.0]][: len(first)]
     to_body = [heading_matrix(0.5 * (one + other)).T for one, other in pairwise(heading)]
     velocity = np.array([to_body[stage] @ samples[stage, 4:6] for stage in range(STAGES)])
     next_velocity = samples[:, 4:6] + PERIOD_S * samples[:, 8:10]
@@ -148,7 +165,8 @@ def test_a_joint_plan_has_the_differences_of_its_positions(seed: int, beyond: in
     sticks, others = random.normal(size=(2, STAGES - 1, 2))
     inputs, samples = np.empty((STAGES - 1, 4)), np.empty((STAGES, 12))
     limits = np.full(4, -0.5), np.full(4, 0.8)
-    join_plans(horizontal, steady, sticks, others, 0.4, 0.7, 0.2, *limits, PERIOD_S, inputs, samples)
+    actuator = np.array((9.0, 9.0, 0.2, 9.0))
+    join_plans(horizontal, steady, sticks, others, actuator, 0.4, 0.7, *limits, PERIOD_S, inputs, samples)
     flat = np.hstack((horizontal, steady))
     velocity = np.diff(flat, axis=0) / PERIOD_S
     acceleration = np.diff(velocity, axis=0) / PERIOD_S
@@ -166,9 +184,29 @@ def test_thrust_turns_by_as_much_as_its_actuator_is_behind() -> None:
     assert turned == pytest.approx([2 * 0.4, 2 * 0.3, 2 * (0.3 - 0.275)])
 
 
-def test_the_first_state_of_the_horizontal_problem_is_inertial() -> None:
+def test_the_horizontal_problem_of_a_tilting_vehicle_is_inertial_but_for_its_sticks() -> None:
     motion = np.array((1.0, 2.0, 9.0, 0.5 * np.pi, 0.3, -0.2, 9.0, 9.0))
     first = np.empty(12)
     core, wind = np.arange(4.0), np.array((7.0, 8.0))
-    lateral_first_state(motion, core, np.array((0.1, 0.2)), wind, np.array((2.0, -3.0)), first[:12])
+    random, gain, trim = np.random.default_rng(0), np.array((2.0, -3.0)), np.array((0.1, 0.0))
+    samples, heading = random.normal(size=(STAGES, 12)), random.normal(size=STAGES)
+    turn, middle_turn = np.empty((STAGES, 2, 2)), np.empty((STAGES - 1, 2, 2))
+    rows, terminal, (low, high) = np.empty((STAGES, 6)), np.empty(12), np.empty((2, 1, 6))
+    bounds = np.array((np.full(6, -9.0), np.full(6, 9.0)))
+    lateral_problem(
+        motion, core, np.array((0.1, 0.2)), wind, trim, samples, heading, bounds, WHOLE, gain, 0.5, 0.0, True,
+        first, turn, middle_turn, rows, terminal, low, high,
+    )  # fmt: skip
+    assert (rows[:, :2] == samples[:, :2]).all()
+    assert terminal.tolist() == [*samples[-1, :2], *samples[-1, 4:6], *8 * [0.0]]
+    middle = [0.5 * (one + other) for one, other in pairwise(heading)]
+    for stage, sample in enumerate(samples):
+        assert turn[stage] == pytest.approx(heading_matrix(heading[stage]))
+        assert rows[stage, 2:4] == pytest.approx(turn[stage].T @ sample[4:6])
+        if stage < STAGES - 1:
+            assert middle_turn[stage] == pytest.approx(heading_matrix(middle[stage]))
+            stick = middle_turn[stage].T @ (sample[8:10] - 0.5 * sample[4:6]) / gain
+            assert rows[stage, 4:] == pytest.approx(stick)
+    assert low[0].tolist() == [*4 * [-9.0], -8.9, -9.0]
+    assert high[0].tolist() == [*4 * [9.0], 9.1, 9.0]
     assert first == pytest.approx([1.0, 2.0, 0.2, 0.3, 0.0, 1.0, 2.0, 3.0, 0.6, 0.2, 7.0, 8.0])

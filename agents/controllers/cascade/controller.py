@@ -13,27 +13,26 @@ from typing import Annotated, ClassVar, Final
 import msgspec
 import numpy as np
 
-from rcopterx.agents.controllers.base import BaseController, Solution
+from rcopterx.agents.controllers.base import REFERENCE_YAW_CAP_RAD, PlanningController, Solution
 from rcopterx.agents.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.agents.controllers.cascade.disturbance_observer import DisturbanceObserver
 from rcopterx.agents.controllers.cascade.lag_problem import LagProblem
 from rcopterx.agents.controllers.cascade.terms import (
     HorizontalProblem,
     HorizontalTask,
-    chain_states,
     let_come_back,
     riccati_cost,
 )
 from rcopterx.agents.controllers.cascade.tilt_problem import TiltProblem
 from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
-from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget, ChainSolution
+from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
 from rcopterx.agents.controllers.roll_out import lag_poles
 from rcopterx.agents.controllers.settings import ControllerSettings, EightWeights, FourWeights, Fraction
 from rcopterx.agents.interfaces import Estimate, LimitScale, Obstacle
-from rcopterx.agents.references.trajectory import COLUMNS, Trajectory
-from rcopterx.native.cascade import steady_rows
+from rcopterx.agents.references.trajectory import COLUMNS, POSITION, Trajectory
+from rcopterx.native.cascade import steady_problem
 from rcopterx.native.plans import join_plans, turned_by_thrust
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
@@ -81,7 +80,7 @@ class CascadeSettings(ControllerSettings, frozen=True, kw_only=True):
     """Interior-point steps in each problem before its best point is taken."""
 
 
-class CascadeController(BaseController):
+class CascadeController(PlanningController):
     """Trajectory MPC, yaw first.
 
     Parameters
@@ -112,18 +111,27 @@ class CascadeController(BaseController):
         self._observer = DisturbanceObserver(model, period_s)
         self._decay = 1.0 + period_s * (np.array(model.direct_damping) if settings.actuator_lag else model.k)
         self._poles = lag_poles(model, period_s)
+        self._thrust_pole = float(self._poles[U_THRUST])
         self._coupling = model.thrust_coupling if settings.actuator_lag else 0.0
         self._steady_chain = steady = self._parameters(_STEADY, (True, False))
         self._steady = self.workspace(steady, settings.max_iterations)
         self._horizontal = self._horizontal_problem()
         self._obstacles: tuple[Obstacle, ...] = ()
         self._expired = UNLIMITED.expired
+        self._steady_budget = Budget(self._late, self._planned_steady)
+        self._horizontal_budget = Budget(self._late, self._planned_horizontal)
+        self._actuator: Array = np.zeros(INPUT_SIZE)
+        """Of the present estimate."""
         self._remaining = np.exp(-period_s / COMING_BACK_S * np.arange(self._horizon))
         # What was estimated while it oscillated is worth nothing, so this begins with none.
         self._taken_in: Array = np.zeros(INPUT_SIZE)
         decay = self._decay[_STEADY].copy()
-        self._steady_dynamics, self._steady_decay = steady.dynamics, decay
+        self._steady_decay = decay
         self._steady_target = ChainTarget.empty(self._horizon, 6, 2 * steady.levels)
+        self._aim: Array = np.empty((self._horizon, COLUMNS))
+        """The present reference within its bounds."""
+        self._first, self._load = np.empty((steady.levels, 2)), np.empty(2)
+        """State of the vertical and of yaw at stage 1, and what acts on them."""
         stages = self._horizon + steady.levels - 2
         turn, transition = np.tile(np.eye(2), (stages, 1, 1)), np.tile(np.diag(decay), (stages - 1, 1, 1))
         self._steady.set_matrices(turn, transition, riccati_cost(steady, decay))
@@ -180,7 +188,28 @@ class CascadeController(BaseController):
         whole = np.array(limit_scale.inputs)
         part = np.where(whole < 1.0, whole, np.inf)
         share = np.array((part * (limits.input_min - hover), part * (limits.input_max - hover)))
-        self._steady_share, self._horizontal_share = share[:, _STEADY].copy(), share[:, _HORIZONTAL].copy()
+        self._horizontal_share = share[:, _HORIZONTAL].copy()
+        chain, target = self._steady_chain, self._steady_target
+        self._steady_problem = (
+            self._steady_bounds,
+            share[:, _STEADY].copy(),
+            self._reference_min,
+            self._reference_max,
+            REFERENCE_YAW_CAP_RAD,
+            self._model.gravity_m_s2,
+            self._steady_decay,
+            self._period_s,
+            self._settings.feed_forward,
+            *chain.dynamics,
+            chain.gain,
+            self._aim,
+            self._first,
+            self._load,
+            target.rows,
+            target.terminal,
+            target.lower,
+            target.upper,
+        )
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         state, inputs = self._settings.state_weights, self._settings.input_weights
@@ -205,34 +234,37 @@ class CascadeController(BaseController):
         self._steady.forget()
         self._horizontal.forget()
 
-    def _compute(
+    def _solve(
         self,
         estimate: Estimate,
         reference: Trajectory,
         last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
     ) -> Solution:
-        expired, self._expired = self._expired, UNLIMITED.expired
-        push = self._disturbance(estimate).copy()
-        push[U_THRUST] -= self._model.gravity_m_s2
-        clear = self._clearances(estimate, reference)
-        budget = Budget(expired, lambda: self._planned_steady(estimate))
-        steady = self._solve_steady(estimate, push[_STEADY], reference, clear, budget)
-        heading, height_m = steady.flat[:, 1], steady.flat[: self._horizon, 0]
-        budget = Budget(expired, self._planned_horizontal)
-        horizontal = self._horizontal.solve(
-            HorizontalTask(estimate, push[_HORIZONTAL], heading, reference, clear, height_m, budget),
-            self._horizontal_bounds,
-            self._horizontal_share,
+        disturbance = self._disturbance(estimate)
+        self._actuator = actuator = estimate.actuator
+        within = steady_problem(
+            estimate.motion, actuator, disturbance, reference.samples, *self._steady_problem
         )
+        clear = self._clearances(estimate) if self._obstacles else None
+        try:
+            steady = self._steady.solve(
+                self._first, self._load, self._bounded_target(clear, within), self._steady_budget
+            )
+            task = HorizontalTask(
+                estimate, disturbance, steady.flat, self._aim, clear, self._horizontal_budget
+            )
+            horizontal = self._horizontal.solve(task, self._horizontal_bounds, self._horizontal_share)
+        finally:
+            self._expired = UNLIMITED.expired
         inputs, samples = np.empty((self._horizon - 1, INPUT_SIZE)), np.empty((self._horizon, COLUMNS))
         join_plans(
             horizontal.flat,
             steady.flat,
             horizontal.inputs,
             steady.inputs,
+            actuator,
             self._coupling,
-            self._poles[U_THRUST],
-            estimate.actuator[U_THRUST],
+            self._thrust_pole,
             self._limits.input_min,
             self._limits.input_max,
             self._period_s,
@@ -243,65 +275,43 @@ class CascadeController(BaseController):
             inputs,
             Trajectory(samples, self._period_s),
             horizontal.iterations + steady.iterations,
-            early=not (horizontal.solved and steady.solved),
+            not (horizontal.solved and steady.solved),
         )
 
-    def _solve_steady(
-        self,
-        estimate: Estimate,
-        push: Array,
-        reference: Trajectory,
-        clear: Clearances | None,
-        budget: Budget,
-    ) -> ChainSolution:
-        """Solve for thrust and yaw."""
-        qp, target, first = self._steady, self._steady_target, chain_states(estimate)[:, _STEADY]
-        within = steady_rows(
-            reference.samples,
-            self._steady_decay,
-            self._period_s,
-            self._settings.feed_forward,
-            *self._steady_dynamics,
-            first[1],
-            self._steady_bounds,
-            qp.balance(push),
-            self._steady_share,
-            target.rows,
-            target.terminal,
-            target.lower,
-            target.upper,
-        )
+    def _late(self) -> bool:
+        """Whether the present step is to stop."""
+        return self._expired()
+
+    def _bounded_target(self, clear: Clearances | None, within: bool) -> ChainTarget:
+        """The target of the vertical and of yaw, whose measured velocities may be within bounds or not."""
+        target = self._steady_target
         if clear is not None:
             target = clear.bound_heights(target)
-        if not within:
-            target = let_come_back(target, first[1], self._remaining)
-        return qp.solve(first[: self._steady_chain.levels], push, target, budget)
+        return target if within else let_come_back(target, self._first[1], self._remaining)
 
     def _planned_horizontal(self) -> Array | None:
         """Pitch and roll of the previous plan."""
         planned = self._planned_inputs()
         return None if planned is None else planned[:, _HORIZONTAL]
 
-    def _planned_steady(self, estimate: Estimate) -> Array | None:
+    def _planned_steady(self) -> Array | None:
         """Thrust and yaw of the previous plan as inputs of their problem, in which thrust does not turn."""
         planned = self._planned_inputs()
         if planned is None:
             return None
         steady = planned[:, _STEADY].copy()
-        actuator = estimate.actuator[U_THRUST]
-        steady[:, 1] += turned_by_thrust(self._coupling, self._poles[U_THRUST], actuator, steady[:, 0])
+        actuator = self._actuator[U_THRUST]
+        steady[:, 1] += turned_by_thrust(self._coupling, self._thrust_pole, actuator, steady[:, 0])
         return steady
 
-    def _clearances(self, estimate: Estimate, reference: Trajectory) -> Clearances | None:
-        """Separation constraints around the previous plan; None while nobody is near."""
-        if not self._obstacles:
-            return None
+    def _clearances(self, estimate: Estimate) -> Clearances:
+        """Separation constraints around the previous plan."""
         own = self._last_plan
         if own is None:
             previous = np.tile(estimate.motion[:3], (self._horizon, 1))
         else:
             previous = own.positions_from(self._period_s, self._period_s, self._horizon)
-        return clearances(previous, reference.position_m, self._obstacles)
+        return clearances(previous, self._aim[:, POSITION], self._obstacles)
 
     def _disturbance(self, estimate: Estimate) -> Array:
         """Accelerations to predict with, in the order of `Estimate.disturbance`."""

@@ -11,12 +11,11 @@ from rcopterx.agents.controllers.cascade.terms import (
     Bounds,
     HeadingCost,
     HorizontalTask,
-    chain_states,
 )
 from rcopterx.agents.controllers.chains.active_set import ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
-from rcopterx.native.cascade import heading_moved, horizontal_rows, turning
+from rcopterx.native.cascade import heading_moved, horizontal_problem, turning
 from rcopterx.vehicles.state import Array
 
 HEADING_TOLERANCE_RAD: Final = 2e-5
@@ -63,6 +62,7 @@ class LagProblem:
         self._heading_cost = HeadingCost(parameters, decay)
         self._dynamics = parameters.dynamics
         self._target = ChainTarget.empty(parameters.stages, 6, 2 * parameters.levels)
+        self._first: Array = np.empty((parameters.levels, 2))
         self._heading_plan: Array | None = None
 
     def forget(self) -> None:
@@ -73,18 +73,23 @@ class LagProblem:
 
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
         """Solve for the sticks of the horizon (`HorizontalProblem` in `terms`)."""
-        self._linearize(task.heading)
-        parameters, target, estimate = self._parameters, self._target, task.estimate
-        horizontal_rows(
-            task.reference.samples,
-            task.heading,
+        estimate, target, heading, load = task.estimate, self._target, task.steady[:, 1], task.disturbance[:2]
+        self._linearize(heading)
+        parameters = self._parameters
+        horizontal_problem(
+            estimate.motion,
+            estimate.actuator,
+            load,
+            task.reference,
+            heading,
+            bounds,
+            share,
             self._decay,
             parameters.period_s,
             self._feed_forward,
             *self._dynamics,
-            bounds,
-            self._free.balance(task.push),
-            share,
+            parameters.gain,
+            self._first,
             target.rows,
             target.terminal,
             target.lower,
@@ -97,9 +102,8 @@ class LagProblem:
         if task.clear is not None:
             self._crowded.set_matrices(*self._matrices)
             self._crowded.set_clearances(task.clear.directions)
-            target = task.clear.add_rows(task.height_m, target)
-        first = chain_states(estimate)[: parameters.levels, :2]
-        return qp.solve(first, task.push, target, task.budget)
+            target = task.clear.add_rows(task.steady[: parameters.stages, 0], target)
+        return qp.solve(self._first, load, target, task.budget)
 
     def _linearize(self, heading: Array) -> None:
         """Matrices of the chain along the planned heading."""

@@ -15,7 +15,6 @@ from rcopterx.agents.controllers.cascade.clearance import Clearances
 from rcopterx.agents.controllers.chains.active_set import Budget, ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.interfaces import Estimate
-from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array, heading_matrix
 
 Bounds = Array
@@ -29,26 +28,23 @@ class HorizontalTask(Struct, frozen=True):
     ----------
     estimate
         Present estimate.
-    push
-        Disturbance to predict with, body frame, shape (2,).
-    heading
-        Planned yaw of the stages and at least one more.
+    disturbance
+        To predict with, in the order of `Estimate.disturbance`, shape (4,).
+    steady
+        Planned height and yaw of the stages and at least one more, shape (.., 2).
     reference
-        N stages.
+        Samples of N stages, shape (N, 12).
     clear
         Separation constraints; None while nobody is near.
-    height_m
-        Planned heights of the stages, shape (N,).
     budget
         What the solve may take, its planned inputs those of pitch and roll.
     """
 
     estimate: Estimate
-    push: Array
-    heading: Array
-    reference: Trajectory
+    disturbance: Array
+    steady: Array
+    reference: Array
     clear: Clearances | None
-    height_m: Array
     budget: Budget
 
 
@@ -77,11 +73,6 @@ class HorizontalProblem(Protocol):
             The minimiser, or the best point known.
         """
         ...
-
-
-def chain_states(estimate: Estimate) -> Array:
-    """Position, velocity and actuator of the four axes x, y, z, yaw, shape (3, 4)."""
-    return np.concatenate((estimate.motion, estimate.actuator)).reshape(3, 4)
 
 
 def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> ChainTarget:

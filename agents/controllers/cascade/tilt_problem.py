@@ -14,7 +14,7 @@ from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarge
 from rcopterx.agents.controllers.chains.lateral_qp import LateralQP
 from rcopterx.agents.flight.lateral import demand_matrix, lateral_system
 from rcopterx.agents.interfaces import TiltEstimate
-from rcopterx.native.cascade import lateral_first_state, lateral_reference
+from rcopterx.native.lateral_problem import lateral_problem
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     GRAVITY_M_S2,
@@ -76,22 +76,29 @@ class TiltProblem:
     def solve(self, task: HorizontalTask, bounds: Bounds, share: Bounds) -> ChainSolution:
         """Solve for the sticks of the horizon (`HorizontalProblem` in `terms`).
 
-        The push of the task counts only where the estimator does not tell the wind.
+        The disturbance of the task counts only where the estimator does not tell the wind.
         """
-        tilt = self._tilt(task)
-        target = self._target
+        estimate, target = task.estimate, self._target
+        tilt = estimate.tilt
+        if tilt is None or not self._compensate:
+            tilt = self._other_tilt(task)
         qp = self._free if task.clear is None else self._crowded
         chain = qp.chain
-        lateral_reference(
-            task.reference.samples,
-            task.heading,
+        lateral_problem(
+            estimate.motion,
+            tilt.core,
+            tilt.servo,
+            tilt.wind_m_s2,
+            tilt.trim,
+            task.reference,
+            task.steady[:, 1],
+            bounds,
+            share,
             self._gain,
             self._drag,
             self._lead,
             self._feed_forward,
-            bounds,
-            tilt.trim,
-            share,
+            self._first,
             chain.turn,
             chain.demand_turn,
             target.rows,
@@ -105,24 +112,20 @@ class TiltProblem:
             self._last = qp
         if task.clear is not None:
             self._crowded.set_clearances(task.clear.directions)
-            target = task.clear.add_rows(task.height_m, target)
-        motion, first = task.estimate.motion, self._first
-        lateral_first_state(motion, tilt.core, tilt.servo, tilt.wind_m_s2, self._gain, first)
-        return qp.solve(first, tilt.trim, target, task.budget)
+            target = task.clear.add_rows(task.steady[: len(target.rows), 0], target)
+        return qp.solve(self._first, tilt.trim, target, task.budget)
 
-    def _tilt(self, task: HorizontalTask) -> TiltEstimate:
-        """Tilt of the estimate; from actuator and push where the estimator does not tell it."""
+    def _other_tilt(self, task: HorizontalTask) -> TiltEstimate:
+        """Tilt without wind; from actuator and disturbance where the estimator does not tell it."""
         known = task.estimate.tilt
         if known is not None:
-            return (
-                known if self._compensate else TiltEstimate(known.core, known.servo, np.zeros(2), known.trim)
-            )
+            return TiltEstimate(known.core, known.servo, np.zeros(2), known.trim)
         yaw_rad = float(task.estimate.motion[YAW])
         demand = demand_matrix(self._model, yaw_rad) @ task.estimate.actuator[:2]
         core = np.zeros(self._system.core.stop - self._system.core.start)
         core[:2] = demand / GRAVITY_M_S2
         return TiltEstimate(
-            core, task.estimate.actuator[:2], heading_matrix(yaw_rad) @ task.push, np.zeros(2)
+            core, task.estimate.actuator[:2], heading_matrix(yaw_rad) @ task.disturbance[:2], np.zeros(2)
         )
 
     def _mean_delay_s(self) -> float:

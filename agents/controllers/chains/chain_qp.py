@@ -31,7 +31,3 @@ class ChainQP(ActiveSetQP[Chain]):
         """Replace the rows that keep clear of others (`Chain.set_clearances`)."""
         self._forget_factors()
         self.chain.set_clearances(directions)
-
-    def balance(self, disturbance: Array) -> Array:
-        """What a disturbance adds to the inputs, as an input, shape (m,)."""
-        return self.chain.balance(disturbance)
