@@ -30,8 +30,9 @@ from typing import Any, Self
 import msgspec
 
 from rcopterx.vicon_gateway.client import ClientLimits, ClientState, StateName
-from rcopterx.vicon_gateway.datastream import MAX_POSITION_MM, StreamCounters
+from rcopterx.vicon_gateway.datastream import StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.root_pose import MAX_POSITION_MM
 
 BRANDS: Mapping[str, tuple[str, ...]] = {
     "optitrack": ("hostname", "interface_ip", "port_command"),

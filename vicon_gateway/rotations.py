@@ -1,6 +1,7 @@
 """Rotation matrices and quaternions as they appear in the DataStream protocol."""
 
 import math
+from collections.abc import Sequence
 
 from rcopterx.vicon_gateway.frame import Position, Quaternion
 from rcopterx.vicon_gateway.segment_objects import Matrix3
@@ -9,7 +10,7 @@ NORM_TOLERANCE = 1e-3
 """A matrix whose quaternion's squared norm is further from one is not a rotation."""
 
 
-def quaternion_from_matrix(matrix: tuple[float, ...]) -> Quaternion | None:
+def quaternion_from_matrix(matrix: Sequence[float]) -> Quaternion | None:
     """Convert a row-major rotation matrix to a unit quaternion x, y, z, w with w >= 0 (Shepperd's method).
 
     Returns None where the matrix is not a rotation: not finite, all zeros, scaled or mirrored.
