@@ -22,12 +22,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Self
 
 import msgspec
+from msgspec import structs
 
 from rcopterx.vicon_gateway.client import ClientLimits, ClientState, StateName
 from rcopterx.vicon_gateway.datastream import StreamCounters
@@ -217,7 +217,7 @@ class BrandClient:
             doing=self._sentence(),
             last_error=self._last_error,
             connects=self._starts,
-            **asdict(self._counters),
+            **structs.asdict(self._counters),
         )
 
     @property

@@ -12,8 +12,9 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Literal, NamedTuple, Self
+
+from msgspec import structs
 
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
@@ -121,6 +122,7 @@ class DataStreamClient:
         self._counters = StreamCounters()
         self._name: StateName = "waiting"
         self._socket: socket.socket | None = None
+        self._poller, self._events = select.poll(), 0
         self._lookup: _Lookup | None = None
         self._session = DataStreamSession()
         self._unsent = b""
@@ -139,7 +141,7 @@ class DataStreamClient:
             doing=self._sentence(),
             last_error=self._last_error,
             connects=self._connects,
-            **asdict(self._counters),
+            **structs.asdict(self._counters),
             received_bytes=self._received_bytes,
             recorded_bytes=0 if self._recorder is None else self._recorder.recorded_bytes,
             recording_error=None if self._recorder is None else self._recorder.error,
@@ -150,12 +152,14 @@ class DataStreamClient:
 
         Older frames that arrived meanwhile are counted as skipped. Connecting happens in here, too.
         """
-        give_up_s = self._clock() + timeout_s
+        now_s = self._clock()
+        give_up_s = now_s + timeout_s
         while self._name != "closed":
-            frame = self._step(give_up_s)
+            frame = self._step(give_up_s, now_s)
             if frame is not None:
                 return frame
-            if self._clock() >= give_up_s:
+            now_s = self._clock()
+            if now_s >= give_up_s:
                 return None
         return None
 
@@ -170,26 +174,24 @@ class DataStreamClient:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _step(self, give_up_s: float) -> CapturedFrame | None:
+    def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
         """Wait for one event at most until `give_up_s` and handle it."""
+        timeout_s = max(0.0, min(give_up_s, self._deadline_s) - now_s)
         try:
+            if self._socket is not None and self._name != "connecting":
+                return self._exchange(self._socket, timeout_s)
             if self._name == "waiting":
-                self._wait(give_up_s)
+                self._wait(timeout_s)
             elif self._name == "resolving":
-                self._resolve(give_up_s)
-            elif self._name == "connecting":
-                self._connect(give_up_s)
+                self._resolve(timeout_s)
             else:
-                return self._exchange(give_up_s)
+                self._connect(timeout_s)
         except (_LinkError, WireError, OSError) as error:
             self._fail(error)
         return None
 
-    def _timeout_s(self, give_up_s: float) -> float:
-        return max(0.0, min(give_up_s, self._deadline_s) - self._clock())
-
-    def _wait(self, give_up_s: float) -> None:
-        if (pause_s := self._timeout_s(give_up_s)) > 0.0:
+    def _wait(self, pause_s: float) -> None:
+        if pause_s > 0.0:
             time.sleep(pause_s)
         if self._clock() >= self._deadline_s:
             self._tries += 1
@@ -197,15 +199,16 @@ class DataStreamClient:
             self._name = "resolving"
             self._deadline_s = self._clock() + self._limits.connect_s
 
-    def _resolve(self, give_up_s: float) -> None:
+    def _resolve(self, timeout_s: float) -> None:
         assert self._lookup is not None
-        address = self._lookup.wait(self._timeout_s(give_up_s))
+        address = self._lookup.wait(timeout_s)
         if address is None:
             if self._clock() >= self._deadline_s:
                 raise _LinkError(f"host {self._host!r}: no answer to the look-up")
             return
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
+        self._poller, self._events = select.poll(), 0
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._name = "connecting"
         self._deadline_s = self._clock() + self._limits.connect_s
@@ -213,9 +216,9 @@ class DataStreamClient:
         if code not in (0, errno.EINPROGRESS):
             raise OSError(code, os.strerror(code))
 
-    def _connect(self, give_up_s: float) -> None:
+    def _connect(self, timeout_s: float) -> None:
         assert self._socket is not None
-        if not _poll(self._socket, select.POLLOUT, self._timeout_s(give_up_s)):
+        if not self._poll(self._socket, select.POLLOUT, timeout_s):
             if self._clock() >= self._deadline_s:
                 raise _LinkError(f"no answer within {self._limits.connect_s} s (wrong address? firewall?)")
             return
@@ -229,14 +232,18 @@ class DataStreamClient:
         if self._recorder is not None:
             self._recorder.opened()
 
-    def _exchange(self, give_up_s: float) -> CapturedFrame | None:
-        assert self._socket is not None
-        events = select.POLLIN | (select.POLLOUT if self._unsent else 0)
-        _poll(self._socket, events, self._timeout_s(give_up_s))
+    def _poll(self, link: socket.socket, events: int, timeout_s: float) -> bool:
+        """Wait until the socket is ready; True when it is."""
+        if events != self._events:
+            self._poller.register(link, events)
+            self._events = events
+        return bool(self._poller.poll(math.ceil(timeout_s * 1000.0)))
+
+    def _exchange(self, link: socket.socket, timeout_s: float) -> CapturedFrame | None:
+        self._poll(link, select.POLLIN | select.POLLOUT if self._unsent else select.POLLIN, timeout_s)
         had_offer = self._session.offer is not None
-        self._receive(self._socket)
-        self._send(self._socket)
-        now_s = self._clock()
+        now_s = self._receive(link)
+        self._send(link)
         frame = self._session.take_frame()
         if frame is not None:
             self._name = "up"
@@ -248,23 +255,26 @@ class DataStreamClient:
             raise _LinkError(self._silence())
         return frame
 
-    def _receive(self, link: socket.socket) -> None:
-        """Read all that is there, so that only the newest frame is delivered."""
-        drained = 0
+    def _receive(self, link: socket.socket) -> float:
+        """Read all that is there, so that only the newest frame is delivered; return when that was."""
+        drained, now_s = 0, self._clock()
         while drained < MAX_DRAIN_BYTES:
             try:
                 data = link.recv(RECEIVE_BYTES)
             except BlockingIOError:
-                return
+                break
             if not data:
                 if drained:
-                    return  # what came before the end is delivered first; the next call meets the end again
+                    break  # what came before the end is delivered first; the next call meets the end again
                 raise _LinkError("the server closed the connection")
+            if drained:
+                now_s = self._clock()
             drained += len(data)
             self._received_bytes += len(data)
             if self._recorder is not None:
                 self._recorder.received(data)
-            self._session.feed(data, self._clock())
+            self._session.feed(data, now_s)
+        return now_s
 
     def _send(self, link: socket.socket) -> None:
         self._unsent += self._session.take_outgoing()
@@ -344,10 +354,3 @@ class _Lookup:
         if self._error is not None:
             raise _LinkError(f"host {self._host!r}: {self._error}")
         return self._address
-
-
-def _poll(link: socket.socket, events: int, timeout_s: float) -> bool:
-    """Wait until the socket is ready; True when it is."""
-    poller = select.poll()
-    poller.register(link, events)
-    return bool(poller.poll(math.ceil(timeout_s * 1000.0)))

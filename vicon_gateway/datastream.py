@@ -6,8 +6,9 @@ Bytes and the time of their arrival go in, frames and bytes to send come out. No
 import statistics
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from rcopterx.vicon_gateway.carry_over import CarryOver
 from rcopterx.vicon_gateway.control_objects import (
@@ -70,8 +71,7 @@ _OBJECT_QUALITY = int(ObjectType.OBJECT_QUALITY)
 _CARRIED = STATIC_TYPES | DYNAMIC_TYPES | {int(ObjectType.CONTENTS)}
 
 
-@dataclass(slots=True)
-class StreamCounters:
+class StreamCounters(Struct):
     """What happened to frames; one object outlives the sessions of a client.
 
     Attributes
@@ -158,6 +158,8 @@ class DataStreamSession:
 
     def take_outgoing(self) -> bytes:
         """Return the bytes to send now, and forget them."""
+        if not self._outgoing:
+            return b""
         data = bytes(self._outgoing)
         self._outgoing.clear()
         return data

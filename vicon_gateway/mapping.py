@@ -62,6 +62,7 @@ class SubjectMap:
         self._vehicles = dict(vehicle_of_subject)
         self._names: tuple[str, ...] = ()
         self._listed: dict[str, int] = {}
+        self._seats: tuple[str | None, ...] = ()
         self._occluded_since_s: dict[str, float] = {}
 
     @property
@@ -81,18 +82,23 @@ class SubjectMap:
 
     def update(self, frame: CapturedFrame) -> list[tuple[str, SubjectPose]]:
         """Take in a frame and return (vehicle, pose) of every vehicle that is listed, occluded or not."""
-        names = tuple(pose.name for pose in frame.subjects)
+        names = tuple([pose.name for pose in frame.subjects])
         if names != self._names:
-            self._names, self._listed = names, dict(Counter(names))
-        since_s = self._occluded_since_s
-        self._occluded_since_s = {
-            pose.name: since_s.get(pose.name, frame.received_s) for pose in frame.subjects if pose.occluded
-        }
-        return [
-            (self._vehicles[pose.name], pose)
-            for pose in frame.subjects
-            if pose.name in self._vehicles and self._listed[pose.name] == 1
-        ]
+            self._list(names)
+        known: list[tuple[str, SubjectPose]] = []
+        occluded: dict[str, float] = {}
+        for vehicle, pose in zip(self._seats, frame.subjects, strict=True):
+            if vehicle is not None:
+                known.append((vehicle, pose))
+            if pose.occluded:
+                occluded[pose.name] = self._occluded_since_s.get(pose.name, frame.received_s)
+        self._occluded_since_s = occluded
+        return known
+
+    def _list(self, names: tuple[str, ...]) -> None:
+        """Take note of other subjects than those of the frame before, and of whose vehicle each is."""
+        self._names, self._listed = names, dict(Counter(names))
+        self._seats = tuple(self._vehicles.get(name) if self._listed[name] == 1 else None for name in names)
 
     def statuses(self, now_s: float) -> tuple[SubjectStatus, ...]:
         """Return every configured and every listed subject; `now_s` is the clock of the frames."""

@@ -46,6 +46,7 @@ class TrackerGateway:
         recording: Path | None = None,
     ) -> None:
         self._settings = settings
+        self._host = settings.bus.host or None
         self._recording = recording
         self._client = client
         self._session = session
@@ -69,10 +70,10 @@ class TrackerGateway:
 
     def step(self) -> None:
         """Wait for the next frame, publish its poses, and now and then the status."""
-        due_s = max(self._report_due_s(), self._standby_until_s)
-        frame = self._client.next_frame(min(LONGEST_WAIT_S, max(0.0, due_s - self._session.clock())))
-        now_s = self._session.clock()
-        self._notice_earlier_gateway(now_s)
+        frame = self._client.next_frame(self._longest_wait_s(self._session.clock()))
+        now_s = self._session.clock() if frame is None else frame.received_s
+        if self._flown:
+            self._notice_earlier_gateway(now_s)
         self._notice_other_gateway(now_s)
         if now_s < self._standby_until_s:
             return
@@ -81,6 +82,14 @@ class TrackerGateway:
         elif now_s >= self._report_due_s():
             self._report_at_s = now_s + STATUS_PERIOD_S
             self._session.publish(channels.TRACKER_STATUS, channels.TRACKER_UNIT, self._status(now_s))
+
+    def _longest_wait_s(self, now_s: float) -> float:
+        """How long a turn may wait for a frame."""
+        due_s = max(self._report_at_s, self._standby_until_s)
+        if due_s < now_s + LONGEST_WAIT_S:
+            # A status that waits for a calm moment is later still.
+            due_s = max(self._report_due_s(), self._standby_until_s)
+        return min(LONGEST_WAIT_S, max(0.0, due_s - now_s))
 
     def _report_due_s(self) -> float:
         """When the next status is due: not while agents need links and processors for poses."""
@@ -93,9 +102,9 @@ class TrackerGateway:
         stamp = self._epochs.stamp(frame, time.time())
         if stamp is not None:
             self._frame, self._stamp = frame, stamp
+            publish, latency_s = self._session.publish, rounded(max(0.0, frame.latency_s), TIME_BITS)
             for vehicle, subject in self._subjects.update(frame):
-                pose = pose_message(frame, stamp, subject, self._settings.bus.host)
-                self._session.publish(channels.POSE, vehicle, pose)
+                publish(channels.POSE, vehicle, pose_message(frame, stamp, subject, latency_s, self._host))
 
     def _notice_earlier_gateway(self, now_s: float) -> None:
         """Begin a newer epoch than the one by which vehicles fly, though the wall clock was set back.
@@ -108,7 +117,7 @@ class TrackerGateway:
                 received = inbox.latest()
                 if received is not None:
                     self._epochs.leave_behind(received.message.epoch)
-        if self._flown and now_s >= self._flown_until_s:
+        if now_s >= self._flown_until_s:
             for heard in self._flown:
                 heard.close()
             self._flown = ()
@@ -174,19 +183,21 @@ class TrackerGateway:
         return state.recording_error or f"{state.recorded_bytes} bytes in {self._recording}"
 
 
-def pose_message(frame: CapturedFrame, stamp: Stamp, subject: SubjectPose, host: str) -> Pose:
-    """Bus message of one subject in one frame; the host is that of the gateway."""
+def pose_message(
+    frame: CapturedFrame, stamp: Stamp, subject: SubjectPose, latency_s: float, host: str | None
+) -> Pose:
+    """Bus message of one subject in one frame, with the latency that is told; the host is the gateway's."""
     return Pose(
         epoch=stamp.epoch,
         frame=stamp.frame,
         period_s=frame.period_s,
-        latency_s=rounded(max(0.0, frame.latency_s), TIME_BITS),
+        latency_s=latency_s,
         received_s=frame.received_s,
         occluded=subject.occluded,
         position_m=subject.position_m,
         quaternion_xyzw=subject.quaternion_xyzw,
         quality=subject.quality,
-        host=host or None,
+        host=host,
     )
 
 
