@@ -29,6 +29,7 @@ MODULES: Final = (
     "cascade",
     "chain",
     "helicopter",
+    "turbulence",
     "plans",
     "lateral",
     "noise",

@@ -5,7 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.compiled import FLAG, NUMBER, VECTOR, Array, compiled, part
+from rcopterx.native.compiled import COUNT, FLAG, NUMBER, VECTOR, Array, compiled, part
+from rcopterx.native.turbulence import renewed
 
 STATE_SIZE: Final = 20
 PER_MASS = 0
@@ -37,6 +38,16 @@ SPRING = 7
 of its lag, phase lag per speed and at rest, lean of the disc per lean of what it follows, distance of the hub
 from the centre of mass, stiffness against tilting."""
 _TINY = 1e-9
+ENDURANCE = 0
+SAG = 1
+LOW = 2
+HIGH = 5
+KEEP = 8
+GRID = 9
+WORLD_SIZE: Final = 10
+"""Where the conditions of a flight are in an array: how long the battery hovers and the thrust that it loses,
+lowest and highest place of the flight volume, what is left of the turbulence after a step of its time grid,
+and that step."""
 
 State = tuple[float, ...]
 Pair = tuple[float, float]
@@ -167,6 +178,42 @@ def moved(state: Array, rate: Array, time_s: float) -> Array:
 
 
 @part
+def stepped(
+    vehicle: Array,
+    start: Array,
+    step_s: float,
+    swash: Pair,
+    running: bool,
+    throttle: Pair,
+    battery: float,
+    weather: Four,
+) -> Array:
+    """State after one step of the explicit midpoint rule."""
+    rate = rates(vehicle, start, swash, running, throttle, battery, weather)
+    middle = moved(start, rate, 0.5 * step_s)
+    rate = rates(vehicle, middle, swash, running, throttle, battery, weather)
+    after = moved(start, rate, step_s)
+    shorten_to_one(after, 6, 10)
+    shorten_to_one(after, 15, 18)
+    return after
+
+
+@part
+def turned(yaw_rad: float, w: float, x: float, y: float, z: float) -> float:
+    """How far the heading of an attitude is from one that is not wrapped, the short way round."""
+    angle = math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)) - yaw_rad
+    # The remainder of the standard, to which `math.remainder` rounds: no kernel may call that one.
+    size, circle = abs(angle), math.tau
+    rest = size % circle
+    left = circle - rest
+    if rest > left:
+        rest = -left
+    elif rest == left:
+        rest -= 2.0 * (0.5 * (size - rest) % circle)
+    return math.copysign(1.0, angle) * rest
+
+
+@part
 def array_of(state: State) -> Array:
     """State as an array."""
     numbers = np.empty(STATE_SIZE)
@@ -243,11 +290,75 @@ def helicopter_step(
     weather: Four,
 ) -> State:
     """State after one step of the explicit midpoint rule; see `helicopter_rates` for the arguments."""
-    start = array_of(state)
-    rate = rates(vehicle, start, swash, running, throttle, battery, weather)
-    middle = moved(start, rate, 0.5 * step_s)
-    rate = rates(vehicle, middle, swash, running, throttle, battery, weather)
-    after = moved(start, rate, step_s)
-    shorten_to_one(after, 6, 10)
-    shorten_to_one(after, 15, 18)
-    return tuple_of(after)
+    return tuple_of(stepped(vehicle, array_of(state), step_s, swash, running, throttle, battery, weather))
+
+
+@compiled(
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER, COUNT, NUMBER, NUMBER, NUMBER,
+    NUMBER, COUNT, COUNT, _PAIR, FLAG, _PAIR,
+)  # fmt: skip
+def helicopter_flight(
+    vehicle: Array, world: Array, state: Array, value: Array, renewal: Array, normals: Array,
+    yaw_rad: float, time_s: float, step_s: float, steps: int, used_s: float, load: float, intact: float,
+    downwash_m_s2: float, index: int, place: int, swash: Pair, running: bool, throttle: Pair,
+) -> tuple[int, float, float, float, float, bool, bool, int, int]:  # fmt: skip
+    """Fly on, until the floor is met or the normal numbers of the turbulence are used up.
+
+    Parameters
+    ----------
+    vehicle
+        Parameters, shape (37,).
+    world
+        Conditions, shape (10,).
+    state
+        See `rcopterx.simulator.helicopter_dynamics.State`, shape (20,); it is written.
+    value, renewal, normals
+        Turbulence: see `rcopterx.native.turbulence.turbulence_renewed`, four channels; the value is written.
+    yaw_rad
+        Heading, unwrapped.
+    time_s
+        Time flown so far.
+    step_s, steps
+        Length and number of steps of the midpoint rule.
+    used_s
+        Time of hovering that has been taken from the battery.
+    load
+        What is taken from it, of what hovering takes.
+    intact
+        Fraction of the thrust that faults have left.
+    downwash_m_s2
+        Downward acceleration.
+    index, place
+        Of the turbulence on its time grid, and of the next normal number.
+    swash, running, throttle
+        See `helicopter_rates`.
+
+    Returns
+    -------
+    tuple
+        Steps flown, time, yaw, time taken from the battery, fraction of the thrust that is left, whether the
+        floor was met, whether the vehicle was outside the volume, and the new index and place.
+    """
+    done, landed, outside = 0, False, False
+    battery = (1.0 - world[SAG] * min(used_s / world[ENDURANCE], 1.0)) * intact
+    while done < steps and not landed:
+        wanted = int((time_s + step_s / 2) / world[GRID])
+        while index < wanted and place + len(value) <= len(normals):
+            place = renewed(value, renewal, world[KEEP], normals, place)
+            index += 1
+        if index < wanted:
+            break
+        used_s += step_s * load
+        battery = (1.0 - world[SAG] * min(used_s / world[ENDURANCE], 1.0)) * intact
+        weather = value[0], value[1], value[2] - downwash_m_s2, value[3]
+        after = stepped(vehicle, state, step_s, swash, running, throttle, battery, weather)
+        for number in range(STATE_SIZE):
+            state[number] = after[number]
+        yaw_rad += turned(yaw_rad, state[6], state[7], state[8], state[9])
+        landed = state[2] <= 0.0 and state[5] < 0.0
+        for axis in range(3):
+            if not world[LOW + axis] <= state[axis] <= world[HIGH + axis]:
+                outside = True
+        time_s += step_s
+        done += 1
+    return done, time_s, yaw_rad, used_s, battery, landed, outside, index, place

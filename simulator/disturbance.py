@@ -5,6 +5,8 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.native.turbulence import turbulence_renewed
+
 PARAMETERS: Final = 0
 TURBULENCE: Final = 1
 NOISE: Final = 2
@@ -79,25 +81,43 @@ class ColouredNoise:
         Spacing of the time grid, on which the value is held.
     generator
         Source of randomness.
+
+    Attributes
+    ----------
+    value, renewal, keep, normals, place
+        See `rcopterx.native.turbulence.turbulence_renewed`; kernels that fly vehicles move them on.
+    index
+        Of the value on the time grid.
     """
 
     def __init__(
         self, rms: tuple[float, ...], correlation_s: float, grid_s: float, generator: np.random.Generator
     ) -> None:
-        self._normal = NormalSource(generator)
-        self._grid_s = grid_s
-        self._keep = math.exp(-grid_s / correlation_s)
+        self.grid_s = grid_s
+        self.keep = math.exp(-grid_s / correlation_s)
         renew = math.sqrt(-math.expm1(-2 * grid_s / correlation_s))
-        self._renewal = tuple(renew * channel for channel in rms)
-        self._index = 0
-        self._value = tuple(channel * self._normal() for channel in rms)
+        self.renewal = np.array([renew * channel for channel in rms])
+        self.index = self.place = 0
+        self.normals = np.empty(0)
+        self._generator = generator
+        self.provide()
+        self.value = np.array(rms) * self.normals[: len(rms)]
+        self.place = len(rms)
+
+    def provide(self) -> None:
+        """Draw numbers if there are not enough for another step of the time grid."""
+        if self.place + len(self.renewal) > len(self.normals):
+            drawn = self._generator.standard_normal(_BLOCK)
+            self.normals, self.place = np.concatenate((self.normals[self.place :], drawn)), 0
 
     def at(self, time_s: float) -> tuple[float, ...]:
         """Value of all channels at a time that is not before the time last asked for."""
-        index = int(time_s / self._grid_s)
-        while self._index < index:
-            keep, normals = self._keep, self._normal.take(len(self._renewal))
-            parts = zip(self._value, self._renewal, normals, strict=True)
-            self._value = tuple([keep * value + renew * normal for value, renew, normal in parts])
-            self._index += 1
-        return self._value
+        index = int(time_s / self.grid_s)
+        steps = index - self.index
+        while steps > 0:
+            self.provide()
+            steps, self.place = turbulence_renewed(
+                self.value, self.renewal, self.keep, self.normals, self.place, steps
+            )
+        self.index = max(self.index, index)
+        return tuple(self.value.tolist())

@@ -158,6 +158,26 @@ class FirstOrderPlant(Plant):
         if self._tilt_limit_rad:
             self._actuator = (0.0, 0.0, *self._actuator[2:])  # the floor keeps it level
 
+    def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
+        self._use_battery(step_s)
+        if self._weather is not None:
+            self.turbulence = self._weather.at(self._time_s + step_s / 2)
+        x, y, z, yaw = self.turbulence
+        self._fly(step_s, (x, y, z - self.downwash_m_s2, yaw))
+        self._meet_room()
+        self._time_s += step_s
+        return 1
+
+    def _meet_room(self) -> None:
+        """Land if the floor is reached, flag the flight volume."""
+        x, y, z, climb_m_s = self._whereabouts()
+        if z <= 0.0 and climb_m_s < 0.0:
+            self._touch_down(-climb_m_s)
+        low, high = self._conditions.volume_min_m, self._conditions.volume_max_m
+        inside = low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]
+        if not inside:
+            self.left_volume = True
+
     def _fly(self, step_s: float, weather: Four) -> None:
         """Explicit midpoint rule for the motion under the exact response of the actuators."""
         start = self._actuator

@@ -11,10 +11,12 @@ To fly one by itself, without weather and delay::
 
 import math
 
+import numpy as np
 from msgspec import structs
 
+from rcopterx.native.helicopter import STATE_SIZE, helicopter_flight
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.disturbance import PARAMETERS, random_stream
+from rcopterx.simulator.disturbance import PARAMETERS, TURBULENCE, ColouredNoise, random_stream
 from rcopterx.simulator.helicopter_dynamics import HelicopterDynamics, State, level_state
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import CALM, Plant, Pose
@@ -42,6 +44,13 @@ def helicopter_of(name: str, conditions: Conditions, seed: int) -> HelicopterPar
     if conditions.coaxial_plant == "drawn_helicopter":
         return HelicopterParameters.drawn(random_stream(seed, name, PARAMETERS))
     return HelicopterParameters.nominal()
+
+
+def still_air(generator: np.random.Generator) -> ColouredNoise:
+    """Turbulence of nothing, for ever."""
+    air = ColouredNoise(CALM, 1.0, math.inf, generator)
+    air.value[:] = 0.0
+    return air
 
 
 class Servo:
@@ -97,7 +106,19 @@ class Helicopter(Plant):
         ).quaternion_xyzw
         self._throttle: tuple[float, float] | None = None
         self._command(None)
+        self._flown = np.zeros(STATE_SIZE)
         super().__init__(name, model, conditions, seed, start)
+        self._air = self._weather or still_air(random_stream(seed, name, TURBULENCE))
+        self._world = np.array(
+            (
+                conditions.battery_endurance_s,
+                conditions.battery_sag,
+                *conditions.volume_min_m,
+                *conditions.volume_max_m,
+                self._air.keep,
+                self._air.grid_s,
+            )
+        )
 
     @property
     def motion(self) -> tuple[float, ...]:
@@ -152,6 +173,7 @@ class Helicopter(Plant):
         speed_upper, speed_lower, swash_x, swash_y = actuators
         upright = level_state(position_m, self._yaw_rad, (speed_upper, speed_lower))
         self.state: State = (*upright[:18], swash_x, swash_y)
+        self._flown[:] = self.state
 
     @property
     def _actuators(self) -> Four:
@@ -172,13 +194,24 @@ class Helicopter(Plant):
         )
         self._level((x, y, 0.0), self._actuators)
 
-    def _fly(self, step_s: float, weather: Four) -> None:
-        self.state = self._dynamics.step(
-            self.state, step_s, self._swash, self._throttle, self._thrust_factor, weather
-        )
-        w, x, y, z = self.state[6:10]
-        yaw = math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-        self._yaw_rad += math.remainder(yaw - self._yaw_rad, math.tau)
+    def _fly_on(self, count: int, step_s: float) -> int:
+        air, flown = self._air, self._flown
+        air.provide()
+        (
+            done, self._time_s, self._yaw_rad, self._hover_seconds_used, self._thrust_factor, landed, outside,
+            air.index, air.place,
+        ) = helicopter_flight(
+            self._dynamics.numbers, self._world, flown, air.value, air.renewal, air.normals, self._yaw_rad,
+            self._time_s, step_s, count, self._hover_seconds_used, self._load, self.faults.thrust_factor,
+            self.downwash_m_s2, air.index, air.place, self._swash, self._throttle is not None,
+            self._throttle or (0.0, 0.0),
+        )  # fmt: skip
+        self.state = tuple(flown.tolist())
+        self.turbulence = tuple(air.value.tolist())
+        self.left_volume = self.left_volume or outside
+        if landed:
+            self._touch_down(-self.state[5])
+        return done
 
     def _land(self) -> None:
         self._level((self.state[0], self.state[1], 0.0), self._actuators)

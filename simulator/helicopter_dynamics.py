@@ -70,12 +70,17 @@ class HelicopterDynamics:
     ----------
     parameters
         The vehicle.
+
+    Attributes
+    ----------
+    numbers
+        What kernels of `rcopterx.native.helicopter` need to know of it.
     """
 
     def __init__(self, parameters: HelicopterParameters) -> None:
         self.parameters = vehicle = parameters
         inertia_x, inertia_y, inertia_z = vehicle.inertia_kg_m2
-        self._vehicle = np.array(
+        self.numbers = np.array(
             (
                 1 / vehicle.mass_kg,
                 *vehicle.drag_per_s,
@@ -132,11 +137,11 @@ class HelicopterDynamics:
         tuple of float
             Of the upper and lower rotor [rad/s].
         """
-        return helicopter_speeds(self._vehicle, thrust, yaw, yaw_rate_rad_s, battery)
+        return helicopter_speeds(self.numbers, thrust, yaw, yaw_rate_rad_s, battery)
 
     def thrust_n(self, speed_upper: float, speed_lower: float, height_m: float) -> float:
         """Thrust of both rotors along their axes, ground effect included."""
-        return helicopter_thrust(self._vehicle, speed_upper, speed_lower, height_m)
+        return helicopter_thrust(self.numbers, speed_upper, speed_lower, height_m)
 
     def swash_target(self, pitch: float, roll: float) -> tuple[float, float]:
         """Tilt of the swash plate towards body x and y that servo positions ask for, within its limit."""
@@ -170,7 +175,7 @@ class HelicopterDynamics:
             Its derivative, in the same order.
         """
         running, sticks = throttle is not None, throttle or (0.0, 0.0)
-        return helicopter_rates(self._vehicle, state, swash, running, sticks, battery, weather)
+        return helicopter_rates(self.numbers, state, swash, running, sticks, battery, weather)
 
     def step(
         self, state: State, step_s: float, swash: tuple[float, float], throttle: tuple[float, float] | None,
@@ -181,4 +186,4 @@ class HelicopterDynamics:
         At 4 ms the fast mode (at most 18 rad/s) loses 5e-5 of damping ratio and 0.1 % of frequency.
         """
         running, sticks = throttle is not None, throttle or (0.0, 0.0)
-        return helicopter_step(self._vehicle, state, step_s, swash, running, sticks, battery, weather)
+        return helicopter_step(self.numbers, state, step_s, swash, running, sticks, battery, weather)

@@ -243,9 +243,8 @@ class Plant(ABC):
                 return
             steps = max(1, math.ceil((until_s - self._time_s) / self._conditions.substep_s - 1e-6))
             step_s = round((until_s - self._time_s) / steps, 12)
-            for _ in range(steps):
-                self._substep(self._time_s, step_s)
-                self._time_s += step_s
+            while steps > 0:
+                steps -= self._substeps(steps, step_s)
             self._time_s = until_s
 
     def _apply(self, inputs: Four | None) -> None:
@@ -260,32 +259,30 @@ class Plant(ABC):
             inputs = self._sticks = pitch, roll, max(thrust, 0.0), yaw
         self._command(inputs)
 
-    def _substep(self, time_s: float, step_s: float) -> None:
-        load = self._sticks[U_THRUST] / self._hover_input[U_THRUST] if self.motors_running else 0.0
-        self._hover_seconds_used += step_s * load
-        self._thrust_factor = self.thrust_factor * self.faults.thrust_factor
-        if self.on_floor:
-            self._stand(step_s)
-            self.on_floor = self._thrust_m_s2() <= self._gravity_m_s2
-            return
-        if self._weather is not None:
-            self.turbulence = self._weather.at(time_s + step_s / 2)
-        x, y, z, yaw = self.turbulence
-        self._fly(step_s, (x, y, z - self.downwash_m_s2, yaw))
-        self._meet_room()
+    def _substeps(self, count: int, step_s: float) -> int:
+        """Live on by some substeps, `count` at most; returns how many."""
+        if not self.on_floor:
+            return self._fly_on(count, step_s)
+        self._use_battery(step_s)
+        self._stand(step_s)
+        self.on_floor = self._thrust_m_s2() <= self._gravity_m_s2
+        self._time_s += step_s
+        return 1
 
-    def _meet_room(self) -> None:
-        """Land if the floor is reached, flag the flight volume."""
-        x, y, z, climb_m_s = self._whereabouts()
-        if z <= 0.0 and climb_m_s < 0.0:
-            self.on_floor = True
-            self.touchdowns += 1
-            self.touchdown_speed_m_s = -climb_m_s
-            self._land()
-        low, high = self._conditions.volume_min_m, self._conditions.volume_max_m
-        inside = low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]
-        if not inside:
-            self.left_volume = True
+    @property
+    def _load(self) -> float:
+        """What is taken from the battery, of what hovering takes."""
+        return self._sticks[U_THRUST] / self._hover_input[U_THRUST] if self.motors_running else 0.0
+
+    def _use_battery(self, step_s: float) -> None:
+        self._hover_seconds_used += step_s * self._load
+        self._thrust_factor = self.thrust_factor * self.faults.thrust_factor
+
+    def _touch_down(self, speed_m_s: float) -> None:
+        self.on_floor = True
+        self.touchdowns += 1
+        self.touchdown_speed_m_s = speed_m_s
+        self._land()
 
     @abstractmethod
     def _rest(self, pose: Pose) -> None:
@@ -300,8 +297,8 @@ class Plant(ABC):
         """Let actuators move on while the vehicle stands."""
 
     @abstractmethod
-    def _fly(self, step_s: float, weather: Four) -> None:
-        """Move on by a substep; the weather accelerates along inertial x, y, z and in yaw."""
+    def _fly_on(self, count: int, step_s: float) -> int:
+        """Fly on by some substeps, `count` at most and none after the floor is met; returns how many."""
 
     @abstractmethod
     def _land(self) -> None:
