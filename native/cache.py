@@ -36,6 +36,7 @@ MODULES: Final = (
     "motion",
     "interior",
     "lateral_problem",
+    "oscillation",
 )
 """Modules of kernels, those first that take longest: nobody shall wait for one of them alone at the end."""
 VARIABLE: Final = "RCOPTERX_KERNELS"

@@ -15,7 +15,6 @@ from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.vehicles.state import YAW
 
 EFFORT_FACTORS: Final = "effort_factors"
 """Setting of a controller that lowers its bandwidth: one number for each `Loop`."""
@@ -23,8 +22,6 @@ STEP: Final = 3.0
 LARGEST: Final = STEP**4
 SHORTEST_STEP_S: Final = 0.25
 """Between two steps."""
-RESTING_M_S: Final = 0.05
-"""A reference slower than this rests."""
 
 OSCILLATION: Final = "oscillation"
 """Counted for every half-wave of an oscillation."""
@@ -63,7 +60,6 @@ class OscillationGuard:
         self._since_step_s = SHORTEST_STEP_S
         self._swinging: frozenset[Loop] = frozenset()
         """Loops that have been seen to oscillate since the last step."""
-        self._place_m: list[float] | None = None
         self._seen = ""
         self.events: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
@@ -89,27 +85,17 @@ class OscillationGuard:
             # Sines that an identification adds are no oscillation; should they bring one about, the vehicle
             # leaves its box, which ends them.
             self._detector.forget()
-            self._place_m = None
             return
         period_s, estimate = pilot.controller.period_s, pilot.estimate
         self._since_step_s += period_s
-        tilt = None if estimate.tilt is None else estimate.tilt.core[:2]
-        error = estimate.motion[: len(output.reference)] - output.reference
-        resting = self._rests(output.reference[:YAW].tolist(), period_s)
-        swinging = self._detector.observe(output.input, tilt, error, period_s, resting)
+        tilt = None if estimate.tilt is None else estimate.tilt.core
+        swinging = self._detector.observe(output.input, tilt, estimate.motion, output.reference, period_s)
         if not swinging:
             return
         self.events[OSCILLATION] += 1
         self._swinging |= swinging
         if flown_by_own and not self._tuning.busy and self._since_step_s >= SHORTEST_STEP_S:
             self._lower()
-
-    def _rests(self, place_m: list[float], period_s: float) -> bool:
-        before, self._place_m = self._place_m, place_m
-        if before is None:
-            return False
-        limit_m = RESTING_M_S * period_s
-        return all(abs(now - then) < limit_m for now, then in zip(place_m, before, strict=True))
 
     def _lower(self) -> None:
         present = self._tuning.configuration

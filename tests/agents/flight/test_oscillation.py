@@ -50,9 +50,20 @@ def seen(
     for k in range(round(seconds / PERIOD_S)):
         stick = COAXIAL.hover_input.copy()
         stick[channel] += signal(k * PERIOD_S)
-        loops = detector.observe(stick, None, error, PERIOD_S, resting)
+        reference = np.zeros(4) if resting else under_way(k)
+        loops = detector.observe(stick, None, still_at(reference + error), reference, PERIOD_S)
         if loops:
             yield k * PERIOD_S, loops
+
+
+def under_way(period: int) -> Array:
+    """A reference that moves slowly."""
+    return np.array([0.1 * period * PERIOD_S, 0.0, 0.0, 0.0])
+
+
+def still_at(place: Array) -> Array:
+    """Motion of a vehicle that does not move."""
+    return np.append(place, np.zeros(4))
 
 
 def wave(frequency_hz: float, amplitude: float) -> Callable[[float], float]:
@@ -132,7 +143,8 @@ def test_the_tilt_counts_as_the_sticks_do() -> None:
         detector.observe(
             COAXIAL.hover_input,
             np.array([0.0, 0.8 * largest * math.sin(math.tau * 2.0 * k * PERIOD_S)]),
-            AT_REFERENCE,
+            still_at(under_way(k)),
+            under_way(k),
             PERIOD_S,
         )
         for k in range(150)
@@ -170,7 +182,7 @@ def test_frequency_and_size_of_an_oscillation_are_told(frequency_hz: float, shar
     for k in range(300):
         stick = COAXIAL.hover_input.copy()
         stick[YAW] += reach * wave(frequency_hz, share)(k * PERIOD_S)
-        detector.observe(stick, None, AT_REFERENCE, PERIOD_S)
+        detector.observe(stick, None, still_at(under_way(k)), under_way(k), PERIOD_S)
     swing = detector.swings[Loop.YAW]
     assert swing.signal == "yaw stick"
     assert swing.frequency_hz == pytest.approx(frequency_hz, rel=0.15)
@@ -183,7 +195,7 @@ def test_after_a_change_it_has_to_go_on() -> None:
     for k in range(300):
         stick = COAXIAL.hover_input.copy()
         stick[PITCH] += wave(2.0, 1.0)(k * PERIOD_S)
-        loops = detector.observe(stick, None, AT_REFERENCE, PERIOD_S)
+        loops = detector.observe(stick, None, still_at(under_way(k)), under_way(k), PERIOD_S)
         if loops:
             found_s.append(k * PERIOD_S)
             detector.changed(loops)
