@@ -7,7 +7,7 @@ makes nobody late; a step that only waits is interrupted as well, by the wall cl
 import math
 import signal
 import time
-from typing import Final, Self
+from typing import Final
 
 from rcopterx.agents.flight.time_limit import OutOfTimeError, TimeLimit
 
@@ -24,29 +24,26 @@ class AlarmTimeLimit(TimeLimit):
 
     def __init__(self) -> None:
         self._limit_s = math.inf
-        self._active = self._rang = False
+        self._active = False
         self._begun_s = self._began_at_s = self._used_s = 0.0
         signal.signal(signal.SIGALRM, self._ring)
 
-    def within(self, limit_s: float) -> Self:
-        """See `TimeLimit.within`."""
+    def begin(self, limit_s: float) -> None:
+        """See `TimeLimit.begin`."""
         self._limit_s = limit_s
-        return self
+        self._began_at_s, self._begun_s = time.monotonic(), time.thread_time()
+        self._active = True
+        if limit_s < math.inf:
+            signal.setitimer(signal.ITIMER_REAL, limit_s)
 
-    def __enter__(self) -> None:
-        """Begin to count."""
-        self._begun_s, self._began_at_s = time.thread_time(), time.monotonic()
-        self._active, self._rang = True, False
-        if self._limit_s < math.inf:
-            signal.setitimer(signal.ITIMER_REAL, self._limit_s)
-
-    def __exit__(self, *_: object) -> None:
-        """End to count."""
-        self._active = False
-        if not self._rang:
+    def end(self, limit_s: float) -> bool:
+        """See `TimeLimit.end`; what was interrupted is over every limit."""
+        if self._active:
+            self._active = False
             self._used_s = time.thread_time() - self._begun_s
-        if self._limit_s < math.inf:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            if self._limit_s < math.inf:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return self._used_s > limit_s
 
     def over(self, limit_s: float) -> bool:
         """See `TimeLimit.over`; what was interrupted is over every limit."""
@@ -58,6 +55,6 @@ class AlarmTimeLimit(TimeLimit):
         left_s = self._limit_s - (time.thread_time() - self._begun_s)
         waited_s = time.monotonic() - self._began_at_s
         if left_s <= 0.0 or waited_s >= LONGEST_WAIT_S:
-            self._active, self._rang, self._used_s = False, True, math.inf
+            self._active, self._used_s = False, math.inf
             raise OutOfTimeError
         signal.setitimer(signal.ITIMER_REAL, max(min(left_s, LONGEST_WAIT_S - waited_s), SHORTEST_ALARM_S))

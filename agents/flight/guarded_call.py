@@ -71,7 +71,7 @@ class GuardedCall:
 
     def allowed_s(self, limit_s: float) -> float:
         """Time that the next call may take where later ones may take `limit_s`."""
-        return limit_s * self._first_calls_factor if self._calls < self._first_calls else limit_s
+        return limit_s if self._calls >= self._first_calls else limit_s * self._first_calls_factor
 
     def attempt(
         self, name: str, limit_s: float, question: Callable[[], T], problem: Callable[[T], str | None]
@@ -96,32 +96,32 @@ class GuardedCall:
         """
         allowed_s = self.allowed_s(limit_s)
         self._calls += 1
+        limit = self.limit
         try:
-            answer = self._timely(question, allowed_s)
-            found = problem(answer)
+            try:
+                limit.begin(allowed_s)
+                answer = question()
+                late = limit.end(allowed_s)
+            except BaseException as error:
+                # Also where the time ran out just when the call was over.
+                limit.end(allowed_s)
+                if not _interrupted(error):
+                    raise
+                late = True
+            found = None if late else problem(answer)
         except OutOfTimeError:
-            self._note(self._kinds.late, f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
+            # It rang while a failure was looked at.
+            late = limit.end(allowed_s)
         except Exception as error:  # noqa: BLE001 - it may be somebody else's and raise anything
             self._note(self._kinds.raised, f"{name}: {type(error).__name__}: {error}")
-        else:
-            if found is None:
-                return answer
+            return None
+        if late:
+            self._note(self._kinds.late, f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
+        elif found is not None:
             self._note(self._kinds.unusable, f"{name}: {found}")
+        else:
+            return answer
         return None
-
-    def _timely(self, question: Callable[[], T], allowed_s: float) -> T:
-        """What comes in time; whatever came too late is asked after, so that it is noted."""
-        try:
-            with self.limit.within(allowed_s):
-                answer = question()
-        except (OutOfTimeError, SystemError) as error:
-            if not _interrupted(error):
-                raise
-            self.limit.over(allowed_s)
-            raise OutOfTimeError from error
-        if self.limit.over(allowed_s):
-            raise OutOfTimeError
-        return answer
 
     def tell(self, name: str, message: Callable[[], None]) -> bool:
         """Tell somebody something, without a time limit; False if that raised an exception."""

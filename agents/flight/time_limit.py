@@ -1,9 +1,8 @@
 """How long a control step may take: asked by solvers that can stop early, enforced on all others."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Any, Final, Self
+from collections.abc import Iterable
+from typing import Final
 
 SOLVER_SHARE: Final = 0.4
 """Share of the control period after which a solver that can stop early does so."""
@@ -19,15 +18,23 @@ class OutOfTimeError(BaseException):
 
 
 class TimeLimit(ABC):
-    """Time of the present step; whoever has the clock provides it."""
+    """Time of the present step; whoever has the clock provides it.
+
+    A call is what happens between `begin` and `end`. Code that takes longer is ended by `OutOfTimeError`, as
+    far as possible, which may still be raised in `end`: who catches it ends the call again.
+    """
 
     @abstractmethod
-    def within(self, limit_s: float) -> AbstractContextManager[None]:
-        """Context in which code that takes longer is ended by `OutOfTimeError`, as far as possible."""
+    def begin(self, limit_s: float) -> None:
+        """A call begins that may take so long."""
+
+    @abstractmethod
+    def end(self, limit_s: float) -> bool:
+        """A call is over; whether it has used more time than that."""
 
     @abstractmethod
     def over(self, limit_s: float) -> bool:
-        """Whether the code has used more time than that since the context was entered."""
+        """Whether the present call has used more time than that."""
 
 
 Overtime = tuple[int, int]
@@ -38,9 +45,12 @@ the question after the call."""
 class NoTimeLimit(TimeLimit):
     """For experiments, which take as long as they need and must not depend on the machine."""
 
-    def within(self, limit_s: float) -> AbstractContextManager[None]:  # noqa: ARG002 - there is none
-        """See `TimeLimit.within`."""
-        return nullcontext()
+    def begin(self, limit_s: float) -> None:
+        """See `TimeLimit.begin`."""
+
+    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - there is none
+        """See `TimeLimit.end`."""
+        return False
 
     def over(self, limit_s: float) -> bool:  # noqa: ARG002 - there is none
         """See `TimeLimit.over`."""
@@ -65,42 +75,30 @@ class NotedTimeLimit(TimeLimit):
         self.overtime: list[Overtime] = []
         self._limit = limit
         self._calls = self._questions = 0
-        self._inside = self._was_over = False
-        # Class-based: this is entered several times per control period, and generators take much longer.
-        self._entered: AbstractContextManager[None] = nullcontext()
+        self._was_over = False
 
     def begin_step(self) -> None:
         """Count calls anew."""
         self.overtime.clear()
         self._calls = 0
 
-    def within(self, limit_s: float) -> Self:
-        """See `TimeLimit.within`."""
-        self._entered = self._limit.within(limit_s)
-        return self
-
-    def __enter__(self) -> None:
-        """Count the call."""
+    def begin(self, limit_s: float) -> None:
+        """See `TimeLimit.begin`."""
         self._calls += 1
         self._questions = 0
         self._was_over = False
-        self._entered.__enter__()
-        self._inside = True
+        self._limit.begin(limit_s)
 
-    def __exit__(self, *raised: Any) -> None:
-        """The call is over, whether it came in time or not."""
-        try:
-            self._entered.__exit__(*raised)
-        finally:
-            self._inside = False
+    def end(self, limit_s: float) -> bool:
+        """See `TimeLimit.end`."""
+        over = self._limit.end(limit_s)
+        if over:
+            self.overtime.append((self._calls, 0))
+        return over
 
     def over(self, limit_s: float) -> bool:
         """See `TimeLimit.over`."""
         over = self._limit.over(limit_s)
-        if not self._inside:
-            if over:
-                self.overtime.append((self._calls, 0))
-            return over
         self._questions += 1
         if over and not self._was_over:
             self._was_over = True
@@ -115,7 +113,6 @@ class RepeatedTimeLimit(TimeLimit):
         self._from: dict[int, int] = {}
         self._afterwards: frozenset[int] = frozenset()
         self._calls = self._questions = 0
-        self._inside = False
 
     def begin_step(self, overtime: Iterable[Overtime]) -> None:
         """Repeat this in the next step."""
@@ -124,20 +121,16 @@ class RepeatedTimeLimit(TimeLimit):
         self._afterwards = frozenset(call for call, question in noted if not question)
         self._calls = 0
 
-    @contextmanager
-    def within(self, limit_s: float) -> Iterator[None]:  # noqa: ARG002 - as long as it needs
-        """See `TimeLimit.within`."""
+    def begin(self, limit_s: float) -> None:  # noqa: ARG002 - as long as it needs
+        """See `TimeLimit.begin`."""
         self._calls += 1
         self._questions = 0
-        self._inside = True
-        try:
-            yield
-        finally:
-            self._inside = False
+
+    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - it was another computer's
+        """See `TimeLimit.end`."""
+        return self._calls in self._afterwards
 
     def over(self, limit_s: float) -> bool:  # noqa: ARG002 - it was another computer's
         """See `TimeLimit.over`."""
-        if not self._inside:
-            return self._calls in self._afterwards
         self._questions += 1
         return self._calls in self._from and self._questions >= self._from[self._calls]

@@ -28,44 +28,54 @@ def patient_limit(limit: AlarmTimeLimit, monkeypatch: pytest.MonkeyPatch) -> Ala
     return limit
 
 
+@contextlib.contextmanager
+def called(limit: AlarmTimeLimit, limit_s: float) -> Iterator[None]:
+    """A call, ended as `GuardedCall` does."""
+    try:
+        limit.begin(limit_s)
+        yield
+    finally:
+        limit.end(limit_s)
+
+
 def test_code_that_computes_for_ever_is_interrupted(patient_limit: AlarmTimeLimit) -> None:
     begun_s = time.thread_time()
-    with pytest.raises(OutOfTimeError), patient_limit.within(0.02):
+    with pytest.raises(OutOfTimeError), called(patient_limit, 0.02):
         compute_for(60.0)
     assert 0.02 <= time.thread_time() - begun_s < 5.0
 
 
 def test_code_that_waits_for_ever_is_interrupted(limit: AlarmTimeLimit) -> None:
-    with pytest.raises(OutOfTimeError), limit.within(0.01):
+    with pytest.raises(OutOfTimeError), called(limit, 0.01):
         threading.Event().wait(60.0)
 
 
 def test_code_that_was_interrupted_is_over_every_limit(
     limit: AlarmTimeLimit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with contextlib.suppress(OutOfTimeError), limit.within(0.01):
+    with contextlib.suppress(OutOfTimeError), called(limit, 0.01):
         threading.Event().wait(60.0)
     assert limit.over(1e3)
     monkeypatch.setattr(alarm, "LONGEST_WAIT_S", 60.0)
-    with limit.within(0.01):
+    with called(limit, 0.01):
         pass
     assert not limit.over(0.01)
 
 
 def test_waiting_is_not_computing(patient_limit: AlarmTimeLimit) -> None:
-    with patient_limit.within(0.005):
+    with called(patient_limit, 0.005):
         time.sleep(LONGEST_WAIT_S / 4)
     assert not patient_limit.over(0.005)
 
 
 def test_code_that_catches_everything_has_still_used_too_much(patient_limit: AlarmTimeLimit) -> None:
-    with patient_limit.within(0.01), contextlib.suppress(BaseException):
+    with called(patient_limit, 0.01), contextlib.suppress(BaseException):
         compute_for(60.0)
     assert patient_limit.over(0.01)
 
 
 def test_afterwards_nothing_rings(patient_limit: AlarmTimeLimit) -> None:
-    with patient_limit.within(0.005):
+    with called(patient_limit, 0.005):
         pass
     compute_for(0.03)
     assert not patient_limit.over(0.005)

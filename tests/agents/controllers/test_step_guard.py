@@ -202,7 +202,7 @@ def test_a_step_that_took_too_long_does_not_count_although_it_came() -> None:
     from rcopterx.agents.flight.time_limit import NoTimeLimit
 
     class Measured(NoTimeLimit):
-        def over(self, limit_s: float) -> bool:
+        def end(self, limit_s: float) -> bool:
             return LimitOfTests.used > limit_s
 
     guard, slow = StepGuard(COAXIAL_LAG, limit=Measured()), Slow(HOVER[None, :])

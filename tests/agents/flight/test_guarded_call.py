@@ -14,7 +14,7 @@ LIMIT_S = 0.01
 class OverLimit(NoTimeLimit):
     """Every call has taken too long."""
 
-    def over(self, limit_s: float) -> bool:
+    def end(self, limit_s: float) -> bool:
         return limit_s < 1.0
 
 

@@ -1,7 +1,5 @@
 """Promises of time limits: what one has said of the calls of a step can be noted, and said again."""
 
-from contextlib import AbstractContextManager, nullcontext
-
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,16 +14,16 @@ class Planned(TimeLimit):
 
     def __init__(self) -> None:
         self.from_question, self.afterwards = 0, False
-        self._asked, self._inside = 0, False
-
-    def within(self, limit_s: float) -> AbstractContextManager[None]:
         self._asked = 0
-        return nullcontext()
+
+    def begin(self, limit_s: float) -> None:
+        self._asked = 0
+
+    def end(self, limit_s: float) -> bool:
+        return self.afterwards
 
     def over(self, limit_s: float) -> bool:
         self._asked += 1
-        if limit_s == AFTERWARDS:
-            return self.afterwards
         return bool(self.from_question) and self._asked >= self.from_question
 
 
@@ -33,9 +31,9 @@ DURING, AFTERWARDS = 0.008, 0.012
 
 
 def asked(limit: TimeLimit, questions: int) -> list[bool]:
-    with limit.within(AFTERWARDS):
-        said = [limit.over(DURING) for _ in range(questions)]
-    return [*said, limit.over(AFTERWARDS)]
+    limit.begin(AFTERWARDS)
+    said = [limit.over(DURING) for _ in range(questions)]
+    return [*said, limit.end(AFTERWARDS)]
 
 
 @given(st.lists(st.lists(calls, max_size=5), max_size=4))

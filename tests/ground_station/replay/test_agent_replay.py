@@ -1,7 +1,6 @@
 """Promises of replays: an agent does the same again, and what differs first is told with its cause."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -159,22 +158,20 @@ class Hasty(TimeLimit):
 
     def __init__(self, seed: int) -> None:
         self._draw = np.random.default_rng(seed)
-        self._inside, self._asked, self._from, self._after = False, 0, 0, False
+        self._asked, self._from, self._after = 0, 0, False
 
-    @contextmanager
-    def within(self, limit_s: float) -> Iterator[None]:
+    def begin(self, limit_s: float) -> None:
         # No solver asks during calls of an estimator; some of those are late as well, few enough to go on.
-        self._inside, self._asked = True, 0
+        self._asked = 0
         self._from = int(self._draw.integers(1, 4)) if self._draw.random() < 0.8 else 10**6
         self._after = bool(self._draw.random() < 0.01)
-        try:
-            yield
-        finally:
-            self._inside = False
+
+    def end(self, limit_s: float) -> bool:
+        return self._after
 
     def over(self, limit_s: float) -> bool:
         self._asked += 1
-        return self._asked >= self._from if self._inside else self._after
+        return self._asked >= self._from
 
 
 class NotingBus(ReplayBus):
