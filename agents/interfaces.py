@@ -7,7 +7,7 @@ Write a class with the methods of `Controller` (or `Estimator`), register it und
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 from msgspec import Struct
@@ -61,6 +61,10 @@ class TiltEstimate(Struct, frozen=True):
     servo: Array
     wind_m_s2: Array
     trim: Array
+
+
+NO_TILT: Final = TiltEstimate(*4 * [np.empty(0)])
+"""For kernels, of a vehicle without tilt model."""
 
 
 class Estimate(Struct, frozen=True):

@@ -36,7 +36,8 @@ MODULES: Final = (
     "motion",
     "interior",
     "lateral_problem",
-    "oscillation",
+    "watching",
+    "flight",
 )
 """Modules of kernels, those first that take longest: nobody shall wait for one of them alone at the end."""
 VARIABLE: Final = "RCOPTERX_KERNELS"

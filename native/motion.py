@@ -27,6 +27,8 @@ PARAMETERS = 15
 lags, gravity, yaw stick per thrust that the rotors have not followed, and per yaw rate."""
 THRUST = 2
 TURN = 3
+LONGEST_STEP_S = 0.0201
+"""Beyond one 50 Hz period Runge-Kutta steps are split, which keeps positions exact to micrometres."""
 
 
 @part
@@ -212,116 +214,83 @@ def predict_with_tilt(
     tilted[cores + 2], tilted[cores + 3] = after[6 + cores], after[7 + cores]
 
 
-@compiled(*7 * [ANY_VECTOR])
-def all_finite(
-    motion: Array, actuator: Array, disturbance: Array, core: Array, servo: Array, wind: Array, trim: Array
-) -> bool:
-    """Whether all numbers of an estimate are finite."""
-    for numbers in (motion, actuator, disturbance, core, servo, wind, trim):
-        for number in numbers:
-            if not math.isfinite(number):
-                return False
-    return True
-
-
-SOUND = 1.0
-"""Effect of an axis that does what the model says, and of one of which nothing can be told."""
-
-
-@part
-def _effect(
-    axis: int,
-    first: Array,
-    last: Array,
-    since_far_s: Array,
-    least: Array,
-    swing_s: float,
-    most_turned_rad: float,
-) -> float:
-    """What a stick has done between two moments of `watch_effects`, as a share of what it asked for."""
-    if axis != TURN and abs(last[9] - first[9]) > most_turned_rad:
-        return SOUND
-    asked = last[axis] - first[axis]
-    side = 1 if asked > 0.0 else 0
-    if since_far_s[1 - side, axis] < swing_s or abs(asked) <= least[side, axis]:
-        return SOUND
-    done: float = (last[4 + axis] - first[4 + axis]) / asked
-    return done
-
-
-@compiled(VECTOR, MATRIX, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX, *2 * [COUNT], *2 * [NUMBER], VECTOR)
-def watch_effects(
-    vehicle: Array,
-    least: Array,
-    sticks: Array,
+@compiled(*8 * [ANY_VECTOR], NUMBER, VECTOR, MATRIX, MATRIX, NUMBER, VECTOR)
+def predict_estimate(
     motion: Array,
+    actuator: Array,
+    disturbance: Array,
+    core: Array,
+    servo: Array,
+    wind: Array,
+    trim: Array,
+    sticks: Array,
     period_s: float,
-    memory: Array,
-    moments: Array,
-    number: int,
-    back: int,
-    swing_s: float,
-    most_turned_rad: float,
-    told: Array,
+    vehicle: Array,
+    transition: Array,
+    demand: Array,
+    pole: float,
+    after: Array,
 ) -> None:
-    """Compare what sticks asked for with what the vehicle did, in a control period.
+    """All that is known of a vehicle after a period: `predict_motion` and, with a tilt, `predict_with_tilt`.
 
     Parameters
     ----------
-    vehicle
-        Four input gains, four dampings, four poles of the actuators, gravity; shape (13,).
-    least
-        Sticks that count as far, and velocity that they ask for in a window, towards the lower and the upper
-        limit; shape (4, 4).
+    motion, actuator, disturbance
+        At the start; shapes (8,), (4,), (4,).
+    core, servo, wind, trim
+        Of the tilt model; empty for none.
     sticks
-        What arrives at the vehicle, shape (4,).
-    motion
-        Motion state at the beginning, shape (8,).
-    memory
-        Moved on by a period, shape (5, 4): sticks after their lag; velocity that sticks asked for; velocity
-        that damping and turning brought; how long each stick has not been far to its lower and upper side.
-    moments
-        A ring, in which this period is written: velocities asked for and made by the sticks up to its
-        beginning, height and yaw; shape (n, 10).
-    number
-        Of this period since the windows began, from 0.
-    back
-        Periods in the window of pitch, roll and yaw; the window of the thrust has n - 1.
-    swing_s
-        A stick that was far on the other side so shortly before tells nothing.
-    most_turned_rad
-        Windows that turn further tell nothing of pitch and roll.
-    told
-        Set to the effects of pitch, roll and yaw, and to height gained and velocities asked for and made by
-        the thrust; shape (6,). Windows that are not full yet tell sound axes, and zeros.
+        What acts, shape (4,).
+    period_s
+        Split into steps of at most `LONGEST_STEP_S`.
+    vehicle
+        Parameters, shape (`PARAMETERS`,).
+    transition, demand, pole
+        See `predict_with_tilt`.
+    after
+        Set to motion, actuators, core, servo and wind at the end, shape (12,) or (16 + k,).
     """
-    last = moments[number % len(moments)]
-    for axis in range(4):
-        memory[0, axis] = sticks[axis] + vehicle[8 + axis] * (memory[0, axis] - sticks[axis])
-        for side in range(2):
-            far = (2.0 * side - 1.0) * memory[0, axis] > least[side, axis]
-            memory[3 + side, axis] = 0.0 if far else memory[3 + side, axis] + period_s
-        rate = motion[4 + axis]
-        last[axis], last[4 + axis] = memory[1, axis], rate - memory[2, axis]
-        turning = 0.0
-        if axis == 0:
-            turning = motion[7] * motion[5]
-        elif axis == 1:
-            turning = -motion[7] * motion[4]
-        elif axis == THRUST:
-            turning = -vehicle[12]
-        memory[1, axis] += period_s * vehicle[axis] * memory[0, axis]
-        memory[2, axis] += period_s * (vehicle[4 + axis] * rate + turning)
-    last[8], last[9] = motion[2], motion[3]
-    told[:3], told[3:] = SOUND, 0.0
-    if number >= back:
-        first = moments[(number - back) % len(moments)]
-        for place, axis in enumerate((0, 1, TURN)):
-            told[place] = _effect(axis, first, last, memory[3:], least[2:], swing_s, most_turned_rad)
-    if number >= len(moments) - 1:
-        first = moments[(number + 1) % len(moments)]
-        told[3] = last[8] - first[8]
-        told[4], told[5] = last[THRUST] - first[THRUST], last[4 + THRUST] - first[4 + THRUST]
+    steps = max(1, math.ceil(period_s / LONGEST_STEP_S))
+    moved = after[:8]
+    predict_motion(
+        vehicle, motion, actuator, sticks, disturbance, period_s / steps, steps, moved, after[8:12]
+    )
+    if len(servo) > 0:
+        tilted = after[12:]
+        predict_with_tilt(
+            motion, core, servo, wind, trim, sticks, vehicle, transition, demand, pole, moved, tilted
+        )
+
+
+SOUND = 0
+MISSHAPEN = 1
+NOT_FINITE = 2
+"""What is to be said of an estimate."""
+
+
+@compiled(*7 * [ANY_VECTOR])
+def flaw(
+    motion: Array, actuator: Array, disturbance: Array, core: Array, servo: Array, wind: Array, trim: Array
+) -> int:
+    """Why an estimate cannot be computed with, or `SOUND`.
+
+    Parameters
+    ----------
+    motion, actuator, disturbance
+        Shapes (8,), (4,), (4,).
+    core, servo, wind, trim
+        Of the tilt model, shapes (k,), (2,), (2,), (2,); all empty for none.
+    """
+    pair = 2 if len(core) > 0 else 0
+    if len(motion) != 8 or len(actuator) != 4 or len(disturbance) != 4:
+        return MISSHAPEN
+    if len(servo) != pair or len(wind) != pair or len(trim) != pair:
+        return MISSHAPEN
+    for numbers in (motion, actuator, disturbance, core, servo, wind, trim):
+        for number in numbers:
+            if not math.isfinite(number):
+                return NOT_FINITE
+    return SOUND
 
 
 @compiled(ANY_MATRIX, VECTOR, VECTOR, NUMBER)

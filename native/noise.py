@@ -46,10 +46,12 @@ SEEN_S = 8
 BEYOND_S = 9
 CONCORDANCE = 10
 TRUSTED = 11
-TRUST = 12
+NOISE = 12
+TRUST = 13
 """What a trust knows: means of measured and expected tilt, of their energies and of what both have in common,
 of the energy of noise; for how long it has seen both, and how long the concordance has been beyond its limit;
-the concordance, nan if it cannot be told; whether the tilt is trusted; and how many entries there are."""
+the concordance, nan if it cannot be told; whether the tilt is trusted; the standard deviation of the noise of
+the measured tilt's worse component, 0 as long as it cannot be told; and how many entries there are."""
 
 
 @compiled(VECTOR, ANY_VECTOR, NUMBER)
@@ -134,7 +136,7 @@ def concordance(trust: Array) -> float:
 @compiled(VECTOR, VECTOR, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)
 def judge_tilt(
     trust: Array, noise: Array, measured: Array, expected: Array, yaw_rad: float, period_s: float
-) -> float:
+) -> bool:
     """Compare a measured tilt with the expected one.
 
     Parameters
@@ -152,8 +154,8 @@ def judge_tilt(
 
     Returns
     -------
-    float
-        Standard deviation of the noise of the worse component; 0 as long as it cannot be told.
+    bool
+        Whether it is trusted now and was not, or the other way round.
     """
     observe_noise(noise, measured, period_s)
     noise_x = noise_y = 0.0
@@ -176,10 +178,12 @@ def judge_tilt(
     trust[NOISE_ENERGY] += share * (noise_x * noise_x + noise_y * noise_y - trust[NOISE_ENERGY])
     trust[SEEN_S] += period_s
     trust[CONCORDANCE] = found = concordance(trust)
+    trust[NOISE] = max(noise_x, noise_y)
     if not math.isnan(found):
         trusted = trust[TRUSTED] > 0.0
         against = found < DISTRUSTED_BELOW if trusted else found > TRUSTED_ABOVE
         trust[BEYOND_S] = trust[BEYOND_S] + period_s if against else 0.0
         if trust[BEYOND_S] >= (DISTRUSTED_AFTER_S if trusted else TRUSTED_AFTER_S):
             trust[TRUSTED], trust[BEYOND_S] = 1.0 - trust[TRUSTED], 0.0
-    return max(noise_x, noise_y)
+            return True
+    return False

@@ -17,10 +17,17 @@ import numpy as np
 
 from rcopterx.agents.controllers.hovering import hovering_input
 from rcopterx.agents.controllers.roll_out import one_stage_on, predict
-from rcopterx.agents.flight.finite import NO_TILT, is_finite
+from rcopterx.agents.flight.finite import is_finite
 from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
-from rcopterx.agents.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
+from rcopterx.agents.interfaces import (
+    NO_TILT,
+    Controller,
+    ControlStep,
+    Estimate,
+    NoSolutionError,
+    StopsEarly,
+)
 from rcopterx.agents.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
 from rcopterx.native.bounds import sound_question, usable_answer
 from rcopterx.vehicles.model import Model

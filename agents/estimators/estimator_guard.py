@@ -10,10 +10,11 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from rcopterx.agents.flight.finite import is_finite
+from rcopterx.agents.flight.finite import flaw_of
 from rcopterx.agents.flight.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.flight.time_limit import TimeLimit
 from rcopterx.agents.interfaces import Estimate, Estimator, Measurement, TellsUncertainty
+from rcopterx.native.motion import MISSHAPEN, NOT_FINITE, SOUND
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
 RAISED: Final = "estimator_raised"
@@ -25,7 +26,6 @@ FIRST_CALLS: Final = 10
 FIRST_CALLS_FACTOR: Final = 8.0
 """The first calls load code and fill caches; they may take so many times as long."""
 
-_FLOAT64: Final = np.dtype(np.float64)
 T = TypeVar("T")
 
 
@@ -60,13 +60,9 @@ class EstimatorGuard:
         self._known: Estimator | None = None
         self._telling: TellsUncertainty | None = None
         nowhere = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
-        self._estimate = nowhere
-        self._ask(_nothing, None)
-
-    @property
-    def estimate(self) -> Estimate:
+        self.estimate = nowhere
         """The last good estimate."""
-        return self._estimate
+        self._ask(lambda _: None, None)
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -90,9 +86,9 @@ class EstimatorGuard:
         self._asked, self.replaced, self.calls.failure = estimator, False, ""
         self.calls.begin()
         if started:
-            self.take_over(self._estimate)
+            self.take_over(self.estimate)
         else:
-            self._ask(_nothing, None)
+            self._ask(lambda _: None, None)
 
     def use_default(self) -> bool:
         """Ask the default estimator from now on; False if it is asked already, or there is none."""
@@ -149,43 +145,36 @@ class EstimatorGuard:
         """Start from the last good estimate, as what the estimator knows cannot be trusted any more."""
         if not self._begun:
             return
-        good = self._estimate
+        good = self.estimate
         self._attempt(lambda asked: asked.take_over(good))
 
     def _attempt(self, question: Callable[[Estimator], T]) -> tuple[T, Estimate] | None:
         """Answer of an estimator and its estimate after it; None after a failure, which is counted."""
         asked = self._asked
-        told = self.calls.attempt(
-            type(asked).__name__, STEP_LIMIT_S, lambda: (question(asked), asked.estimate), _problem
-        )
-        if told is not None:
-            self._estimate = told[1]
-        return told
 
+        def told() -> tuple[T, Estimate]:
+            return question(asked), asked.estimate
 
-def _nothing(_: Estimator) -> None:
-    """Ask for the estimate only."""
+        answer = self.calls.attempt(type(asked).__name__, STEP_LIMIT_S, told, _problem)
+        if answer is not None:
+            self.estimate = answer[1]
+        return answer
 
 
 def _problem(told: tuple[T, Estimate]) -> str | None:
     """What makes an estimate unusable; None if it can be used."""
-    estimate = told[1]
-    shapes = estimate.motion.shape, estimate.actuator.shape, estimate.disturbance.shape
-    if shapes != ((MOTION_SIZE,), (INPUT_SIZE,), (INPUT_SIZE,)) or not _is_of_floats(estimate):
-        return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"
-    return None if is_finite(estimate) else "the estimate is not finite"
+    try:
+        found = flaw_of(told[1])
+    except TypeError:
+        found = MISSHAPEN
+    if found == SOUND:
+        return None
+    if found == NOT_FINITE:
+        return "the estimate is not finite"
+    return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"
 
 
 def _deviation_problem(deviation: Array) -> str | None:
     """What makes standard deviations of a position unusable; None if they can be used."""
     usable = deviation.shape == (3,) and bool(np.isfinite(deviation).all()) and bool((deviation >= 0.0).all())
     return None if usable else "the uncertainty of the position is not three numbers from 0 on"
-
-
-def _is_of_floats(estimate: Estimate) -> bool:
-    """Whether all numbers are of the type that everything else computes with."""
-    parts = [estimate.motion, estimate.actuator, estimate.disturbance]
-    if estimate.tilt is not None:
-        parts += [estimate.tilt.core, estimate.tilt.servo, estimate.tilt.wind_m_s2, estimate.tilt.trim]
-    types = [part.dtype for part in parts]
-    return types.count(_FLOAT64) == len(types)

@@ -13,7 +13,7 @@ from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE
 from rcopterx.agents.estimators.model_noise import model_noise
 from rcopterx.agents.estimators.noise_meter import NoiseMeter
 from rcopterx.agents.estimators.settings import EstimatorSettings, FourPositive, Positive
-from rcopterx.agents.flight.linear import prepared_period
+from rcopterx.agents.flight.linear import PERIOD_DIGITS, ByPeriod
 from rcopterx.agents.flight.prediction import actuator_response, parameters, split
 from rcopterx.agents.interfaces import Estimate, Measurement
 from rcopterx.native.kalman import FAR, INDEFINITE, correct_lags, predict_lags
@@ -25,7 +25,6 @@ _LIFTING_FRACTION: Final = 0.9
 """Modelled thrust over weight from which a standing vehicle may lift."""
 _MOVED_M: Final = 0.01
 """Departure from where it stood that shows that a vehicle stands no more."""
-_MOST_PERIODS: Final = 64
 _START_DEVIATION: Final = np.array(
     [0.001, 0.001, 0.001, 0.005, 0.3, 0.3, 0.3, 1.0, 0.03, 0.03, 0.03, 0.03, 0.3, 0.3, 0.8, 3.0]
 )
@@ -33,7 +32,7 @@ _START_DEVIATION: Final = np.array(
 _ANYWHERE: Final = np.full(INPUT_SIZE, np.inf)
 
 
-class _Period(NamedTuple):
+class LagPeriod(NamedTuple):
     """What the prediction of a period needs to know, in the order in which `predict_lags` takes it."""
 
     vehicle: Array
@@ -117,22 +116,14 @@ class LagKalmanEstimator(PoseEstimator):
         self._actuator[:] = model.hover_input
         self._pose: Array = np.zeros(INPUT_SIZE)
         """Measured last, its heading unwrapped."""
-        self._preparations: dict[float, _Period] = {}
-        self._prepared(period_s)
+        self._periods: ByPeriod[LagPeriod] = ByPeriod(self._prepared)
+        self._periods[round(period_s, PERIOD_DIGITS)]  # prepared before the flight
         self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
 
-    def _prepared(self, period_s: float) -> _Period:
-        """What a period needs, kept because preparing takes longer than a step."""
-        period_s = prepared_period(period_s)
-        prepared = self._preparations.get(period_s)
-        if prepared is None:
-            if len(self._preparations) >= _MOST_PERIODS:
-                self._preparations.clear()
-            constant = Linearization(self._model, period_s).constant
-            process = np.diag(period_s * self._densities)
-            prepared = _Period(parameters(self._model), *split(period_s), constant, process)
-            self._preparations[period_s] = prepared
-        return prepared
+    def _prepared(self, period_s: float) -> LagPeriod:
+        constant = Linearization(self._model, period_s).constant
+        process = np.diag(period_s * self._densities)
+        return LagPeriod(parameters(self._model), *split(period_s), constant, process)
 
     @property
     def estimate(self) -> Estimate:
@@ -171,11 +162,11 @@ class LagKalmanEstimator(PoseEstimator):
 
     def correct(self, measurement: Measurement) -> bool:
         """Take in a pose (`PoseEstimator.correct`)."""
-        position_m, yaw_rad, gate = measurement.position_m, measurement.yaw_rad, self._gate
-        flying = self._yaw_known and not self._standing
-        if flying and self._correct(position_m, yaw_rad, gate.near):
-            gate.note_near()
-            return True
+        if self._yaw_known and not self._standing:
+            gate = self._gate
+            if self._correct(measurement.position_m, measurement.yaw_rad, gate.near):
+                gate.note_near()
+                return True
         return super().correct(measurement)
 
     def _thrust_carries(self) -> bool:
@@ -183,16 +174,13 @@ class LagKalmanEstimator(PoseEstimator):
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
 
     def _move(self, applied_input: Array, period_s: float) -> None:
-        self._advance(applied_input, period_s)
-
-    def _advance(self, applied_input: Array, period_s: float) -> float:
-        """Predict one period; heading in its middle."""
         self._since_pose_s += period_s
         if self._standing:
             self._actuator[:] = actuator_response(self._model, self._actuator, applied_input, 0.0, period_s)
             self._standing = not self._thrust_carries()
-            return float(self._motion[YAW])
-        return predict_lags(self._state, self._covariance, applied_input, *self._prepared(period_s))
+        else:
+            prepared = self._periods[round(period_s, PERIOD_DIGITS)]
+            predict_lags(self._state, self._covariance, applied_input, *prepared)
 
     def _deviation(self) -> Array:
         variance = self._covariance.diagonal()[:INPUT_SIZE] + self._measurement_variance
@@ -201,10 +189,6 @@ class LagKalmanEstimator(PoseEstimator):
     def _predicted_pose(self) -> Array:
         return self._state[:INPUT_SIZE].copy()
 
-    def _expected_m(self) -> Array:
-        """Position that the next pose is compared with, of which x and y count."""
-        return self._motion
-
     def _correct(self, position_m: Array, yaw_rad: float, near: Array) -> bool:
         """Take in a pose if it is near the expected one; False, and nothing has changed, if not."""
         outcome = correct_lags(
@@ -212,7 +196,7 @@ class LagKalmanEstimator(PoseEstimator):
             self._covariance,
             position_m,
             yaw_rad,
-            self._expected_m(),
+            self._motion,
             near,
             self._noise.memory,
             self._since_pose_s,
@@ -226,9 +210,14 @@ class LagKalmanEstimator(PoseEstimator):
         if outcome == INDEFINITE:
             raise np.linalg.LinAlgError("the covariance of the filter is not positive definite")
         self._since_pose_s = 0.0
-        if self._disturbance[U_THRUST] >= self._limit[U_THRUST] and not self._thrust_carries():
-            self._start(self._motion[:INPUT_SIZE], np.zeros(INPUT_SIZE))
+        if self._disturbance[U_THRUST] >= self._limit[U_THRUST]:
+            self._stand_if_pushed()
         return True
+
+    def _stand_if_pushed(self) -> None:
+        """Stand if the upward disturbance, which is at its limit, must be the floor's."""
+        if not self._thrust_carries():
+            self._start(self._motion[:INPUT_SIZE], np.zeros(INPUT_SIZE))
 
     def _stay(self, pose: Array) -> None:
         """Take in a pose while standing."""

@@ -20,9 +20,9 @@ from rcopterx.agents.flight.lateral import (
     LateralSystem,
     lateral_system,
 )
-from rcopterx.agents.flight.linear import prepared_period
+from rcopterx.agents.flight.linear import PERIOD_DIGITS, ByPeriod
 from rcopterx.agents.interfaces import TiltEstimate
-from rcopterx.native.kalman import correct_tilt, predict_tilt
+from rcopterx.native.kalman import correct_tilt
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -35,7 +35,6 @@ LEVEL_FLOOR_RAD: Final = 0.02
 """How level floor and landing gear are taken to be: a standing vehicle shows the offset of its body frame."""
 
 _NO_TILT: Final = np.zeros(2)
-_MOST_PERIODS: Final = 64
 _ANY_PERIOD_S: Final = 0.02
 """Where the states are does not depend on the period."""
 _START_POSITION_M: Final = 0.001
@@ -49,7 +48,7 @@ _OFFSET_DENSITY: Final = 0.0005
 _SERVO_DENSITY: Final = 0.01
 
 
-class _Period(NamedTuple):
+class TiltPeriod(NamedTuple):
     """What the prediction of a period needs to know, in the order in which `predict_tilt` takes it."""
 
     transition: Array
@@ -78,6 +77,23 @@ class TiltFilter:
         Standard deviation of the wind's acceleration.
     blind
         How many others run beside it.
+
+    Attributes
+    ----------
+    states, covariances
+        Of the filter and those beside it, shapes (k, n) and (k, n, n), which kernels change in place.
+    believed
+        Number of the one that is believed.
+    least_noise
+        Standard deviations of position and tilt, at least, shape (2,).
+    noise_variances
+        Variances that they are taken to have, shape (2,).
+    state_limit
+        States stay within plus and minus these, shape (n,).
+    tilted
+        First of the two states that are the tilt.
+    periods
+        What predictions of periods need to know.
     """
 
     def __init__(
@@ -91,19 +107,19 @@ class TiltFilter:
         blind: int = 0,
     ) -> None:
         self._model = model
-        self._least_noise = position_noise_m, tilt_noise
-        self.expect_noise(position_noise_m, tilt_noise)
+        self.least_noise: Array = np.array((position_noise_m, tilt_noise))
+        self.noise_variances: Array = np.square(self.least_noise)
         self._velocity_density, self._tilt_density = velocity_density, tilt_density
         self._wind_rms_m_s2 = wind_rms_m_s2
         system = lateral_system(model, _ANY_PERIOD_S)
-        self._core, self._tilt, self._servo, self._wind = system.core, system.tilt, system.servo, system.wind
-        self._tilt_rate = system.tilt_rate
+        self._core, self._servo, self._wind = system.core, system.servo, system.wind
+        self._tilt_rate, self.tilted = system.tilt_rate, system.tilt.start
         self._trim = slice(system.size, system.size + 2)
         self._offset = slice(system.size + 2, system.size + 4)
         self._size = system.size + 4
-        self._states: Array = np.zeros((1 + blind, self._size))
-        self._covariances: Array = np.zeros((1 + blind, self._size, self._size))
-        self._periods: dict[float, _Period] = {}
+        self.states: Array = np.zeros((1 + blind, self._size))
+        self.covariances: Array = np.zeros((1 + blind, self._size, self._size))
+        self.periods: ByPeriod[TiltPeriod] = ByPeriod(self._prepared)
         # What is asked, is asked of the filter that is believed.
         self._state: Array
         self._covariance: Array
@@ -111,14 +127,15 @@ class TiltFilter:
         self.tilts_left_out = 0
         """Measured tilts too far from the predicted one."""
         # What stays the same from step to step is prepared: the matrices are small and the steps many.
-        self._state_limit: Array = np.full(self._size, np.inf)
-        self._state_limit[self._trim], self._state_limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
-        self._state_limit[self._wind] = WIND_LIMIT_M_S2
+        self.state_limit: Array = np.full(self._size, np.inf)
+        self.state_limit[self._trim], self.state_limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
+        self.state_limit[self._wind] = WIND_LIMIT_M_S2
         self._forget_body()
 
     def believe(self, number: int) -> None:
         """Ask the filter itself (0) or another one from now on."""
-        self._state, self._covariance = self._states[number], self._covariances[number]
+        self.believed = number
+        self._state, self._covariance = self.states[number], self.covariances[number]
 
     @property
     def state(self) -> Array:
@@ -139,7 +156,7 @@ class TiltFilter:
     def expected_tilt(self) -> Array:
         """Horizontal components of the axis of the thrust that positions alone let expect, inertial frame,
         shape (2,); the others know it."""
-        return self._states[-1, self._tilt]
+        return self.states[-1, self.tilted : self.tilted + 2]
 
     @property
     def body_offset_rad(self) -> Array:
@@ -150,7 +167,7 @@ class TiltFilter:
     @property
     def variances(self) -> Array:
         """Of a measured position and of a measured tilt, shape (4,)."""
-        return np.array(2 * [self._position_variance] + 2 * [self._tilt_variance])
+        return np.repeat(self.noise_variances, 2)
 
     @property
     def covariance(self) -> Array:
@@ -160,14 +177,11 @@ class TiltFilter:
     @property
     def estimate(self) -> TiltEstimate:
         """What is known of the tilt; it stays what it was when the filter moves on."""
-        state = self._state.copy()
-        return TiltEstimate(state[self._core], state[self._servo], state[self._wind], state[self._trim])
+        return self.estimate_of(self._state.copy())
 
-    def expect_noise(self, position_noise_m: float, tilt_noise: float) -> None:
-        """Take measurements to have these standard deviations, but no smaller ones than at first."""
-        least_m, least = self._least_noise
-        self._position_variance = max(position_noise_m, least_m) ** 2
-        self._tilt_variance = max(tilt_noise, least) ** 2
+    def estimate_of(self, state: Array) -> TiltEstimate:
+        """What a state says of the tilt; parts of it, shape (n,)."""
+        return TiltEstimate(state[self._core], state[self._servo], state[self._wind], state[self._trim])
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Begin anew in the air; what is known of trim and body frame is kept.
@@ -181,7 +195,7 @@ class TiltFilter:
         yaw_rad
             Heading.
         """
-        states = self._states
+        states = self.states
         states[:, POSITION], states[:, VELOCITY] = position_m, velocity_m_s
         states[:, self._core] = states[:, self._wind] = 0.0
         if tilt is not None:
@@ -194,82 +208,61 @@ class TiltFilter:
         deviation[self._core], deviation[self._tilt_rate] = _START_TILT, _START_RATE
         deviation[self._servo], deviation[self._wind] = _START_SERVO, self._wind_rms_m_s2
         body = slice(self._trim.start, None)
-        kept = self._covariances[:, body, body].copy()
-        self._covariances[:] = np.diag(deviation**2)
-        self._covariances[:, body, body] = kept
+        kept = self.covariances[:, body, body].copy()
+        self.covariances[:] = np.diag(deviation**2)
+        self.covariances[:, body, body] = kept
 
     def stand(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Begin anew at rest on the floor, which shows how the markers are glued on; arguments of `start`."""
         self._forget_body()
         if tilt is not None:
             offset = heading_matrix(yaw_rad).T @ tilt
-            self._states[0, self._offset] = np.clip(offset, -OFFSET_LIMIT_RAD, OFFSET_LIMIT_RAD)
-            self._covariances[0, self._offset, self._offset] = LEVEL_FLOOR_RAD**2 * np.eye(2)
+            self.states[0, self._offset] = np.clip(offset, -OFFSET_LIMIT_RAD, OFFSET_LIMIT_RAD)
+            self.covariances[0, self._offset, self._offset] = LEVEL_FLOOR_RAD**2 * np.eye(2)
         self.start(position_m, np.zeros(2), tilt, yaw_rad)
 
     def take_over(self, known: TiltEstimate) -> None:
         """Go on from what another filter knew; to be called after `start`."""
-        states = self._states
+        states = self.states
         states[:, self._core], states[:, self._servo] = known.core, known.servo
         states[:, self._wind], states[:, self._trim] = known.wind_m_s2, known.trim
 
     def settle(self, stick: Array) -> None:
         """The servo has settled on a stick, shape (2,)."""
-        self._states[:, self._servo] = stick + self._states[:, self._trim]
+        self.states[:, self._servo] = stick + self.states[:, self._trim]
 
     def rest(self, stick: Array, period_s: float) -> None:
         """Let a period pass on the floor: only the servo moves."""
-        target = stick + self._states[:, self._trim]
-        pole = self._prepared(period_s).pole
-        self._states[:, self._servo] = target + pole * (self._states[:, self._servo] - target)
+        target = stick + self.states[:, self._trim]
+        pole = self.periods[round(period_s, PERIOD_DIGITS)].pole
+        self.states[:, self._servo] = target + pole * (self.states[:, self._servo] - target)
 
-    def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
-        """Move on by a period.
-
-        Parameters
-        ----------
-        stick
-            What acted, the first two are pitch and roll.
-        yaw_rad
-            Heading in the middle of the period.
-        period_s
-            Its length.
-        """
-        predict_tilt(self._states, self._covariances, stick, yaw_rad, *self._prepared(period_s))
-
-    def _prepared(self, period_s: float) -> _Period:
-        """What a period needs, kept because looking it up for a model takes longer than a step."""
-        period_s = prepared_period(period_s)
-        prepared = self._periods.get(period_s)
-        if prepared is None:
-            if len(self._periods) >= _MOST_PERIODS:
-                self._periods.clear()
-            system = lateral_system(self._model, period_s)
-            prepared = _Period(
-                np.ascontiguousarray(system.transition),
-                np.ascontiguousarray(system.demand),
-                self.process_noise(system),
-                self._model.b,
-                system.servo_pole,
-                self._core.stop,
-            )
-            self._periods[period_s] = prepared
-        return prepared
+    def _prepared(self, period_s: float) -> TiltPeriod:
+        system = lateral_system(self._model, period_s)
+        return TiltPeriod(
+            np.ascontiguousarray(system.transition),
+            np.ascontiguousarray(system.demand),
+            self.process_noise(system),
+            self._model.b,
+            system.servo_pole,
+            self._core.stop,
+        )
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Take in what was measured; arguments of `start`, of which the first two entries count."""
         measured = tilt is not None
+        position_variance, tilt_variance = self.noise_variances.tolist()
         taken_in, definite = correct_tilt(
-            self._states,
-            self._covariances,
+            self.states,
+            self.covariances,
             position_m,
             _NO_TILT if tilt is None else tilt,
             measured,
             yaw_rad,
-            self._position_variance,
-            self._tilt_variance,
-            self._tilt.start,
-            self._state_limit,
+            position_variance,
+            tilt_variance,
+            self.tilted,
+            self.state_limit,
             TILT_GATE,
         )
         self.tilts_left_out += measured and not taken_in
@@ -278,15 +271,15 @@ class TiltFilter:
 
     def forget_offset(self) -> None:
         """The body frame is not known any more, as what was measured of the tilt was wrong."""
-        covariance = self._covariances[0]
-        self._states[0, self._offset] = 0.0
+        covariance = self.covariances[0]
+        self.states[0, self._offset] = 0.0
         covariance[self._offset, :] = covariance[:, self._offset] = 0.0
         covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
 
     def _forget_body(self) -> None:
         """Trim and body frame as of a vehicle never seen before."""
-        covariances, body = self._covariances, slice(self._trim.start, None)
-        self._states[:, self._trim] = self._states[:, self._offset] = 0.0
+        covariances, body = self.covariances, slice(self._trim.start, None)
+        self.states[:, self._trim] = self.states[:, self._offset] = 0.0
         covariances[:, body, :] = covariances[:, :, body] = 0.0
         covariances[:, self._trim, self._trim] = _START_TRIM**2 * np.eye(2)
         covariances[:, self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)

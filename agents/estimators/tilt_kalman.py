@@ -9,22 +9,42 @@ to explain the flight (for controllers that know nothing else), by the filter fo
 import math
 from collections import Counter
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
-from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE
+from rcopterx.agents.estimators.linearization import ACTUATOR, DISTURBANCE, SIZE
 from rcopterx.agents.estimators.model_noise import model_noise
-from rcopterx.agents.estimators.tilt_filter import TiltFilter
+from rcopterx.agents.estimators.tilt_filter import TILT_GATE, TiltFilter
 from rcopterx.agents.estimators.tilt_trust import TiltTrust
 from rcopterx.agents.flight.lateral import POSITION
+from rcopterx.agents.flight.linear import PERIOD_DIGITS, ByPeriod
 from rcopterx.agents.interfaces import Estimate, Measurement
+from rcopterx.native.flight import (
+    AT_LIMIT,
+    INDEFINITE_TILT,
+    TILT_LEFT_OUT,
+    TOLD,
+    TRUST_CHANGED,
+    UNREADABLE_TILT,
+    correct_filters,
+    expect_noise,
+    predict_filters,
+    tell,
+)
+from rcopterx.native.kalman import FAR, INDEFINITE, TAKEN_IN
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
+
+_MOTION: Final = slice(0, ACTUATOR)
+_ACTUATOR: Final = slice(ACTUATOR, DISTURBANCE)
+_DISTURBANCE: Final = slice(DISTURBANCE, SIZE)
+_TILT: Final = slice(TOLD, None)
+_NO_TILT: Final = np.empty(0)
 
 
 def tilt_filter_of(model: Model, settings: ExtendedKalmanSettings, blind: int = 0) -> TiltFilter:
@@ -64,24 +84,31 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         self._use_tilt = settings.measured_tilt
         self.tilt_filter = tilt_filter_of(model, settings, blind=int(self._use_tilt))
         self._measured_tilt: Array | None = None
+        """Whatever it is; `_readable_tilt` is finite."""
         self._trust = TiltTrust()
         self._counted: Counter[str] = Counter()
         self._present: Estimate | None = None
+        self._told_size = TOLD + self.tilt_filter.states.shape[1]
         super().__init__(model, period_s, settings)
+        self._both_periods: ByPeriod[tuple[Any, ...]] = ByPeriod(self._prepared_for_both)
+
+    def _prepared_for_both(self, period_s: float) -> tuple[Any, ...]:
+        """What the prediction of a period needs to know, in the order in which `predict_filters` takes it."""
+        return *self._periods[period_s], *self.tilt_filter.periods[period_s]
 
     @property
     def estimate(self) -> Estimate:
         """The current estimate; put together once after each change, because a control period asks often."""
         if self._present is None:
-            # Plain floats: arrays of two take longer than the arithmetic on them.
-            x, y, vx, vy = self.tilt_filter.horizontal.tolist()
-            state = self._state.copy()
-            _, _, z, yaw, _, _, zd, yaw_rate = self._motion.tolist()
-            c, s = math.cos(yaw), math.sin(yaw)
-            motion = np.array((x, y, z, yaw, c * vx + s * vy, c * vy - s * vx, zd, yaw_rate))
-            actuator, disturbance = state[ACTUATOR:DISTURBANCE], state[DISTURBANCE:]
-            self._present = Estimate(motion, actuator, disturbance, self.tilt_filter.estimate)
+            filters, told = self.tilt_filter, np.empty(self._told_size)
+            tell(self._state, filters.state, told)
+            self._present = self._estimate_of(told)
         return self._present
+
+    def _estimate_of(self, told: Array) -> Estimate:
+        """Estimate from what `rcopterx.native.flight.tell` tells."""
+        tilt = self.tilt_filter.estimate_of(told[_TILT])
+        return Estimate(told[_MOTION], told[_ACTUATOR], told[_DISTURBANCE], tilt)
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -90,12 +117,12 @@ class TiltKalmanEstimator(LagKalmanEstimator):
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest at a measured pose (`PoseEstimator.reset`)."""
-        self._measured_tilt = self._tilt_of(measurement)
+        self._measured_tilt = measurement.tilt if self._use_tilt else None
         super().reset(measurement)
 
     def correct(self, measurement: Measurement) -> bool:
         """Take in a pose (`PoseEstimator.correct`)."""
-        self._measured_tilt = self._tilt_of(measurement)
+        self._measured_tilt = measurement.tilt if self._use_tilt else None
         self._present = None
         return super().correct(measurement)
 
@@ -113,13 +140,15 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         return deviation
 
     @property
+    def _readable_tilt(self) -> Array | None:
+        """The measured tilt if it is one."""
+        tilt = self._measured_tilt
+        return tilt if tilt is not None and all(map(math.isfinite, tilt.tolist())) else None
+
+    @property
     def _trusted_tilt(self) -> Array | None:
         """The measured tilt if it is to be taken in."""
-        return self._measured_tilt if self._trust.trusted else None
-
-    def _tilt_of(self, measurement: Measurement) -> Array | None:
-        tilt = measurement.tilt if self._use_tilt else None
-        return tilt if tilt is not None and all(map(math.isfinite, tilt.tolist())) else None
+        return self._readable_tilt if self._trust.trusted else None
 
     def _settle(self, applied_input: Array) -> None:
         super()._settle(applied_input)
@@ -136,43 +165,101 @@ class TiltKalmanEstimator(LagKalmanEstimator):
 
     def _move(self, applied_input: Array, period_s: float) -> None:
         self._present = None
-        standing, middle_rad = self._standing, self._advance(applied_input, period_s)
-        if standing:
-            self.tilt_filter.rest(applied_input[:2], period_s)
-        else:
-            self.tilt_filter.predict(applied_input, middle_rad, period_s)
+        filters = self.tilt_filter
+        if self._standing:
+            super()._move(applied_input, period_s)
+            filters.rest(applied_input[:2], period_s)
+            return
+        self._since_pose_s += period_s
+        predict_filters(
+            self._state,
+            self._covariance,
+            filters.states,
+            filters.covariances,
+            applied_input,
+            *self._both_periods[round(period_s, PERIOD_DIGITS)],
+        )
 
     def _predicted_pose(self) -> Array:
         pose = super()._predicted_pose()
         pose[:2] = self.tilt_filter.position_m
         return pose
 
-    def _expected_m(self) -> Array:
-        return self.tilt_filter.state
-
     def _correct(self, position_m: Array, yaw_rad: float, near: Array) -> bool:
-        since_pose_s = self._since_pose_s
-        if not super()._correct(position_m, yaw_rad, near):
-            return False
-        yaw_rad = float(self._pose[YAW])
-        if self._measured_tilt is not None:
-            expected = self.tilt_filter.expected_tilt
-            if self._trust.observe(self._measured_tilt, expected, yaw_rad, since_pose_s):
-                self._change_trust()
+        told, tilt = np.empty(self._told_size), self._measured_tilt
+        outcome = self._correct_filters(position_m, yaw_rad, _NO_TILT if tilt is None else tilt, near, told)
+        if outcome == TAKEN_IN:
+            self._since_pose_s = 0.0
+            self._present = self._estimate_of(told)
+            return True
+        if outcome == UNREADABLE_TILT:
+            self._measured_tilt = None
+            return self._correct(position_m, yaw_rad, near)
+        return outcome != FAR and self._go_on_after(outcome)
+
+    def _correct_filters(
+        self, position_m: Array, yaw_rad: float, tilt: Array, near: Array, told: Array
+    ) -> int:
+        filters, trust = self.tilt_filter, self._trust
+        return correct_filters(
+            self._state,
+            self._covariance,
+            filters.states,
+            filters.covariances,
+            filters.believed,
+            position_m,
+            yaw_rad,
+            tilt,
+            near,
+            self._noise.memory,
+            self._since_pose_s,
+            self._least_noise,
+            self._measurement_variance,
+            self._limit,
+            self._pose,
+            trust.memory,
+            trust.noise_memory,
+            filters.least_noise,
+            filters.noise_variances,
+            filters.tilted,
+            filters.state_limit,
+            TILT_GATE,
+            told,
+        )
+
+    def _go_on_after(self, outcome: int) -> bool:
+        """Take in what of a pose was left after something that is not usual."""
+        if outcome in (INDEFINITE, INDEFINITE_TILT):
+            raise np.linalg.LinAlgError("the covariance of a filter is not positive definite")
+        since_pose_s, self._since_pose_s = self._since_pose_s, 0.0
+        if outcome == TILT_LEFT_OUT:
+            self.tilt_filter.tilts_left_out += 1
+            return True
+        if outcome == AT_LIMIT:
+            self._stand_if_pushed()
+        tilt, yaw_rad, changed = self._readable_tilt, float(self._pose[YAW]), outcome == TRUST_CHANGED
+        if outcome == AT_LIMIT and tilt is not None:
+            changed = self._trust.observe(tilt, self.tilt_filter.expected_tilt, yaw_rad, since_pose_s)
+        if changed:
+            self._change_trust()
         self._expect_noise()
         self.tilt_filter.correct(self._pose, self._trusted_tilt, yaw_rad)
         return True
 
     def _stay(self, pose: Array) -> None:
-        if self._measured_tilt is not None:
-            self._trust.observe_noise(self._measured_tilt, self._since_pose_s)
+        tilt = self._readable_tilt
+        if tilt is not None:
+            self._trust.observe_noise(tilt, self._since_pose_s)
         super()._stay(pose)
         self._expect_noise()
         self.tilt_filter.stand(pose[:2], self._trusted_tilt, float(pose[YAW]))
 
     def _expect_noise(self) -> None:
         """Tell the horizontal filter what noise its measurements have."""
-        self.tilt_filter.expect_noise(math.sqrt(self._measurement_variance[0]), self._trust.noise)
+        filters = self.tilt_filter
+        expect_noise(
+            self._measurement_variance, self._trust.memory, filters.least_noise, filters.noise_variances
+        )
 
     def _change_trust(self) -> None:
         """Go on with the measured tilt, or without it."""

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from rcopterx.agents.estimators.noise_meter import NoiseMeter
-from rcopterx.native.noise import BEYOND_S, CONCORDANCE, TRUST, TRUSTED, judge_tilt
+from rcopterx.native.noise import BEYOND_S, CONCORDANCE, NOISE, TRUST, TRUSTED, judge_tilt
 from rcopterx.vehicles.state import Array
 
 
@@ -20,28 +20,32 @@ class TiltTrust:
 
     Attributes
     ----------
-    trusted
-        Whether the measured tilt is to be used; it is to begin with.
-    noise
-        Standard deviation of the noise of the measured tilt's worse component; 0 before it is known.
+    memory, noise_memory
+        What is known, and what the meter of the measured tilt's noise knows, for kernels that judge by
+        themselves (`rcopterx.native.noise`).
     """
 
     def __init__(self) -> None:
-        self.trusted = True
-        self.noise = 0.0
         self._meter = NoiseMeter(2)
-        self._memory: Array = np.zeros(TRUST)
+        self.noise_memory = self._meter.memory
+        self.memory: Array = np.zeros(TRUST)
+        self.memory[TRUSTED] = 1.0
         self.forget()
 
     def forget(self) -> None:
         """Begin the means anew, as after a start; what was found stays."""
-        self._memory[: BEYOND_S + 1] = 0.0
-        self._memory[CONCORDANCE], self._memory[TRUSTED] = math.nan, self.trusted
+        self.memory[: BEYOND_S + 1] = 0.0
+        self.memory[CONCORDANCE] = math.nan
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the measured tilt is to be used; it is to begin with."""
+        return bool(self.memory[TRUSTED])
 
     @property
     def concordance(self) -> float | None:
         """Of measured and expected tilt; None as long as it cannot be told."""
-        found = float(self._memory[CONCORDANCE])
+        found = float(self.memory[CONCORDANCE])
         return None if math.isnan(found) else found
 
     def observe(self, measured: Array, expected: Array, yaw_rad: float, period_s: float) -> bool:
@@ -61,11 +65,9 @@ class TiltTrust:
         bool
             True if `trusted` has changed.
         """
-        self.noise = judge_tilt(self._memory, self._meter.memory, measured, expected, yaw_rad, period_s)
-        before, self.trusted = self.trusted, bool(self._memory[TRUSTED])
-        return self.trusted != before
+        return judge_tilt(self.memory, self.noise_memory, measured, expected, yaw_rad, period_s)
 
     def observe_noise(self, measured: Array, period_s: float) -> None:
         """Take in a pose of a vehicle that stands, where nothing can be compared."""
         self._meter.observe(measured, period_s)
-        self.noise = max(self._meter.deviation or (0.0,))
+        self.memory[NOISE] = max(self._meter.deviation or (0.0,))

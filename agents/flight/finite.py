@@ -1,19 +1,21 @@
 """Whether an estimate can be computed with."""
 
-from typing import Final
-
-import numpy as np
-
-from rcopterx.agents.interfaces import Estimate, TiltEstimate
-from rcopterx.native.motion import all_finite
-
-NO_TILT: Final = TiltEstimate(*4 * [np.empty(0)])
+from rcopterx.agents.interfaces import NO_TILT, Estimate
+from rcopterx.native.motion import SOUND, flaw
 
 
-def is_finite(estimate: Estimate) -> bool:
-    """Whether every number of an estimate is finite; all of them are 64-bit floats."""
-    tilt = NO_TILT if estimate.tilt is None else estimate.tilt
-    return all_finite(
+def flaw_of(estimate: Estimate) -> int:
+    """What is to be said of an estimate (`rcopterx.native.motion.flaw`); 0 if nothing is.
+
+    Raises
+    ------
+    TypeError
+        A part is no vector of 64-bit floats.
+    """
+    tilt = estimate.tilt
+    if tilt is None:
+        tilt = NO_TILT
+    return flaw(
         estimate.motion,
         estimate.actuator,
         estimate.disturbance,
@@ -22,3 +24,8 @@ def is_finite(estimate: Estimate) -> bool:
         tilt.wind_m_s2,
         tilt.trim,
     )
+
+
+def is_finite(estimate: Estimate) -> bool:
+    """Whether an estimate can be computed with, every number of it being finite."""
+    return flaw_of(estimate) == SOUND

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.flight.linear import prepared_period, zero_order_hold
+from rcopterx.agents.flight.linear import PERIOD_DIGITS, zero_order_hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -94,7 +94,7 @@ class LateralSystem:
 
 def lateral_system(model: Model, period_s: float) -> LateralSystem:
     """The system of a model and a period, kept because preparing it takes longer than a step."""
-    return _kept_system(model, prepared_period(period_s))
+    return _kept_system(model, round(period_s, PERIOD_DIGITS))
 
 
 @lru_cache(maxsize=256)

@@ -1,6 +1,7 @@
 """Linear systems x' = A x + B u with real or complex numbers."""
 
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +10,34 @@ from scipy.linalg import expm
 from rcopterx.vehicles.state import Array
 
 Complex = NDArray[np.complex128]
-_PERIOD_DIGITS: Final = 6
+PERIOD_DIGITS: Final = 6
+"""Matrices are prepared for periods told apart to 1 us, because times are sums that are rounded."""
+_MOST_PERIODS: Final = 64
+
+T = TypeVar("T")
 
 
-def prepared_period(period_s: float) -> float:
-    """Period that matrices are prepared for: told apart to 1 us, because times are sums that are rounded."""
-    return round(period_s, _PERIOD_DIGITS)
+class ByPeriod(dict[float, T]):
+    """What is prepared for periods, kept because preparing it takes longer than a step.
+
+    Who asks for a period rounds it to `PERIOD_DIGITS`.
+
+    Parameters
+    ----------
+    prepare
+        Prepares for a period [s].
+    """
+
+    def __init__(self, prepare: Callable[[float], T]) -> None:
+        super().__init__()
+        self._prepare = prepare
+
+    def __missing__(self, period_s: float) -> T:
+        """Prepare for a period that is new, or was forgotten."""
+        if len(self) >= _MOST_PERIODS:
+            self.clear()
+        made = self[period_s] = self._prepare(period_s)
+        return made
 
 
 def zero_order_hold(a: NDArray[Any], b: NDArray[Any], time_s: float) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -14,10 +14,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.native.oscillation import (
+from rcopterx.native.watching import (
     CHANNEL,
-    COUNT,
-    COUNT_NEAR,
     LAST_S,
     LAST_SIZE,
     LIMITS,
@@ -26,6 +24,8 @@ from rcopterx.native.oscillation import (
     OLDER_S,
     OLDER_SIZE,
     SIGNALS,
+    WAVES,
+    WAVES_NEAR,
     observe_swings,
 )
 from rcopterx.vehicles.model import Model
@@ -127,8 +127,8 @@ class OscillationDetector:
         for number, (channel, limits) in enumerate(zip(self._channels, self._limits, strict=True)):
             again = HALF_WAVES_AGAIN if number < SIGNALS else FAINT_HALF_WAVES_AGAIN
             if _LOOPS[number % SIGNALS] in loops:
-                channel[COUNT_NEAR] = min(channel[COUNT_NEAR], limits[NEEDED_NEAR] - again)
-                channel[COUNT] = min(channel[COUNT], limits[NEEDED] - again)
+                channel[WAVES_NEAR] = min(channel[WAVES_NEAR], limits[NEEDED_NEAR] - again)
+                channel[WAVES] = min(channel[WAVES], limits[NEEDED] - again)
 
     def observe(
         self, stick: Array, tilt: Array | None, motion: Array, reference: Array, period_s: float

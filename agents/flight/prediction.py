@@ -10,13 +10,17 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.flight.lateral import lateral_system
-from rcopterx.agents.interfaces import Estimate, TiltEstimate
-from rcopterx.native.motion import follow_lags, predict_motion, predict_with_tilt
+from rcopterx.agents.flight.linear import PERIOD_DIGITS
+from rcopterx.agents.interfaces import NO_TILT, Estimate, TiltEstimate
+from rcopterx.native.motion import LONGEST_STEP_S, follow_lags, predict_estimate
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, U_YAW, Array
+from rcopterx.vehicles.state import U_YAW, Array
 
-_LONGEST_STEP_S: Final = 0.0201
-"""Beyond one 50 Hz period Runge-Kutta steps are split, which keeps positions exact to micrometres."""
+_MOTION: Final = slice(0, 8)
+_ACTUATOR: Final = slice(8, 12)
+_TILT_FROM: Final = 12
+_SERVO: Final = slice(-4, -2)
+_WIND: Final = slice(-2, None)
 
 
 def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: float) -> Estimate:
@@ -43,49 +47,41 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     Estimate
         At the end of the period; the disturbance is the given one.
     """
+    tilt = estimate.tilt
+    if tilt is None or model.tilt is None:
+        tilt = NO_TILT
+    cores = len(tilt.core)
     # Kernels write into arrays that are given: to return one takes longer than to make it here.
-    motion, actuator = np.empty(MOTION_SIZE), np.empty(INPUT_SIZE)
-    predict_motion(
-        parameters(model),
+    after = np.empty(_TILT_FROM + cores + 4)
+    predict_estimate(
         estimate.motion,
         estimate.actuator,
-        applied_input,
         estimate.disturbance,
-        *split(period_s),
-        motion,
-        actuator,
-    )
-    tilt = estimate.tilt
-    if tilt is not None and model.tilt is not None:
-        tilt = _predict_tilt(model, estimate.motion, tilt, motion, applied_input, period_s)
-    else:
-        tilt = None
-    return Estimate(motion, actuator, estimate.disturbance, tilt)
-
-
-def _predict_tilt(
-    model: Model, start: Array, tilt: TiltEstimate, end: Array, applied_input: Array, period_s: float
-) -> TiltEstimate:
-    """Tilt after a period; the horizontal motion is set in `end`, whose heading and height are kept."""
-    system = lateral_system(model, period_s)
-    cores = len(tilt.core)
-    predicted = np.empty(cores + 4)
-    predict_with_tilt(
-        start,
         tilt.core,
         tilt.servo,
         tilt.wind_m_s2,
         tilt.trim,
         applied_input,
-        parameters(model),
-        system.transition,
-        system.demand,
-        system.servo_pole,
-        end,
-        predicted,
+        period_s,
+        *_prepared(model, round(period_s, PERIOD_DIGITS)),
+        after,
     )
-    servo, wind = predicted[cores : cores + 2], predicted[cores + 2 :]
-    return TiltEstimate(predicted[:cores], servo, wind, tilt.trim)
+    if cores:
+        core = after[_TILT_FROM : _TILT_FROM + cores]
+        tilted = TiltEstimate(core, after[_SERVO], after[_WIND], tilt.trim)
+    else:
+        tilted = None
+    return Estimate(after[_MOTION], after[_ACTUATOR], estimate.disturbance, tilted)
+
+
+@lru_cache(maxsize=256)
+def _prepared(model: Model, period_s: float) -> tuple[Array, Array, Array, float]:
+    """What `predict_estimate` needs to know of a vehicle and a period."""
+    if model.tilt is None:
+        return parameters(model), np.empty((0, 0)), np.empty((0, 0)), 0.0
+    system = lateral_system(model, period_s)
+    transition, demand = np.ascontiguousarray(system.transition), np.ascontiguousarray(system.demand)
+    return parameters(model), transition, demand, system.servo_pole
 
 
 def actuator_response(
@@ -116,7 +112,7 @@ def actuator_response(
 
 def split(period_s: float) -> tuple[float, int]:
     """Steps of the integration of a period: how long, and how many."""
-    steps = max(1, math.ceil(period_s / _LONGEST_STEP_S))
+    steps = max(1, math.ceil(period_s / LONGEST_STEP_S))
     return period_s / steps, steps
 
 

@@ -18,6 +18,7 @@ from rcopterx.native.noise import (
     LAST,
     LEAST_TILT,
     MEANS,
+    NOISE,
     NOISE_ENERGY,
     OUTLIER,
     SEEN,
@@ -101,14 +102,15 @@ def test_tilts_are_compared_by_how_they_swing_seen_from_the_vehicle(
     mean = np.concatenate((back @ measured[0], back @ expected[0]))
     energies = np.zeros(4)
     for step in range(400):
-        found = judge_tilt(trust, noise, measured[step], expected[step], yaw_rad, PERIOD_S)
+        before = trusted
+        changed = judge_tilt(trust, noise, measured[step], expected[step], yaw_rad, PERIOD_S)
         now = np.concatenate((back @ measured[step], back @ expected[step]))
         mean += share * (now - mean)
         (x, y), (expected_x, expected_y) = (now - mean)[:2], (now - mean)[2:]
         deviation = np.zeros(2)
         if noise[SEEN] >= SMALLEST_WINDOW:
             deviation = DEVIATION_OF_MEAN * noise[MEANS : MEANS + 2]
-        assert found == pytest.approx(deviation.max())
+        assert trust[NOISE] == pytest.approx(deviation.max())
         common = x * expected_x + y * expected_y
         seen = np.array([x**2 + y**2, expected_x**2 + expected_y**2, common, deviation @ deviation])
         energies += share * (seen - energies)
@@ -126,5 +128,6 @@ def test_tilts_are_compared_by_how_they_swing_seen_from_the_vehicle(
                 trusted, beyond_s = not trusted, 0.0
         assert trust[CONCORDANCE] == pytest.approx(concordance, nan_ok=True)
         assert bool(trust[TRUSTED]) == trusted
+        assert changed == (trusted != before)
     kept = trust[[ENERGY, EXPECTED_ENERGY, COMMON, NOISE_ENERGY]]
     assert kept == pytest.approx(energies)

@@ -139,7 +139,7 @@ def test_the_default_estimator_stays_until_somebody_chooses_again() -> None:
 
 def test_a_call_that_takes_too_long_is_a_failure_but_for_the_first_ones() -> None:
     class Slow(NoTimeLimit):
-        def over(self, limit_s: float) -> bool:
+        def end(self, limit_s: float) -> bool:
             return limit_s < 0.02
 
     guard = EstimatorGuard(ExactEstimator(), ExactEstimator(), Slow())

@@ -14,10 +14,15 @@ from rcopterx.agents.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
 from rcopterx.agents.estimators.tilt_kalman import TiltKalmanEstimator
 from rcopterx.agents.flight.lateral import POSITION, LateralSystem, demand_matrix
 from rcopterx.agents.interfaces import Estimate, Measurement
-from rcopterx.vehicles.state import heading_matrix
+from rcopterx.native.kalman import predict_tilt
+from rcopterx.vehicles.state import Array, heading_matrix
 from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
+
+
+def predict(found: TiltFilter, stick: Array, yaw_rad: float) -> None:
+    predict_tilt(found.states, found.covariances, stick, yaw_rad, *found.periods[PERIOD_S])
 
 
 def new_filter() -> TiltFilter:
@@ -60,7 +65,7 @@ def test_state_trim_and_body_frame_are_found(
         body = heading_matrix(yaw_rad).T @ (-1.0 * vehicle.state[:2] - 1.5 * vehicle.state[2:4])
         stick = np.clip(0.3 * body, -0.2, 0.2) - vehicle.trim + rng.normal(0.0, 0.03, 2)
         vehicle.fly(stick)
-        found.predict(stick, yaw_rad, PERIOD_S)
+        predict(found, stick, yaw_rad)
         found.correct(vehicle.state[POSITION], vehicle.measured_tilt, yaw_rad)
     tilt = vehicle.state[vehicle.system.tilt]
     assert found.position_m == pytest.approx(vehicle.state[:2], abs=1e-3)
@@ -78,7 +83,7 @@ def test_without_a_measured_tilt_the_state_is_found_from_positions() -> None:
     for step in range(1000):
         stick = -vehicle.trim + 0.05 * np.array([np.sin(step / 9), np.cos(step / 13)])
         vehicle.fly(stick)
-        found.predict(stick, 0.4, PERIOD_S)
+        predict(found, stick, 0.4)
         found.correct(vehicle.state[POSITION], None, 0.4)
     assert found.horizontal[2:] == pytest.approx(vehicle.state[2:4], abs=0.02)
     assert found.estimate.core[:2] == pytest.approx(vehicle.state[vehicle.system.tilt], abs=0.02)
@@ -87,7 +92,7 @@ def test_without_a_measured_tilt_the_state_is_found_from_positions() -> None:
 def test_a_tilt_of_markers_mixed_up_is_left_out_and_counted() -> None:
     found = new_filter()
     found.start(np.zeros(2), np.zeros(2), np.zeros(2), 0.0)
-    found.predict(np.zeros(2), 0.0, PERIOD_S)
+    predict(found, np.zeros(2), 0.0)
     found.correct(np.zeros(2), np.array([0.9, 0.0]), 0.0)
     assert found.tilts_left_out == 1
     assert np.abs(found.estimate.core).max() < 1e-6

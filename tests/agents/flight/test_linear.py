@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.flight.linear import as_complex, prepared_period, zero_order_hold
+from rcopterx.agents.flight.linear import PERIOD_DIGITS, ByPeriod, as_complex, zero_order_hold
 
 A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 2.0], [0.0, 0.0, -5.0]])
 B = np.array([0.0, 0.5, 5.0])
@@ -39,5 +39,20 @@ def test_maps_that_commute_with_rotations_are_complex_numbers(real: float, imagi
 
 
 def test_sums_of_times_are_prepared_for_once_and_tracker_rates_apart() -> None:
-    assert prepared_period(0.1 + 0.2) == prepared_period(0.3)
-    assert prepared_period(1 / 120) != prepared_period(1 / 119)
+    prepared = []
+
+    def prepare(period_s: float) -> float:
+        prepared.append(period_s)
+        return period_s
+
+    kept = ByPeriod(prepare)
+    for period_s in (0.1 + 0.2, 0.3, 1 / 120, 1 / 119, 0.3):
+        assert kept[round(period_s, PERIOD_DIGITS)] == pytest.approx(period_s, abs=1e-6)
+    assert len(prepared) == 3
+
+
+def test_what_is_prepared_for_many_periods_is_forgotten() -> None:
+    kept = ByPeriod(lambda period_s: period_s)
+    for number in range(200):
+        assert kept[float(number)] == number
+    assert len(kept) < 100

@@ -1,19 +1,25 @@
-"""Promises of the kernel that counts half-waves: what the same rules say in plain Python."""
+"""Promises of the kernels that watch a flight: what the same rules say in plain Python."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.native.oscillation import (
+from rcopterx.native.watching import (
     ALIKE,
     AWAY,
+    AXIS_AT_FAULT,
+    AXIS_PATIENCE_S,
     CHANNEL,
-    COUNT,
-    COUNT_NEAR,
+    EFFECT,
     FADING,
+    GAIN,
+    HOVER_THRUST,
+    KNOWN,
+    LEARNT_GAIN,
     LIMITS,
     LONGEST_HALF_WAVE_S,
     NEAR_M,
@@ -22,7 +28,11 @@ from rcopterx.native.oscillation import (
     SHORTEST_HALF_WAVE_S,
     SIGNALS,
     SMOOTHING_S,
+    SOUND,
+    WAVES,
+    WAVES_NEAR,
     observe_swings,
+    watch_effects,
 )
 
 PERIOD_S = 0.02
@@ -98,5 +108,47 @@ def test_half_waves_are_counted_by_the_rules(seed: int, tilted: bool) -> None:
         told = [plain[number].observe(values[number % SIGNALS], near) for number in watched]
         assert seen == sum(1 << number for number in watched if told[number])
     assert np.array_equal(channels[:, AWAY], [channel.away for channel in plain])
-    assert channels[:, COUNT].tolist() == [channel.count for channel in plain]
-    assert channels[:, COUNT_NEAR].tolist() == [channel.count_near for channel in plain]
+    assert channels[:, WAVES].tolist() == [channel.count for channel in plain]
+    assert channels[:, WAVES_NEAR].tolist() == [channel.count_near for channel in plain]
+
+
+@given(st.integers(0, 10_000))
+def test_effects_are_what_sticks_have_done_over_what_they_asked_for(seed: int) -> None:
+    rng, periods, back = np.random.default_rng(seed), 70, 30
+    gains, damping, poles = rng.uniform(9.0, 12.0, 4), -rng.uniform(0.1, 0.5, 4), rng.uniform(0.3, 0.8, 4)
+    effects = rng.choice([1.0, 0.5], size=4)
+    vehicle = np.concatenate((gains, damping, poles, [9.81]))
+    least = np.concatenate((np.full((2, 4), 0.1), np.full((2, 4), 0.05)))
+    memory, moments = np.zeros((5, 4)), np.empty((51, 10))
+    memory[3:] = np.inf
+    known, rules = np.zeros(KNOWN), np.array([2.0, 0.6, 10.0])
+    known[HOVER_THRUST] = known[LEARNT_GAIN] = np.nan
+    motion, lagged, sticks = np.zeros(8), np.zeros(4), np.zeros((periods, 4))
+    sticks[:] = rng.uniform(0.6, 0.9, size=4)
+    lagged[:] = sticks[0]
+    for number in range(periods):
+        arguments = sticks[number], sticks[number], motion.copy(), PERIOD_S, memory, moments, number, back
+        assert watch_effects(vehicle, least, *arguments, rules, known) == SOUND
+        lagged = sticks[number] + poles * (lagged - sticks[number])
+        rates = motion[4:].copy()
+        turning = np.array([rates[3] * rates[1], -rates[3] * rates[0], -9.81, 0.0])
+        motion[4:] += PERIOD_S * (effects * gains * lagged + damping * rates + turning)
+        motion[2] += PERIOD_S * rates[2]
+    assert memory[0] == pytest.approx(lagged)
+    assert known[EFFECT : EFFECT + 3] == pytest.approx(effects[[0, 1, 3]])
+    assert known[GAIN] == pytest.approx(effects[2])
+    assert known[HOVER_THRUST] == pytest.approx(0.6 / effects[2])
+
+
+def test_a_stick_without_effect_is_certain_after_some_time() -> None:
+    vehicle = np.concatenate((np.full(4, 8.0), np.zeros(4), np.zeros(4), [9.81]))
+    least = np.concatenate((np.full((2, 4), 0.1), np.full((2, 4), 0.05)))
+    memory, moments, known = np.zeros((5, 4)), np.empty((51, 10)), np.zeros(KNOWN)
+    memory[3:] = np.inf
+    stick, motion, found = np.array([0.0, 0.9, 0.0, 0.0]), np.zeros(8), []
+    for number in range(50):
+        arguments = stick, stick, motion, PERIOD_S, memory, moments, number, 20
+        found.append(watch_effects(vehicle, least, *arguments, np.array([2.0, 0.6, 10.0]), known))
+    first = next(number for number, what in enumerate(found) if what != SOUND)
+    assert found[first] == AXIS_AT_FAULT + 1
+    assert first == pytest.approx(20 + AXIS_PATIENCE_S / PERIOD_S, abs=2)
