@@ -43,6 +43,8 @@ BLIND_LIMIT_S = 0.3
 CONTROLLER_REPLACED: Final = "controller_replaced"
 """Counted when the default controller takes the place of one that fails."""
 
+_TELLING: Final = frozenset({Phase.TAKEOFF, Phase.FLYING})
+"""Phases in which a vehicle shows whether it does what it is told."""
 _NOBODY: Mapping[str, Neighbour] = MappingProxyType({})
 
 _EVENT_OF_STATE = {
@@ -189,11 +191,13 @@ class Pilot:
         pending = self.clock.frames_until(frame.epoch, frame.frame, frame.period_s)
         if pending < 0:
             return False
+        standing = self._standing
         acted: list[tuple[Array, float]] = []
         for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
             start_s = self.clock.time_s
             self.clock.pass_period()
-            acted += self._acted_since(start_s)
+            if not standing:  # The model knows no floor: it would fall.
+                acted += self.input_history.between(start_s, self.clock.time_s)
         if frame.measurement is None:
             self._predict(acted)
             self._blind_s += frame.period_s
@@ -201,7 +205,7 @@ class Pilot:
             self.fallbacks["occluded"] += 1
             return True
         unseen_s, self._unseen_s = self._unseen_s, 0.0
-        if first or self._standing or unseen_s >= BLIND_LIMIT_S:
+        if first or standing or unseen_s >= BLIND_LIMIT_S:
             self._predict(acted)
             self._reset_estimator(frame.measurement)
             self._blind_s = 0.0
@@ -230,7 +234,9 @@ class Pilot:
             return False
         start_s = self.clock.time_s
         self.clock.coast()
-        self._predict(self._acted_since(start_s))
+        if not self._standing:
+            # The model knows no floor: it would fall.
+            self._predict(self.input_history.between(start_s, self.clock.time_s))
         self._blind_s += self.clock.period_s
         self._unseen_s += self.clock.period_s
         self.fallbacks["pose_extrapolated"] += 1
@@ -331,36 +337,38 @@ class Pilot:
         """
         self.sequence += 1
         time_s, delay_s = self.clock.time_s, self.model.delay_s
-        self.guidance.check_floor(self.estimate, time_s)
-        self._tend_lift_off(time_s)
-        flying = self.guidance.phase is Phase.FLYING
-        self.exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
+        guidance, exciter = self.guidance, self.exciter
+        guidance.check_floor(self.estimate, time_s)
+        if self._lift_off.under_way:
+            self._tend_lift_off(time_s)
+        if exciter.under_way:
+            flying = guidance.phase is Phase.FLYING
+            exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
         if self._standing:
             return self._stand(time_s + delay_s)
         if self.step_guard.given_up:
             self._use_default_controller()
+        controller, last_input = self.controller, self.input_history.newest
+        period_s = controller.period_s
         estimate = self._compensated(time_s)
-        reference = self.guidance.reference(
-            plans, estimate, time_s, delay_s, self.controller.period_s, self.controller.horizon
-        )
+        reference = guidance.reference(plans, estimate, time_s, delay_s, period_s, controller.horizon)
         if not self._flown_by_controller:
-            self.step_guard.reset(self.controller, estimate, self.input_history.newest)
+            self.step_guard.reset(controller, estimate, last_input)
             self._flown_by_controller = True
-        if not self.avoidance.tend(neighbours, self.plan, self.guidance.followable, delay_s):
+        if not self.avoidance.tend(neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
-        step = self.step_guard.step(self.controller, estimate, reference, self.input_history.newest)
+        step = self.step_guard.step(controller, estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan, self.reference = step.plan, reference.samples[0, :4]
-        smoothed = self._transfer.smoothed(
-            step.inputs[: self._bridged], self.input_history.newest, self.controller.period_s
-        )
-        inputs = self.self_check.without_broken_axis(self._excited(smoothed, time_s))
-        inputs = as_sent(inputs, self.model)
-        self._check_vehicle(inputs[0], time_s)
-        self.input_history.append(time_s + delay_s, self.sequence, inputs[0])
-        self._planned = inputs[1:]
-        return ControlOutput(inputs[0], inputs[1:], step.plan, delay_s, self.reference)
+        inputs = self._transfer.smoothed(step.inputs[: _bridged(period_s)], last_input, period_s)
+        if exciter.under_way:
+            inputs = np.clip(exciter.added(inputs, time_s, period_s), self.model.u_min, self.model.u_max)
+        inputs = as_sent(self.self_check.without_broken_axis(inputs), self.model)
+        command, self._planned = inputs[0], inputs[1:]
+        self._check_vehicle(command, time_s, period_s)
+        self.input_history.append(time_s + delay_s, self.sequence, command)
+        return ControlOutput(command, self._planned, step.plan, delay_s, self.reference)
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""
@@ -369,31 +377,20 @@ class Pilot:
             self._planned = self._planned[1:]
             self.fallbacks["control_left_out"] += 1
 
-    def _check_vehicle(self, command: Array, time_s: float) -> None:
+    def _check_vehicle(self, command: Array, time_s: float, period_s: float) -> None:
         """Land if the vehicle does not do what it is told."""
-        telling = self._blind_s == 0.0 and self.guidance.phase in (Phase.TAKEOFF, Phase.FLYING)
-        motion, period_s = self.estimate.motion, self.controller.period_s
-        fault = self.self_check.observe(command, motion, time_s, period_s, telling)
+        telling = self._blind_s == 0.0 and self.guidance.phase in _TELLING
+        fault = self.self_check.observe(command, self.estimate.motion, time_s, period_s, telling)
         if fault is not None:
             self.fallbacks[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)
 
-    def _excited(self, inputs: Array, time_s: float) -> Array:
-        """Inputs with the excitation of an identification, within the limits."""
-        if not self.exciter.under_way:
-            return inputs
-        excited = self.exciter.added(inputs, time_s, self.controller.period_s)
-        return np.clip(excited, self.model.u_min, self.model.u_max)
-
     @property
     def _standing(self) -> bool:
-        in_the_air = self.guidance.rotor_on or self._watched
-        return not in_the_air or self._lift_off.under_way
+        return self._lift_off.under_way or not (self.guidance.rotor_on or self._watched)
 
     def _tend_lift_off(self, time_s: float) -> None:
         """Let the controller take over once the vehicle has lifted, and give up one that does not."""
-        if not self._lift_off.under_way:
-            return
         if self.guidance.phase is not Phase.TAKEOFF:
             self._lift_off.end()
         elif self._lift_off.lifted(float(self.estimate.motion[Z])):
@@ -411,7 +408,7 @@ class Pilot:
     def _stand(self, effect_from_s: float) -> ControlOutput:
         """On the floor: rotor off, or turning up open-loop before the controller takes over."""
         period_s, rising = self.controller.period_s, self._lift_off.under_way
-        inputs = np.zeros((self._bridged if rising else 1, INPUT_SIZE))
+        inputs = np.zeros((_bridged(period_s) if rising else 1, INPUT_SIZE))
         inputs[:, U_THRUST] = [
             self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
         ]
@@ -421,17 +418,6 @@ class Pilot:
         self.input_history.append(effect_from_s, self.sequence, inputs[0])
         plan = resting(self.estimate, period_s, self.controller.horizon)
         return ControlOutput(inputs[0], inputs[1:], plan, self.model.delay_s, None)
-
-    @property
-    def _bridged(self) -> int:
-        """How many inputs go with a command, its own included."""
-        return 1 + round(BRIDGED_S / self.controller.period_s)
-
-    def _acted_since(self, start_s: float) -> list[tuple[Array, float]]:
-        """Inputs that acted from then until now, each with its duration [s]; none on the floor."""
-        if self._standing:
-            return []  # The model knows no floor: it would fall.
-        return self.input_history.between(start_s, self.clock.time_s)
 
     def _predict(self, acted: Iterable[tuple[Array, float]]) -> None:
         for value, duration_s in acted:
@@ -443,3 +429,8 @@ class Pilot:
         for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
             estimate = predict(self.model, estimate, value, duration_s)
         return estimate
+
+
+def _bridged(period_s: float) -> int:
+    """How many inputs go with a command, its own included."""
+    return 1 + round(BRIDGED_S / period_s)

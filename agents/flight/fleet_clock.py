@@ -20,6 +20,8 @@ class FleetClock:
         self.frame = 0
         self.period_s = 0.0
         self.coasted = 0
+        self.current_frame = 0
+        """Number of the frame that belongs to the present, coasted ones included."""
         self.time_s = 0.0
         """Time since the first frame."""
         self.started = False
@@ -38,18 +40,18 @@ class FleetClock:
             Number of periods still to be predicted before the pose counts: 0 where coasting already covered
             them, 1 in undisturbed flight.
         """
-        if self.started and epoch < self.epoch:
-            return -1  # Epochs only grow: this one comes from a gateway that has been replaced.
-        if not self.started or epoch > self.epoch:
-            elapsed = 0 if not self.started else 1
-        elif frame <= self.frame:
-            return -1
-        else:
+        if self.started and epoch == self.epoch:
             elapsed = frame - self.frame
+            if elapsed <= 0:
+                return -1
+        elif self.started and epoch < self.epoch:
+            return -1  # Epochs only grow: this one comes from a gateway that has been replaced.
+        else:
+            elapsed = 1 if self.started else 0
         self.epoch, self.frame, self.period_s, self.started = epoch, frame, period_s, True
-        pending = max(0, elapsed - self.coasted)
-        self.coasted = 0
-        return pending
+        pending = elapsed - self.coasted
+        self.current_frame, self.coasted = frame, 0
+        return pending if pending > 0 else 0
 
     def pass_period(self) -> None:
         """One frame period has passed."""
@@ -58,12 +60,8 @@ class FleetClock:
     def coast(self) -> None:
         """One frame period has passed without a frame."""
         self.coasted += 1
+        self.current_frame += 1
         self.pass_period()
-
-    @property
-    def current_frame(self) -> int:
-        """Number of the frame that belongs to the present, coasted ones included."""
-        return self.frame + self.coasted
 
 
 @dataclass(slots=True)
@@ -106,22 +104,20 @@ class InputHistory:
             (input, duration [s]) in order; the durations add up to the interval.
         """
         # From the newest back: what is over fills nearly all of the history.
-        ahead: list[_Entry] = []
-        acting = self._entries[0].input
-        for entry in reversed(self._entries):
-            if entry.effect_from_s <= start_s + TIME_TOLERANCE_S:
-                acting = entry.input
-                break
-            ahead.append(entry)
         pieces: list[tuple[Array, float]] = []
-        cursor_s = start_s
-        for entry in reversed(ahead):
-            if entry.effect_from_s > cursor_s + TIME_TOLERANCE_S:
-                if entry.effect_from_s >= end_s - TIME_TOLERANCE_S:
-                    break
-                pieces.append((acting, entry.effect_from_s - cursor_s))
-                cursor_s = entry.effect_from_s
-            acting = entry.input
-        if end_s - cursor_s > TIME_TOLERANCE_S:
-            pieces.append((acting, end_s - cursor_s))
+        until_s, begun_s, over_s = end_s, start_s + TIME_TOLERANCE_S, end_s - TIME_TOLERANCE_S
+        if start_s >= over_s:
+            return pieces
+        for entry in reversed(self._entries):
+            from_s = entry.effect_from_s
+            if from_s <= begun_s:
+                pieces.append((entry.input, until_s - start_s))
+                break
+            if from_s < over_s and until_s - from_s > TIME_TOLERANCE_S:
+                pieces.append((entry.input, until_s - from_s))
+                until_s = from_s
+        else:
+            # What acted before all that is known is taken to be the oldest of it.
+            pieces.append((self._entries[0].input, until_s - start_s))
+        pieces.reverse()
         return pieces

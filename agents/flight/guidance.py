@@ -52,7 +52,7 @@ class Guidance:
     """
 
     def __init__(self, links: Sequence[FollowedLeader] = (), plan_limit_s: float = 0.5) -> None:
-        self.phase = Phase.GROUND
+        self._enter(Phase.GROUND)
         self.followed = tuple(links)
         """Leaders followed now."""
         self.assigned = self.followed
@@ -71,20 +71,19 @@ class Guidance:
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
 
-    @property
-    def rotor_on(self) -> bool:
+    def _enter(self, phase: Phase) -> None:
+        """Set the phase and what follows from it: a control period asks for that often."""
+        self.phase = phase
+        self.rotor_on = phase in AIRBORNE
         """Whether the vehicle is to be flown by the controller."""
-        return self.phase in AIRBORNE
-
-    @property
-    def followable(self) -> bool:
+        self.followable = phase is Phase.FLYING
         """Whether followers may fly by this vehicle's plan: not while it takes off or lands."""
-        return self.phase is Phase.FLYING
+        self._may_follow = phase in (Phase.FLYING, Phase.EMERGENCY)
 
     @property
     def follows(self) -> bool:
         """Whether the reference comes from leaders now."""
-        return bool(self.followed) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
+        return self._may_follow and bool(self.followed)
 
     def go_on(self, estimate: Estimate, time_s: float) -> None:
         """Go on with what the transmitter gateway interrupted, once it is over; a trajectory is given up."""
@@ -117,9 +116,10 @@ class Guidance:
 
     def on_event(self, event: Event, estimate: Estimate | None) -> bool:
         """Take in an event; True if the phase changed."""
-        before, self.phase = self.phase, next_phase(self.phase, event)
-        if self.phase is before:
+        before, phase = self.phase, next_phase(self.phase, event)
+        if phase is before:
             return False
+        self._enter(phase)
         if self.phase is not Phase.FLYING:
             under_way = self.phase is Phase.EMERGENCY and before in (Phase.TAKEOFF, Phase.LANDING)
             self._interrupted = before if under_way else None
@@ -354,8 +354,8 @@ class Guidance:
         reference = self._follower_reference(plans, estimate, time_s, delay_s, period_s, stages)
         if reference is None:
             return self.source.sample(time_s + delay_s, period_s, stages)
-        x_m, y_m, z_m, yaw_rad = reference.samples[0, :4].tolist()
-        self.source = SetPointReference(np.array((x_m, y_m, z_m)), yaw_rad)
+        first = reference.samples[0]
+        self.source = SetPointReference(first[:3], float(first[YAW]))
         return reference
 
     def _follower_reference(

@@ -46,19 +46,16 @@ class LiftOff:
         self._delay_s = model.delay_s
         self._begun_s: float | None = None
         self._floor_m = 0.0
-
-    @property
-    def under_way(self) -> bool:
+        self.under_way = False
         """Whether the vehicle stands with its rotor turning up."""
-        return self._begun_s is not None
 
     def begin(self, time_s: float, floor_m: float) -> None:
         """Turn the rotor up from now on; the height is that of the standing vehicle."""
-        self._begun_s, self._floor_m = time_s, floor_m
+        self._begun_s, self._floor_m, self.under_way = time_s, floor_m, True
 
     def end(self) -> None:
         """The vehicle flies, or the take-off was given up."""
-        self._begun_s = None
+        self._begun_s, self.under_way = None, False
 
     def thrust(self, time_s: float) -> float:
         """Thrust input to command now; 0 while no take-off is under way."""

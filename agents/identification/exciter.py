@@ -20,6 +20,8 @@ class Exciter:
         self.outcome = ""
         """Why the last excitation ended; `under way` while it goes on, `done` after its time, empty before
         the first."""
+        self.under_way = False
+        """Whether the sticks are being excited."""
         self._excitation: Excitation | None = None
         self._start_s = 0.0
         self._place_m: Array = np.zeros(3)
@@ -37,19 +39,14 @@ class Exciter:
         time_s
             Now.
         """
-        self._excitation, self._start_s = excitation, time_s
+        self._excitation, self._start_s, self.under_way = excitation, time_s, True
         self._place_m, self._reach_m = place_m.copy(), reach_m
         self.outcome = UNDER_WAY
 
     def end(self, outcome: str) -> None:
         """Stop for a reason; nothing happens where nothing is under way."""
         if self._excitation is not None:
-            self._excitation, self.outcome = None, outcome
-
-    @property
-    def under_way(self) -> bool:
-        """Whether the sticks are being excited."""
-        return self._excitation is not None
+            self._excitation, self.outcome, self.under_way = None, outcome, False
 
     def left_s(self, time_s: float) -> float:
         """Time until the excitation is done; 0 without one."""
