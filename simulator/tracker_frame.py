@@ -1,6 +1,7 @@
 """What the Tracker emulator captures, and its objects on the wire (vicon_datastream.md section 3.2)."""
 
 import math
+import struct
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
@@ -22,16 +23,15 @@ from rcopterx.vicon_gateway.objects import (
 )
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
 from rcopterx.vicon_gateway.segment_objects import (
-    GlobalSegments,
     LabeledRecons,
     LightSegment,
     LightweightSegments,
-    LocalSegments,
     Segment,
     SubjectScale,
     SubjectTopology,
     UnlabeledRecons,
 )
+from rcopterx.vicon_gateway.wire import HEADER
 
 _TRACKER1 = frozenset({100004, 1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29})
 _TRACKER2 = _TRACKER1 | {36, 37, 39}
@@ -41,6 +41,11 @@ PROFILES: Mapping[str, frozenset[int]] = {"tracker1": _TRACKER1, "tracker2": _TR
 """Offered object types by age of the Tracker (section 8)."""
 
 ROOT_SEGMENT = 1
+_POSES = frozenset({8, 9, 901})
+_ONE_SEGMENT = struct.Struct("<5I12d")
+"""A whole object: header, subject, number of segments, segment, translation, rotation."""
+_Encoded = tuple[tuple[int, ...] | None, list[bytes]]
+"""Objects of a type, and whose they are where they belong to subjects."""
 _CONSTANT_PER_SUBJECT = frozenset({2, 28, 29, 28001})
 _CONSTANT: Mapping[int, Callable[[float, bool], WireObject]] = {
     ObjectType.STREAM_INFO: lambda rate_hz, _: StreamInfo(round(SDK_TICKS_PER_SECOND / rate_hz)),
@@ -117,56 +122,55 @@ class FrameContent:
         self._rate_hz = rate_hz
         self._ids = subject_ids
         self._y_up = y_up
-        self._encoded: dict[int, list[tuple[int | None, bytes]]] = {}
+        self._encoded: dict[int, _Encoded] = {}
 
     def objects(self, kind: int, allowed: frozenset[int] | None = None) -> list[bytes]:
         """Return the encoded objects of a type, restricted to these subject ids where a filter names them."""
         encoded = self._encoded.get(kind)
         if encoded is None:
             encoded = self._encoded[kind] = self._encode(kind)
-        return [data for subject, data in encoded if allowed is None or subject is None or subject in allowed]
+        subjects, data = encoded
+        if allowed is None or subjects is None:
+            return data
+        return [item for subject, item in zip(subjects, data, strict=True) if subject in allowed]
 
-    def _encode(self, kind: int) -> list[tuple[int | None, bytes]]:
+    def _encode(self, kind: int) -> _Encoded:
         if kind in _CONSTANT:
-            return [(None, _constant_single(kind, self._rate_hz, self._y_up))]
+            return None, _constant_single(kind, self._rate_hz, self._y_up)
+        if kind == ObjectType.LATENCY_INFO:
+            return None, _latency(self.frame.latency_samples)
         single = self._single(kind)
         if single is not None:
-            return [(None, single.encode())]
-        encoded: list[tuple[int | None, bytes]] = []
-        for body in self.frame.bodies:
-            subject = self._ids[body.name]
-            data = self._per_subject(kind, subject, body)
-            if data is not None:
-                encoded.append((subject, data))
-        return encoded
+            return None, [single.encode()]
+        bodies = [(self._ids[body.name], body) for body in self.frame.bodies]
+        if kind == ObjectType.OBJECT_QUALITY:
+            return _qualities(tuple([(subject, body.quality) for subject, body in bodies]))
+        if kind in _CONSTANT_PER_SUBJECT:
+            names = [(subject, body.name, body.root_segment or body.name) for subject, body in bodies]
+            return _constant_objects(kind, tuple(names))
+        seen = [(subject, body) for subject, body in bodies if not body.occluded and kind in _POSES]
+        return tuple([subject for subject, _ in seen]), self._poses(kind, seen)
 
     def _single(self, kind: int) -> WireObject | None:
         frame = self.frame
         match kind:
             case ObjectType.FRAME_INFO:
                 return FrameInfo(frame.frame)
-            case ObjectType.LATENCY_INFO:
-                return LatencyInfo(frame.latency_samples)
             case ObjectType.HARDWARE_FRAME_INFO:
                 return HardwareFrameInfo(frame.frame)
             case _:
                 return None
 
-    def _per_subject(self, kind: int, subject: int, body: TrackedBody) -> bytes | None:
-        if kind == ObjectType.OBJECT_QUALITY:
-            return ObjectQuality(subject, body.quality).encode()
-        if kind in _CONSTANT_PER_SUBJECT:
-            return _constant_object(kind, subject, body.name, body.root_segment or body.name)
-        if body.occluded:
-            return None
-        match kind:
-            case ObjectType.GLOBAL_SEGMENTS:
-                return GlobalSegments(subject, (self._segment(body),)).encode()
-            case ObjectType.LOCAL_SEGMENTS:
-                return LocalSegments(subject, (self._segment(body),)).encode()
-            case ObjectType.LIGHTWEIGHT_SEGMENTS:
-                return LightweightSegments(subject, (self._light_segment(body),)).encode()
-        return None
+    def _poses(self, kind: int, seen: list[tuple[int, TrackedBody]]) -> list[bytes]:
+        if kind in (ObjectType.GLOBAL_SEGMENTS, ObjectType.LOCAL_SEGMENTS):
+            # Of one segment each, which is the root: both say the same.
+            return [
+                _ONE_SEGMENT.pack(
+                    kind, _ONE_SEGMENT.size - HEADER.size, subject, 1, ROOT_SEGMENT, *self._numbers(body)
+                )
+                for subject, body in seen
+            ]
+        return [LightweightSegments(subject, (self._light_segment(body),)).encode() for subject, body in seen]
 
     def _pose(
         self, body: TrackedBody
@@ -178,9 +182,10 @@ class FrameContent:
         vector, w = body.quaternion_xyzw[:3], body.quaternion_xyzw[3]
         return y_up_from_z_up(translation_mm), (*y_up_from_z_up(vector), w)
 
-    def _segment(self, body: TrackedBody) -> Segment:
+    def _numbers(self, body: TrackedBody) -> tuple[float, ...]:
+        """Translation and rotation of the root segment, twelve numbers."""
         translation_mm, quaternion = self._pose(body)
-        return Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
+        return *translation_mm, *matrix_from_quaternion(quaternion)
 
     def _light_segment(self, body: TrackedBody) -> LightSegment:
         translation_mm, (x, y, z, w) = self._pose(body)
@@ -190,15 +195,32 @@ class FrameContent:
         return LightSegment(ROOT_SEGMENT, translation_mm, (x * factor, y * factor, z * factor))
 
 
+# Lists that are the same as in the frame before are found to be so without a look at their bytes.
 @lru_cache(maxsize=64)
-def _constant_single(kind: int, rate_hz: float, y_up: bool) -> bytes:
+def _constant_single(kind: int, rate_hz: float, y_up: bool) -> list[bytes]:
     """Return an object of the whole stream that does not depend on the frame, encoded."""
-    return _CONSTANT[kind](rate_hz, y_up).encode()
+    return [_CONSTANT[kind](rate_hz, y_up).encode()]
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=8)
+def _latency(samples: tuple[tuple[str, float], ...]) -> list[bytes]:
+    return [LatencyInfo(samples).encode()]
+
+
+@lru_cache(maxsize=8)
+def _qualities(of_subjects: tuple[tuple[int, float], ...]) -> _Encoded:
+    subjects = tuple([subject for subject, _ in of_subjects])
+    return subjects, [ObjectQuality(subject, quality).encode() for subject, quality in of_subjects]
+
+
+@lru_cache(maxsize=32)
+def _constant_objects(kind: int, subjects: tuple[tuple[int, str, str], ...]) -> _Encoded:
+    """Return objects that do not depend on the frame, of subjects with their names and root segments."""
+    data = [_constant_object(kind, subject, name, root_segment) for subject, name, root_segment in subjects]
+    return tuple([subject for subject, _, _ in subjects]), data
+
+
 def _constant_object(kind: int, subject: int, name: str, root_segment: str) -> bytes:
-    """Return an object that does not depend on the frame, encoded."""
     match kind:
         case ObjectType.SUBJECT_INFO:
             return SubjectInfo(subject, name, (SegmentInfo(0, ROOT_SEGMENT, root_segment),)).encode()

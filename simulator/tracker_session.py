@@ -4,6 +4,7 @@ Received bytes and captured frames go in, bytes to send come out. No socket, no 
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 from rcopterx.simulator.tracker_frame import FrameContent
 from rcopterx.vicon_gateway.control_objects import (
@@ -123,8 +124,8 @@ class TrackerConnection:
         present = {kind: [] if kind in unchanged else items for kind, items in objects.items()}
         parts = [data for items in present.values() for data in items]
         if _CONTENTS in self.selection:
-            counts = {kind: len(items) for kind, items in present.items()}
-            parts.insert(0, Contents(counts, unchanged).encode())
+            counts = tuple([(kind, len(items)) for kind, items in present.items()])
+            parts.insert(0, _contents(counts, unchanged))
         return encode_packet(*parts)
 
     def _unchanged(self, objects: Mapping[int, list[bytes]]) -> frozenset[int]:
@@ -140,3 +141,9 @@ class TrackerConnection:
             # Without any static object in the packet the client would keep what is gone (section 6.6).
             same.discard(_STREAM_INFO)
         return frozenset(same)
+
+
+@lru_cache(maxsize=64)
+def _contents(counts: tuple[tuple[int, int], ...], unchanged: frozenset[int]) -> bytes:
+    """Return what a packet holds, encoded: the same for nearly every packet of a steady stream."""
+    return Contents(dict(counts), unchanged).encode()
