@@ -42,7 +42,9 @@ def set_downwash(plants: Collection[Plant], strength_m_s2: float) -> None:
     flying = [(plant, place) for plant, place in places if plant.motors_running and not plant.on_floor]
     for plant, (x, y, z) in places:
         plant.downwash_m_s2 = sum(
-            downwash_m_s2(above[2] - z, math.hypot(above[0] - x, above[1] - y), strength_m_s2)
-            for other, above in flying
-            if other is not plant
+            [
+                downwash_m_s2(above[2] - z, math.hypot(above[0] - x, above[1] - y), strength_m_s2)
+                for other, above in flying
+                if above[2] > z and other is not plant
+            ]
         )

@@ -166,19 +166,19 @@ class Laboratory:
     def measured_pose(self, name: str) -> Pose:
         """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""
         pose = self.plant(name).marker_pose
-        noise = self._noise[name]
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
+        noise_x, noise_y, noise_z, noise_yaw, noise_pitch, noise_roll = self._noise[name].take(6)
         x, y, z = pose.position_m
         away_x, away_y, away_z = self._outlier(name)
         return Pose(
             (
-                x + position_m * noise() + away_x,
-                y + position_m * noise() + away_y,
-                z + position_m * noise() + away_z,
+                x + position_m * noise_x + away_x,
+                y + position_m * noise_y + away_y,
+                z + position_m * noise_z + away_z,
             ),
-            math.remainder(pose.yaw_rad + angle_rad * noise(), math.tau),
-            pose.pitch_rad + angle_rad * noise(),
-            pose.roll_rad + angle_rad * noise(),
+            math.remainder(pose.yaw_rad + angle_rad * noise_yaw, math.tau),
+            pose.pitch_rad + angle_rad * noise_pitch,
+            pose.roll_rad + angle_rad * noise_roll,
         )
 
     def _outlier(self, name: str) -> Three:

@@ -12,7 +12,6 @@ from rcopterx.bus.requests import Inject, Reply
 from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.simulator.faults import FaultError, fault_text, timed_faults
-from rcopterx.simulator.radio import RadioPty
 from rcopterx.simulator.radio_faults import RadioFaults
 from rcopterx.simulator.room import Room
 from rcopterx.simulator.settings import SimulatedVehicle, SimulatorSettings
@@ -46,7 +45,7 @@ class Simulator:
         self._vehicle_faults = VehicleFaults({name: laboratory.plant(name) for name in laboratory.names})
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
         self._tracker_due_s = start_s
-        self._ports = self._open_ports()
+        self._open_ports()
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
     def run_once(self) -> None:
@@ -57,12 +56,16 @@ class Simulator:
         """
         due_s = min(self._step_at_s, self._tracker_due_s)
         timeout_s = max(0.0, due_s - self._clock())
-        readable, _, _ = select.select([self._tracker.fileno(), *self._ports], [], [], timeout_s)
+        readable, _, _ = select.select(self._waited_for, [], [], timeout_s)
         now_s = self._clock()
+        asked = False
         for descriptor in readable:
-            if descriptor in self._ports:
-                self._ports[descriptor].receive(now_s)
-        if now_s >= self._tracker_due_s or self._tracker.fileno() in readable:
+            port = self._ports.get(descriptor)
+            if port is None:
+                asked = True
+            else:
+                port.receive(now_s)
+        if asked or now_s >= self._tracker_due_s:
             self._tracker.poll()
             self._look_at_tracker()
         if now_s >= self._step_at_s:
@@ -81,14 +84,15 @@ class Simulator:
             self._frame_at_s += self._period_s
         self._step_at_s = min(self._frame_at_s, now_s + LONGEST_STEP_S)
         self._look_at_tracker()
-        self._ports = self._open_ports()
+        self._open_ports()
 
     def _look_at_tracker(self) -> None:
         due_s = self._tracker.next_due_s()
         self._tracker_due_s = math.inf if due_s is None else due_s
 
-    def _open_ports(self) -> dict[int, RadioPty]:
-        return {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
+    def _open_ports(self) -> None:
+        self._ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
+        self._waited_for = [self._tracker.fileno(), *self._ports]
 
     def _obey(self, incoming: Incoming, now_s: float) -> Reply:
         request = incoming.request

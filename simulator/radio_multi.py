@@ -46,11 +46,16 @@ def air_value(count: int) -> int:
     return min(max(math.trunc((count - 204) * 1364 / 1640) + 342, 0), 2047)
 
 
-@cache
 def air_pulse_us(count: int, *, ten_bit: bool) -> float:
     """Pulse width [us] that a receiver decodes of an 11-bit value on the line, sent with 10 or 11 bits."""
     value = air_value(count)
     return ten_bit_pulse_us(float(value >> 1) if ten_bit else value / 2)
+
+
+@cache
+def _air_pulses_us(*, ten_bit: bool) -> tuple[float, ...]:
+    """`air_pulse_us` of every value on the line."""
+    return tuple(air_pulse_us(count, ten_bit=ten_bit) for count in range(2048))
 
 
 def killed_throttle(count: int) -> int | None:
@@ -154,7 +159,7 @@ class MultiModule(RadioModule):
 
     def _log(self, frame: MultiFrame, end_s: float) -> None:
         counts = self._ordered(frame)
-        pulses = tuple([PULSES_US[count] for count in counts])
+        pulses = tuple(map(PULSES_US.__getitem__, counts))
         self.frames.append(SerialFrame(end_s, pulses, counts[KILL_CHANNEL] <= 204, frame.bind))
 
     @staticmethod
@@ -231,10 +236,8 @@ class MultiModule(RadioModule):
     def _on_air(self, frame: MultiFrame) -> tuple[float, ...]:
         wanted = frame.option & 0x0F
         counts = self._ordered(frame)
-        ten_bit = frame.sub_protocol == 0
-        pulses = [
-            air_pulse_us(count, ten_bit=ten_bit) for count in counts[: wanted if 3 <= wanted <= 12 else 6]
-        ]
+        table = _air_pulses_us(ten_bit=frame.sub_protocol == 0)
+        pulses = list(map(table.__getitem__, counts[: wanted if 3 <= wanted <= 12 else 6]))
         killed = killed_throttle(counts[KILL_CHANNEL])
         if killed is not None:
             pulses[0] = ten_bit_pulse_us(killed)
