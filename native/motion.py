@@ -293,12 +293,10 @@ def flaw(
     return SOUND
 
 
-@compiled(ANY_MATRIX, VECTOR, VECTOR, NUMBER)
-def whole_units(inputs: Array, lower: Array, upper: Array, unit: float) -> Array:
-    """Inputs in whole units, shape (k, 4), but for those at their limits."""
-    whole = np.empty(inputs.shape)
+@compiled(ANY_MATRIX, VECTOR, VECTOR, NUMBER, MATRIX)
+def whole_units(inputs: Array, lower: Array, upper: Array, unit: float, whole: Array) -> None:
+    """Set `whole` to inputs in whole units, shape (k, 4), but for those at their limits."""
     for row in range(len(inputs)):
         for axis in range(inputs.shape[1]):
             nearest = np.rint(inputs[row, axis] * (1.0 / unit)) * unit
             whole[row, axis] = min(max(nearest, lower[axis]), upper[axis])
-    return whole

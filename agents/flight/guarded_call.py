@@ -94,9 +94,8 @@ class GuardedCall:
         T or None
             A usable answer, or None after a failure, which has been counted.
         """
-        allowed_s = self.allowed_s(limit_s)
+        allowed_s, limit = self.allowed_s(limit_s), self.limit
         self._calls += 1
-        limit = self.limit
         try:
             try:
                 limit.begin(allowed_s)

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+import numpy as np
+
 from rcopterx.native.motion import whole_units
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
@@ -12,4 +14,6 @@ INPUT_UNIT: Final = 2.0**-12
 
 def as_sent(inputs: Array, model: Model) -> Array:
     """Inputs in whole `INPUT_UNIT`, but for those at the limits of the vehicle; shape (k, 4)."""
-    return whole_units(inputs, model.u_min, model.u_max, INPUT_UNIT)
+    whole = np.empty(inputs.shape)
+    whole_units(inputs, model.u_min, model.u_max, INPUT_UNIT, whole)
+    return whole

@@ -1,5 +1,6 @@
 """Promises of the kernels of a frame: what the kernels that they put together do one after the other."""
 
+import math
 from copy import deepcopy
 from typing import Any
 
@@ -30,7 +31,17 @@ from rcopterx.native.kalman import (
     predict_lags,
     predict_tilt,
 )
-from rcopterx.native.motion import PARAMETERS
+from rcopterx.native.motion import (
+    LONGEST_STEP_S,
+    MISSHAPEN,
+    NOT_FINITE,
+    PARAMETERS,
+    SOUND,
+    flaw,
+    predict_estimate,
+    predict_motion,
+    predict_with_tilt,
+)
 from rcopterx.native.noise import BEYOND_S, NOISE, SEEN_S, judge_tilt
 from rcopterx.vehicles.state import heading_matrix
 
@@ -192,3 +203,37 @@ def test_a_period_moves_both_filters_on_with_the_heading_in_its_middle(seed: int
     predict_tilt(expected.tilt_states, expected.tilt_covariances, sticks, middle_rad, *tilts)
     for one, other in zip(found.numbers(), expected.numbers(), strict=True):
         assert one == pytest.approx(other, rel=1e-12, abs=1e-12, nan_ok=True)
+
+
+@given(st.integers(0, 10_000), st.booleans(), st.floats(1e-3, 0.1))
+def test_an_estimate_is_predicted_as_its_motion_and_its_tilt_are(
+    seed: int, tilted: bool, period_s: float
+) -> None:
+    rng, cores = np.random.default_rng(seed), 4
+    vehicle, motion, sticks = rng.uniform(0.1, 1.0, PARAMETERS), rng.normal(size=8), rng.normal(size=4)
+    actuator, disturbance = rng.normal(size=(2, 4))
+    tilt = [rng.normal(size=size) if tilted else np.empty(0) for size in (cores, 2, 2, 2)]
+    transition, demand = rng.normal(size=(cores + 8, cores + 8)), rng.normal(size=(cores + 8, 2))
+    after = np.empty(12 + (cores + 4) * tilted)
+    known = motion, actuator, disturbance, *tilt, sticks, period_s, vehicle
+    predict_estimate(*known, transition, demand, 0.4, after)
+    steps = max(1, math.ceil(period_s / LONGEST_STEP_S))
+    moved, held, changed = np.empty(8), np.empty(4), np.empty(cores + 4)
+    predict_motion(vehicle, motion, actuator, sticks, disturbance, period_s / steps, steps, moved, held)
+    if tilted:
+        predict_with_tilt(motion, *tilt, sticks, vehicle, transition, demand, 0.4, moved, changed)
+    expected = np.concatenate((moved, held, changed if tilted else np.empty(0)))
+    assert after == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("tilted", [True, False])
+def test_an_estimate_is_sound_unless_a_part_is_misshapen_or_not_finite(tilted: bool) -> None:
+    parts = [np.zeros(size) for size in (8, 4, 4, *((6, 2, 2, 2) if tilted else (0, 0, 0, 0)))]
+    assert flaw(*parts) == SOUND
+    for place, part in enumerate(parts):
+        if len(part):
+            broken = part.copy()
+            broken[-1] = np.inf
+            assert flaw(*parts[:place], broken, *parts[place + 1 :]) == NOT_FINITE
+        if place != 3:
+            assert flaw(*parts[:place], np.zeros(len(part) + 1), *parts[place + 1 :]) == MISSHAPEN

@@ -1,6 +1,6 @@
 """Whatever an estimator does, there is an estimate, and what happened is told."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from support.flight import ExactEstimator, still
 from rcopterx.agents.estimators.estimator_guard import FIRST_CALLS, LATE, RAISED, UNUSABLE, EstimatorGuard
 from rcopterx.agents.flight.finite import is_finite
 from rcopterx.agents.flight.time_limit import NoTimeLimit
-from rcopterx.agents.interfaces import Estimate, Measurement
+from rcopterx.agents.interfaces import Estimate, Measurement, TiltEstimate
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL_LAG
 
@@ -105,7 +105,7 @@ def test_without_another_estimator_the_last_good_estimate_stays(method: str) -> 
 class Diverging(ExactEstimator):
     """Tells what is no estimate."""
 
-    def __init__(self, change: dict[str, Array]) -> None:
+    def __init__(self, change: dict[str, Any]) -> None:
         super().__init__()
         self._change = change
 
@@ -116,9 +116,16 @@ class Diverging(ExactEstimator):
 
 @pytest.mark.parametrize(
     "change",
-    [{"motion": np.full(8, np.nan)}, {"motion": np.zeros(7)}, {"disturbance": np.full(4, np.inf)}],
+    [
+        {"motion": np.full(8, np.nan)},
+        {"motion": np.zeros(7)},
+        {"motion": np.zeros(8, dtype=np.float32)},
+        {"motion": [0.0] * 8},
+        {"disturbance": np.full(4, np.inf)},
+        {"tilt": TiltEstimate(np.zeros(4), np.zeros(3), np.zeros(2), np.zeros(2))},
+    ],
 )
-def test_what_is_no_estimate_is_not_used(change: dict[str, Array]) -> None:
+def test_what_is_no_estimate_is_not_used(change: dict[str, Any]) -> None:
     guard = EstimatorGuard(Diverging(change), ExactEstimator())
     fly(guard)
     assert guard.replaced
