@@ -137,7 +137,7 @@ def test_what_settles_satisfies_the_optimality_conditions(seed: int, horizontal:
     start = np.full((3, 2), np.nan), random.normal(size=2)
     if horizontal:
         start = np.full(SYSTEM.size, np.nan), start[1]
-    plan = chain.unknown_plan()
+    plan = np.empty(chain.plan_shapes[0]), np.empty(chain.plan_shapes[1])
     for stale in 20 * [True, False]:
         side = active.side.copy()
         steps, solved, same, presses = chain.attempt(
@@ -185,7 +185,8 @@ def test_an_attempt_without_bounds_begins_and_goes_to_where_the_cost_has_no_slop
         np.full((1, 8), -1e9),
         np.full((1, 8), 1e9),
     )
-    factor, plan = chain.unknown_factor(bounds=False), chain.unknown_plan()
+    factor = chain.unknown_factor(bounds=False)
+    plan = np.empty(chain.plan_shapes[0]), np.empty(chain.plan_shapes[1])
     for begin in (AFRESH, SHIFTED):
         start = random.normal(size=size).reshape((size,) if horizontal else (3, 2)), random.normal(size=2)
         outcome = chain.attempt(

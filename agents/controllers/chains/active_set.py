@@ -100,7 +100,7 @@ class ActiveSetQP(Generic[SomeChain]):
         self._cruising = False
         self._free, self._pressed = chain.unknown_factor(bounds=False), chain.unknown_factor(bounds=True)
         """Factors without active bounds and with some."""
-        self._plan = chain.unknown_plan()
+        self._plan = np.empty(chain.plan_shapes[0]), np.empty(chain.plan_shapes[1])
         self._warm = False
         """Whether there is a solution to begin from."""
         self._expired: Callable[[], bool] = _never
@@ -135,13 +135,15 @@ class ActiveSetQP(Generic[SomeChain]):
         ChainSolution
             The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
-        self._plan = self.chain.unknown_plan()
+        positions_shape, inputs_shape = self.chain.plan_shapes
+        self._plan = np.empty(positions_shape), np.empty(inputs_shape)
         self._expired = budget.expired
+        begin = SHIFTED if self._warm else AFRESH
         start = first_state, load
         if self._presses:
-            solved, iterations = self._guess_twice(start, target)
+            solved, iterations = self._guess_twice(start, begin, target)
         else:
-            solved, iterations = self._active_set(start, self._beginning(), target, ACTIVE_SET_STEPS)
+            solved, iterations = self._active_set(start, begin, target, ACTIVE_SET_STEPS)
         if not solved:
             solved, further = self._interior_point(start, target)
             iterations += further
@@ -150,10 +152,6 @@ class ActiveSetQP(Generic[SomeChain]):
             self._go_to_best(load, target, budget.planned())
         positions, inputs = self._plan
         return ChainSolution(positions, inputs, solved, iterations)
-
-    def _beginning(self) -> int:
-        """Where a solve begins."""
-        return SHIFTED if self._warm else AFRESH
 
     def _take_point(self, inputs: Array, load: Array) -> None:
         """Plan the present point, where inputs, balance added, are these."""
@@ -189,13 +187,12 @@ class ActiveSetQP(Generic[SomeChain]):
         running = np.vdot(chain.weights * error, error) + np.vdot(chain.penalty * excess, excess)
         return 0.5 * float(running) + chain.terminal_cost_of(target)
 
-    def _guess_twice(self, start: Start, target: ChainTarget) -> tuple[bool, int]:
+    def _guess_twice(self, start: Start, begin: int, target: ChainTarget) -> tuple[bool, int]:
         """Active-set steps from either guess, the one that was right last time first."""
         chain, active = self.chain, self._active
         point, side, multipliers = chain.point(), active.side.copy(), active.multipliers.copy()
         if not self._cruising:
             move_bounds_on(active.side, active.multipliers, chain.bounded)
-        begin = self._beginning()
         solved, iterations = self._active_set(start, begin, target, ACTIVE_SET_STEPS)
         if solved:
             return solved, iterations

@@ -203,6 +203,8 @@ class Chain:
         The bounds that are active.
     attempt, problem
         The kernel that attempts to solve the problem, and its first arguments.
+    plan_shapes
+        Of planned positions and inputs, (N + levels - 1, m) and (N - 1, m).
     """
 
     attempt = staticmethod(chain_attempt)
@@ -242,6 +244,7 @@ class Chain:
         self.penalty: Array = np.empty(self.weights.shape)
         self._weigh_bounds()
         self.active = ActiveBounds.none(self.weights.shape, m)
+        self.plan_shapes = (stages + levels - 1, m), (stages - 1, m)
         self.problem = (
             self._rows,
             self._terminal_map,
@@ -271,11 +274,6 @@ class Chain:
         size, width = self._free.stop - self._free.start, self._rows.shape[2]
         rows = self.weights.shape if bounds else (0, self.weights.shape[1])
         return Factor(np.empty((size, width)), np.zeros(rows))
-
-    def unknown_plan(self) -> tuple[Array, Array]:
-        """Room for positions and inputs, shapes (N + levels - 1, m) and (N - 1, m)."""
-        axes = self.flat.shape[1]
-        return np.empty((len(self.flat) - 1, axes)), np.empty((len(self.weights) - 1, axes))
 
     def balance(self, disturbance: Array) -> Array:
         """What a disturbance, shape (m,), adds to the inputs, as an input, shape (m,)."""

@@ -95,6 +95,7 @@ class LateralChain:
         self.penalty: Array = np.empty(self.weights.shape)
         self._weigh_bounds()
         self.active = ActiveBounds.none(self.weights.shape, AXES)
+        self.plan_shapes = (stages + BEYOND, AXES), (stages - 1, AXES)
         self.problem = (
             self._transition,
             self._carried,
@@ -125,10 +126,6 @@ class LateralChain:
         shape = len(self.weights) - 1, AXES, self._system.size + AXES
         rows = self.weights.shape if bounds else (0, self.weights.shape[1])
         return Factor(np.empty(shape), np.zeros(rows))
-
-    def unknown_plan(self) -> tuple[Array, Array]:
-        """Room for positions, shape (N + 2, 2), and sticks, shape (N - 1, 2)."""
-        return np.empty((len(self._states), AXES)), np.empty((len(self.weights) - 1, AXES))
 
     def balance(self, trim: Array) -> Array:
         """What the offsets of the sticks, shape (2,), add to the inputs: themselves."""
