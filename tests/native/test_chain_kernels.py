@@ -142,7 +142,7 @@ def test_what_settles_satisfies_the_optimality_conditions(seed: int, horizontal:
         side = active.side.copy()
         steps, solved, same, presses = chain.attempt(
             *chain.problem, *start, GO_ON, factor.numbers, factor.side, stale,
-            target.rows, target.terminal, target.lower, target.upper, 20, *plan,
+            *target, 20, *plan,
         )  # fmt: skip
         assert steps > 0
         assert (factor.side == side).all()
@@ -191,7 +191,7 @@ def test_an_attempt_without_bounds_begins_and_goes_to_where_the_cost_has_no_slop
         start = random.normal(size=size).reshape((size,) if horizontal else (3, 2)), random.normal(size=2)
         outcome = chain.attempt(
             *chain.problem, *start, begin, factor.numbers, factor.side, begin == AFRESH,
-            target.rows, target.terminal, target.lower, target.upper, 9, *plan,
+            *target, 9, *plan,
         )  # fmt: skip
         assert outcome == (1, True, True, False)
         inputs = chain.values()[:-1, chain.inputs]

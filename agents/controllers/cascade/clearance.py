@@ -10,7 +10,7 @@ passes on the right of everybody else, and two vehicles head-on do not mirror ea
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -82,7 +82,7 @@ class Clearances:
         middle, none = 0.5 * (low + high), high - low < NARROWEST_M
         lower[:, 0] = np.where(none, middle - 0.5 * NARROWEST_M, low)
         upper[:, 0] = np.where(none, middle + 0.5 * NARROWEST_M, high)
-        return replace(target, lower=lower, upper=upper)
+        return target._replace(lower=lower, upper=upper)
 
     def add_rows(self, height_m: Array, target: ChainTarget) -> ChainTarget:
         """Add the horizontal rows at planned heights, shape (N,), to a chain of two positions."""
@@ -90,8 +90,7 @@ class Clearances:
         slots = np.zeros((stages, SLOTS))
         slots[:, : least.shape[1]] = least
         lower, upper = target.bounds_of_stages()
-        return replace(
-            target,
+        return target._replace(
             rows=np.hstack((target.rows, np.zeros((stages, SLOTS)))),
             lower=np.hstack((lower, slots)),
             upper=np.hstack((upper, slots + FAR_M)),

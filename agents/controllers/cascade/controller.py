@@ -113,6 +113,15 @@ class CascadeController(PlanningController):
         self._poles = lag_poles(model, period_s)
         self._thrust_pole = float(self._poles[U_THRUST])
         self._coupling = model.thrust_coupling if settings.actuator_lag else 0.0
+        limits = self._limits
+        self._joining = (
+            self._coupling,
+            self._thrust_pole,
+            limits.input_min,
+            limits.input_max,
+            period_s,
+        )
+        """What `join_plans` takes besides plans."""
         self._steady_chain = steady = self._parameters(_STEADY, (True, False))
         self._steady = self.workspace(steady, settings.max_iterations)
         self._horizontal = self._horizontal_problem()
@@ -205,10 +214,7 @@ class CascadeController(PlanningController):
             self._aim,
             self._first,
             self._load,
-            target.rows,
-            target.terminal,
-            target.lower,
-            target.upper,
+            *target,
         )
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
@@ -263,11 +269,7 @@ class CascadeController(PlanningController):
             horizontal.inputs,
             steady.inputs,
             actuator,
-            self._coupling,
-            self._thrust_pole,
-            self._limits.input_min,
-            self._limits.input_max,
-            self._period_s,
+            *self._joining,
             inputs,
             samples,
         )

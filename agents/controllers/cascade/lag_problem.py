@@ -90,10 +90,7 @@ class LagProblem:
             *self._dynamics,
             parameters.gain,
             self._first,
-            target.rows,
-            target.terminal,
-            target.lower,
-            target.upper,
+            *target,
         )
         qp = self._free if task.clear is None else self._crowded
         if qp is not self._last:

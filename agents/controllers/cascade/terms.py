@@ -4,7 +4,6 @@ control.md section 6. Horizontal quantities that depend on the heading are turne
 heading of the vehicle's own yaw plan, so a reference that is another vehicle's plan is reproduced exactly.
 """
 
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -97,7 +96,7 @@ def let_come_back(target: ChainTarget, velocity: Array, remaining: Array) -> Cha
     lower, upper = target.bounds_of_stages()
     lower[:, columns] += remaining[:, None] * below
     upper[:, columns] += remaining[:, None] * above
-    return replace(target, lower=lower, upper=upper)
+    return target._replace(lower=lower, upper=upper)
 
 
 def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0) -> Array:

@@ -19,7 +19,6 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     GRAVITY_M_S2,
     YAW,
-    Array,
     heading_matrix,
 )
 
@@ -55,18 +54,17 @@ class TiltProblem:
         self._model = model
         self._parameters = parameters
         self._system = lateral_system(model, parameters.period_s)
-        self._feed_forward, self._compensate = feed_forward, compensate
+        self._compensate = compensate
         self._free = LateralQP(parameters, self._system, max_iterations)
         # Only periods in which somebody comes near pay for the rows that keep clear.
         crowded = replace(parameters, clearances=SLOTS, clearance_weight=separation_weight)
         self._crowded = LateralQP(crowded, self._system, max_iterations)
         self._last = self._free
         """The one that solved last; the other one has nothing to begin from."""
-        self._drag = 0.5 * float(model.k[:2].sum())
-        self._lead = self._mean_delay_s() / parameters.period_s
-        self._gain: Array = model.b[:2].copy()
+        drag, lead = 0.5 * float(model.k[:2].sum()), self._mean_delay_s() / parameters.period_s
         stages, states = parameters.stages, self._system.size
         self._first, self._target = np.empty(states), ChainTarget.empty(stages, 6, states)
+        self._fixed = model.b[:2].copy(), drag, lead, feed_forward, self._first
 
     def forget(self) -> None:
         """Start the next solve from nothing."""
@@ -94,17 +92,10 @@ class TiltProblem:
             task.steady[:, 1],
             bounds,
             share,
-            self._gain,
-            self._drag,
-            self._lead,
-            self._feed_forward,
-            self._first,
+            *self._fixed,
             chain.turn,
             chain.demand_turn,
-            target.rows,
-            target.terminal,
-            target.lower,
-            target.upper,
+            *target,
         )
         qp.turned()
         if qp is not self._last:

@@ -234,10 +234,7 @@ class ActiveSetQP(Generic[SomeChain]):
                 factor.numbers,
                 factor.side,
                 factor.stale,
-                target.rows,
-                target.terminal,
-                target.lower,
-                target.upper,
+                *target,
                 limit - steps,
                 *self._plan,
             )

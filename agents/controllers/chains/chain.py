@@ -14,7 +14,7 @@ Rows that keep the vehicle clear of others are of the same kind: a direction tim
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -144,8 +144,7 @@ class Factor:
     stale: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class ChainTarget:
+class ChainTarget(NamedTuple):
     """Reference and bounds of the rows; inputs and actuators with the disturbance's `ChainQP.balance` added.
 
     Attributes
