@@ -123,12 +123,15 @@ def heard_late(monkeypatch: pytest.MonkeyPatch, lost: Callable[[LoggedMessage], 
 
 
 def test_a_lease_given_before_the_recorder_listened_is_known_by_its_checksum(
-    monkeypatch: pytest.MonkeyPatch,
+    follower: RecordedAgent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorded = heard_late(monkeypatch, lambda message: message.topic == "h2/lease")
     result = replayed(recorded, recorded.fleet, TOLERANCE)
     assert result.first is None
-    assert result.identical == result.periods > 100
+    # Another processor may round the last digit of a number otherwise than the one that flew.
+    known = replayed(follower, follower.fleet, TOLERANCE)
+    assert result.periods == known.periods
+    assert result.identical == known.identical > 100
 
 
 def test_an_agent_whose_first_steps_are_lost_flies_with_the_lease_of_its_commands(
