@@ -1,10 +1,13 @@
 """`python -m rcopterx.native`: compile all kernels, so that what starts later finds them."""
 
+import importlib
+import multiprocessing
 import os
-import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+import traceback
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 
 from rcopterx.native.cache import COMPLETE, MODULES, directory, remove_unused
 
@@ -22,9 +25,7 @@ def main() -> int:
         return 0
     print("rcopterx compiles its kernels for this computer, once ...", file=sys.stderr, flush=True)
     start_s = time.monotonic()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        outputs = list(pool.map(_compiled, MODULES))
-    problems = [output for output in outputs if output is not None]
+    problems = [problem for problem in _problems() if problem is not None]
     if problems:
         print(*problems, sep="\n", file=sys.stderr)
         return 1
@@ -34,11 +35,29 @@ def main() -> int:
     return 0
 
 
-def _compiled(module: str) -> str | None:
-    """Compile a module in a process of its own; what the process said if it could not."""
-    command = [sys.executable, "-c", f"import rcopterx.native.{module}"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return f"{module}: {done.stderr.strip()}" if done.returncode else None
+def _problems() -> list[str | None]:
+    """Compile each module of kernels; what is wrong with it, or None.
+
+    Workers are forks of a process that has imported the compiler, and go from module to module: to import it
+    takes a second, and to compile for the first time another one.
+    """
+    compiler = importlib.import_module("rcopterx.native.compiled")
+    compiler.Announcer.told = True
+    forking = multiprocessing.get_context("fork")
+    try:
+        with ProcessPoolExecutor(os.cpu_count(), mp_context=forking) as pool:
+            return list(pool.map(_problem, MODULES))
+    except BrokenProcessPool as error:
+        return [str(error)]
+
+
+def _problem(module: str) -> str | None:
+    """Compile a module; what went wrong, if anything."""
+    try:
+        importlib.import_module(f"rcopterx.native.{module}")
+    except Exception:  # noqa: BLE001 - whatever the compiler raises is told
+        return f"{module}: {traceback.format_exc().strip()}"
+    return None
 
 
 if __name__ == "__main__":

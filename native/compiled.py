@@ -45,15 +45,15 @@ COUNT: Final = "int64"
 FLAG: Final = "boolean"
 
 
-class _Announcer(event.Listener):
+class Announcer(event.Listener):
     """Tells people once why the first start takes long."""
 
     told = False
 
     def on_start(self, event: Any) -> None:  # noqa: ARG002 - the signature is numba's
         """Something is compiled."""
-        if not _Announcer.told:
-            _Announcer.told = True
+        if not Announcer.told:
+            Announcer.told = True
             print("rcopterx compiles its kernels for this computer, once ...", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
@@ -77,7 +77,7 @@ def compiled(*arguments: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 # For kernels only: what users of numba compile themselves is kept where they want it.
                 stack.callback(setattr, _config, "CACHE_DIR", _config.CACHE_DIR)
                 _config.CACHE_DIR = str(path)
-            stack.enter_context(event.install_listener("numba:compile", _Announcer()))
+            stack.enter_context(event.install_listener("numba:compile", Announcer()))
             kernel: Callable[P, R] = _njit(f"({', '.join(arguments)},)", cache=path is not None, **_OPTIONS)(
                 function
             )
