@@ -236,7 +236,7 @@ def lateral_settle(
     demands, states, values, side, multipliers
         Point, its states and rows and what presses there, changed in place; states as in `lateral_states`.
     aim, weights, penalty, lower, upper, most, hardness, tolerance
-        As in `rcopterx.native.chain.chain_settle`.
+        As in `chain_settle`.
 
     Returns
     -------

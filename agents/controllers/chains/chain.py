@@ -175,6 +175,22 @@ class ChainTarget(NamedTuple):
         return np.broadcast_to(self.lower, shape).copy(), np.broadcast_to(self.upper, shape).copy()
 
 
+def weigh_bounds(penalty: Array, bounded: Array, soft_weights: Array, inputs: slice) -> None:
+    """Set the penalties of excesses over bounds: hard ones of the inputs, soft ones of the other rows.
+
+    Parameters
+    ----------
+    penalty, bounded
+        What is set, and 1 where a row is bounded, 0 elsewhere; shape (N, rows).
+    soft_weights
+        Of soft bounds, by row.
+    inputs
+        Rows of the inputs.
+    """
+    penalty[:] = bounded * soft_weights
+    penalty[:, inputs] = bounded[:, inputs] * INPUT_PENALTY
+
+
 class Chain:
     """Rows, cost and banded Hessian of one chain.
 
@@ -241,7 +257,7 @@ class Chain:
         self._first_turns: Array = np.zeros((levels - 1, m, m))
         self._first_transition: Array = np.zeros((m, m))
         self.penalty: Array = np.empty(self.weights.shape)
-        self._weigh_bounds()
+        weigh_bounds(self.penalty, self.bounded, self.soft_weights, self.inputs)
         self.active = ActiveBounds.none(self.weights.shape, m)
         self.plan_shapes = (stages + levels - 1, m), (stages - 1, m)
         self.problem = (
@@ -263,10 +279,6 @@ class Chain:
             INPUT_PENALTY,
             INPUT_TOLERANCE,
         )
-
-    def _weigh_bounds(self) -> None:
-        self.penalty[:] = self.bounded * self.soft_weights
-        self.penalty[:, self.inputs] = self.bounded[:, self.inputs] * INPUT_PENALTY
 
     def unknown_factor(self, bounds: bool) -> Factor:
         """Room for a factor, with active bounds or without."""
@@ -310,7 +322,7 @@ class Chain:
         self._rows[:, self._clearances, : self.parameters.axes] = directions
         self.bounded[:, self._clearances] = directions.any(axis=2)
         self.bounded[: self.parameters.levels, self._clearances] = 0.0
-        self._weigh_bounds()
+        weigh_bounds(self.penalty, self.bounded, self.soft_weights, self.inputs)
 
     def begin(self, first_state: Array, disturbance: Array, shifted: bool) -> None:
         """Begin a solve from a measured state, which fixes as many positions as it has levels.

@@ -19,6 +19,7 @@ from rcopterx.agents.controllers.chains.chain import (
     ChainParameters,
     ChainTarget,
     Factor,
+    weigh_bounds,
 )
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.native.lateral import (
@@ -93,7 +94,7 @@ class LateralChain:
         self.turn: Array = np.tile(np.eye(AXES), (stages, 1, 1))
         self.demand_turn: Array = self.turn[:-1].copy()
         self.penalty: Array = np.empty(self.weights.shape)
-        self._weigh_bounds()
+        weigh_bounds(self.penalty, self.bounded, self.soft_weights, self.inputs)
         self.active = ActiveBounds.none(self.weights.shape, AXES)
         self.plan_shapes = (stages + BEYOND, AXES), (stages - 1, AXES)
         self.problem = (
@@ -116,10 +117,6 @@ class LateralChain:
             INPUT_PENALTY,
             INPUT_TOLERANCE,
         )
-
-    def _weigh_bounds(self) -> None:
-        self.penalty[:] = self.bounded * self.soft_weights
-        self.penalty[:, self.inputs] = self.bounded[:, self.inputs] * INPUT_PENALTY
 
     def unknown_factor(self, bounds: bool) -> Factor:
         """See `Chain.unknown_factor`."""
@@ -157,7 +154,7 @@ class LateralChain:
         self._directions[:] = directions
         self.bounded[:, self._clearances] = directions.any(axis=2)
         self.bounded[:1, self._clearances] = 0.0
-        self._weigh_bounds()
+        weigh_bounds(self.penalty, self.bounded, self.soft_weights, self.inputs)
 
     def begin(
         self,
