@@ -25,7 +25,7 @@ R = TypeVar("R")
 # Typed loosely: what numba declares differs from version to version.
 _njit: Any = numba.njit
 _config: Any = numba.config
-_OPTIONS: Final = {"error_model": "numpy"}
+_OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def read(dimensions: int, number: str = "float64") -> str:
