@@ -1,4 +1,4 @@
-"""Gives memory back that only the start of a process needed: pages of a library that are still its file."""
+"""Gives memory back that only a start needed: pages of libraries that are still as in their files."""
 
 import ctypes
 import os
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 MADV_DONTNEED = 4
+ENDING = ".so"
+"""In the name of the file of a library, before its version."""
 
 
 class Mapping(NamedTuple):
@@ -32,8 +34,8 @@ class Mapping(NamedTuple):
     written: int
 
 
-def mappings(library: str, smaps: Path = Path("/proc/self/smaps")) -> Iterator[Mapping]:
-    """Pieces of the files whose names begin so.
+def mappings(library: str = "", smaps: Path = Path("/proc/self/smaps")) -> Iterator[Mapping]:
+    """Pieces of the libraries whose names begin so.
 
     Raises
     ------
@@ -41,7 +43,8 @@ def mappings(library: str, smaps: Path = Path("/proc/self/smaps")) -> Iterator[M
         The system does not tell.
     """
     for words, sizes in _entries(smaps.read_text(encoding="utf-8", errors="replace").splitlines()):
-        if len(words) > 5 and os.path.basename(words[5]).startswith(library):
+        name = os.path.basename(words[5]) if len(words) > 5 else ""
+        if ENDING in name and name.startswith(library):
             start, end = (int(word, 16) for word in words[0].split("-"))
             writable = "w" in words[1]
             yield Mapping(start, end - start, writable, words[5], sizes["Rss:"], sizes["Anonymous:"])
@@ -63,15 +66,15 @@ def _entries(lines: list[str]) -> Iterator[tuple[list[str], dict[str, int]]]:
         yield words, sizes
 
 
-def release(library: str) -> int:
-    """Drop the pages of a library that are those of its file; who needs them again reads them from there.
+def release(library: str = "") -> int:
+    """Drop the pages of libraries that are those of their files; who needs them again reads them from there.
 
     What was written, like the addresses that the loader fills in, stays.
 
     Parameters
     ----------
     library
-        Beginning of the name of its file.
+        Beginning of the names of their files; by default all.
 
     Returns
     -------

@@ -2,12 +2,14 @@
 
 Starting an interpreter and importing numerical libraries takes longer than a vehicle can wait, and every
 process that does so keeps its own copy. This process imports once, has a single thread, and forks on order;
-what it has imported is shared memory of all of them. A forked process is handed to the supervisor as its own
-child: the intermediate process that forked it ends at once, and the supervisor adopts orphans.
+what it has imported and prepared is shared memory of all of them. A forked process is handed to the
+supervisor as its own child: the intermediate process that forked it ends at once, and the supervisor adopts
+orphans.
 
-Orders are datagrams in JSON over a Unix socket, each with four descriptors: standard input, log, heartbeat
-page, and a pipe on which the forked process waits for permission. Each order is answered by a process id or
-an error. The supervisor gives permission when it knows the process; one that nobody knows ends.
+Orders are datagrams in JSON over a Unix socket. One that starts a process comes with four descriptors:
+standard input, log, heartbeat page, and a pipe on which the forked process waits for permission. It is
+answered by a process id or an error. The supervisor gives permission when it knows the process; one that
+nobody knows ends. The other kind of order names a fleet to prepare.
 """
 
 import errno
@@ -20,11 +22,13 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Final, TypedDict
 
 from rcopterx.bus.heartbeat import VARIABLE
 from rcopterx.bus.realtime import leave_realtime, request_realtime
 from rcopterx.deploy.clean_pages import release
+from rcopterx.deploy.prepared import prepare
 from rcopterx.deploy.roles.run import name_process
 
 LARGEST_BYTES: Final = 1 << 20
@@ -32,52 +36,86 @@ LARGEST_BYTES: Final = 1 << 20
 DESCRIPTORS: Final = 4
 PERMISSION: Final = b"!"
 PID_BYTES: Final = 4
-COMPILER: Final = "libllvmlite"
-"""Library that compiles kernels, and brings compiled ones into memory."""
+PREPARE: Final = "--prepare"
+"""On the command line: snapshot, host and vehicles follow, as in an order."""
 
 
-class Order(TypedDict):
-    """What to start: a command line and the environment it runs in."""
+class Order(TypedDict, total=False):
+    """What to start, a command line and the environment it runs in; or the arguments of `prepare`."""
 
     command: list[str]
     environment: dict[str, str]
+    prepare: list[str]
 
 
 class Answer(TypedDict, total=False):
-    """Which process runs now, or why none does."""
+    """Which process runs now, or why none does; empty when a fleet is prepared."""
 
     pid: int
     error: str
 
 
 def main() -> None:
-    """Entry point: `python -m rcopterx.deploy.fork_server DESCRIPTOR PRIORITY MODULE...`.
+    """Entry point: `python -m rcopterx.deploy.fork_server DESCRIPTOR PRIORITY MODULE... [--prepare WORD...]`.
 
-    Imports the modules, tells that orders may come, and forks until the supervisor closes its end.
+    Imports the modules, prepares the fleet if one is named, tells that orders may come, and forks until the
+    supervisor closes its end.
     """
     descriptor, priority, *modules = sys.argv[1:]
+    words: list[str] = []
+    if PREPARE in modules:
+        position = modules.index(PREPARE)
+        modules, words = modules[:position], modules[position + 1 :]
     name_process("fork server")
     # Modules come to stay: looking for garbage among them again and again takes a tenth of the time.
     gc.disable()
     for module in modules:
         importlib.import_module(module)
-    # What is forked neither collects nor moves what is there now, so that its pages stay shared.
-    gc.collect()
-    gc.freeze()
+    problem = _prepare(words) if words else ""
+    if problem:
+        print(f"fork server: prepares nothing: {problem}", file=sys.stderr)
+    _keep()
     gc.enable()
-    # Kernels are loaded; their compiler would stay in memory for as long as the fleet is up.
-    with suppress(OSError):
-        release(COMPILER)
     request_realtime(int(priority))
     connection = socket.socket(fileno=int(descriptor))
     connection.send(_told({"pid": os.getpid()}))
-    run = serve(connection)
+    run = serve(connection, int(priority))
     if run is not None:
         run()
 
 
-def serve(connection: socket.socket) -> Callable[[], None] | None:
-    """Fork on every order.
+def _keep() -> None:
+    """Keep what is there now as memory of all, and nothing else."""
+    gc.collect()
+    # What is forked neither collects nor moves it, so that its pages stay shared.
+    gc.freeze()
+    # This process calls libraries no more; the compiler of the kernels alone would keep 67 MB.
+    with suppress(OSError):
+        release()
+
+
+def _prepare(words: Sequence[str]) -> str:
+    """Prepare a fleet; what is wrong with it, if anything.
+
+    Whatever that is, processes start all the same: they prepare for themselves and tell what they find.
+    """
+    snapshot, host, *vehicles = words
+    try:
+        prepare(Path(snapshot), host, vehicles)
+    except Exception as error:  # noqa: BLE001 - nothing that a pilot does may end the fork server
+        return str(error) or type(error).__name__
+    return ""
+
+
+def serve(connection: socket.socket, priority: int = 0) -> Callable[[], None] | None:
+    """Fork on every order to start something.
+
+    Parameters
+    ----------
+    connection
+        To the supervisor.
+    priority
+        That of this process, which it leaves while it prepares: vehicles of others may fly.
 
     Returns
     -------
@@ -90,6 +128,13 @@ def serve(connection: socket.socket) -> Callable[[], None] | None:
         if not message:
             return None
         order: Order = json.loads(message)
+        if "prepare" in order:
+            leave_realtime()
+            problem = _prepare(order["prepare"])
+            _keep()
+            request_realtime(priority)
+            connection.send(_told({"error": problem} if problem else {}))
+            continue
         try:
             pid = _forked()
         except OSError as error:

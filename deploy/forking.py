@@ -18,8 +18,9 @@ from typing import IO, Final, NamedTuple
 
 from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.bus.realtime import ONE_THREAD
-from rcopterx.deploy.fork_server import LARGEST_BYTES, PERMISSION, Answer, Order
+from rcopterx.deploy.fork_server import LARGEST_BYTES, PERMISSION, PREPARE, Answer, Order
 
+SERVER: Final = "rcopterx.deploy.fork_server"
 PR_SET_CHILD_SUBREAPER: Final = 36
 START_LIMIT_S: Final = 60.0
 """Until a fork server has imported what it shall; a busy machine takes its time."""
@@ -137,6 +138,7 @@ class ForkServer:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._words = (str(priority), *modules)
+        self._prepared: tuple[str, ...] = ()
         self._clock = clock
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: socket.socket | None = None
@@ -169,7 +171,7 @@ class ForkServer:
         with other, ExitStack() as stack:
             stack.callback(own.close)
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "rcopterx.deploy.fork_server", str(other.fileno()), *self._words],
+                [sys.executable, "-m", SERVER, str(other.fileno()), *self._words, *self._prepared],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
                 pass_fds=[other.fileno()],
@@ -218,6 +220,29 @@ class ForkServer:
             own.pop_all()
         return Started(process, page)
 
+    def prepare_fleet(self, snapshot: Path, host: str, vehicles: Sequence[str]) -> None:
+        """Have it read a fleet and build pilots before it forks their agents, now and when it starts again.
+
+        Parameters
+        ----------
+        snapshot, host, vehicles
+            See `deploy.prepared.prepare`.
+
+        Raises
+        ------
+        OSError
+            It cannot; processes that it forks do so themselves.
+        """
+        self.prepare()
+        self._wait_until_ready()
+        words = (str(snapshot), host, *vehicles)
+        self._send({"prepare": list(words)}, [])
+        # Nothing of this host is in the air yet.
+        answer = self._answer(START_LIMIT_S)
+        if "error" in answer:
+            raise OSError(errno.EINVAL, answer["error"])
+        self._prepared = (PREPARE, *words)
+
     def _wait_until_ready(self) -> None:
         """Only the first one is waited for: vehicles may fly when a later one starts."""
         if not self._ready:
@@ -225,16 +250,18 @@ class ForkServer:
             self._ready, self._patience_s = True, 0.0
 
     def _ordered(self, command: Sequence[str], descriptors: Sequence[int]) -> int:
-        order: Order = {"command": list(command), "environment": child_environment()}
+        self._send({"command": list(command), "environment": child_environment()}, descriptors)
+        answer = self._answer(ANSWER_LIMIT_S)
+        if "error" in answer:
+            raise OSError(errno.EAGAIN, answer["error"])
+        return answer["pid"]
+
+    def _send(self, order: Order, descriptors: Sequence[int]) -> None:
         assert self._connection is not None
         try:
             socket.send_fds(self._connection, [json.dumps(order).encode()], descriptors)
         except ConnectionError:
             raise OSError(errno.ECHILD, "the fork server has ended") from None
-        answer = self._answer(ANSWER_LIMIT_S)
-        if "error" in answer:
-            raise OSError(errno.EAGAIN, answer["error"])
-        return answer["pid"]
 
     def _answer(self, limit_s: float) -> Answer:
         """The next answer.

@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.prepared import fleet_of
 from rcopterx.deploy.process_log import set_up
-from rcopterx.deploy.roles.agent import fly, pilot_of
+from rcopterx.deploy.roles.agent import fly, ready_pilot
 from rcopterx.deploy.roles.run import end_with_parent, log_start, name_process, run_reporting, runner
 from rcopterx.deploy.spare_process import Job
 
@@ -28,8 +28,8 @@ def wait_for_job(snapshot: Path, host: str, jobs: Sequence[Job]) -> Callable[[],
         Does the job; None when the supervisor closed the pipe instead.
     """
     name_process("spare")
-    fleet = load_fleet(snapshot)
-    pilots = {unit: pilot_of(fleet, unit, host or None) for role, unit in jobs if role == "agent"}
+    fleet = fleet_of(snapshot)
+    pilots = {unit: ready_pilot(fleet, unit, host or None) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs if role != "agent"}
     line = _order()
     if not line:

@@ -79,7 +79,7 @@ class Supervisor:
         guarded: int = 0,
     ) -> None:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
-        self._snapshot = snapshot.resolve()
+        self._snapshot, self._host = snapshot.resolve(), host
         self._logs = log_directory
         self._forks = forks
         self._clock = clock
@@ -147,7 +147,21 @@ class Supervisor:
 
     def start_all(self) -> list[str]:
         """Start every wanted process in order; returns what is wrong, as `start`."""
-        return [line for name, child in self.children.items() if child.wanted for line in self.start(name)]
+        lines = self._prepare_pilots()
+        return lines + [
+            line for name, child in self.children.items() if child.wanted for line in self.start(name)
+        ]
+
+    def _prepare_pilots(self) -> list[str]:
+        """Have the fork server build what agents and spare processes fly with."""
+        vehicles = [child.spec.unit for child in self.children.values() if child.spec.role == "agent"]
+        if not vehicles:
+            return []
+        try:
+            self._forks.prepare_fleet(self._snapshot, self._host, vehicles)
+        except OSError as error:
+            return [f"fork server: prepares no pilots: {error}"]
+        return []
 
     def watch(self, timeout_s: float) -> list[str]:
         """Wait for deaths, restart what died, and end what hangs.

@@ -6,7 +6,7 @@
 import sys
 from pathlib import Path
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.deploy.prepared import fleet_of
 from rcopterx.deploy.processes import TAKE_OVER
 from rcopterx.deploy.roles.run import ROLES, end_with_parent, run_reporting, run_role
 
@@ -19,9 +19,7 @@ def main() -> None:
         sys.exit(f"usage: python -m rcopterx.deploy.roles {{{roles}}} UNIT FLEET_FILE [HOST] [{TAKE_OVER}]")
     role, unit, path, *host = words
     end_with_parent()
-    run_reporting(
-        lambda: run_role(role, unit, load_fleet(Path(path)), *host, take_over=TAKE_OVER in sys.argv)
-    )
+    run_reporting(lambda: run_role(role, unit, fleet_of(Path(path)), *host, take_over=TAKE_OVER in sys.argv))
 
 
 if __name__ == "__main__":

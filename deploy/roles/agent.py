@@ -14,6 +14,7 @@ from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.formation_check import links_of
+from rcopterx.deploy.prepared import prepared_pilot
 from rcopterx.deploy.processes import EXIT_ELSEWHERE
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.arbiter_limits import limits_of
@@ -23,7 +24,7 @@ from rcopterx.deploy.roles.vehicle_models import model_of
 
 def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: bool = False) -> None:
     """Fly a vehicle."""
-    fly(*pilot_of(fleet, vehicle, host), take_over=take_over)
+    fly(*ready_pilot(fleet, vehicle, host), take_over=take_over)
 
 
 def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> None:
@@ -31,6 +32,11 @@ def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> No
     if run_agent(replace(settings, take_over=take_over), pilot):
         logging.info("agent %s: another agent flies it", settings.vehicle)
         sys.exit(EXIT_ELSEWHERE)
+
+
+def ready_pilot(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
+    """As `pilot_of`; nothing is built if a fork server has prepared the pilot."""
+    return prepared_pilot(fleet, name, host) or pilot_of(fleet, name, host)
 
 
 def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:

@@ -62,6 +62,16 @@ def test_mappings_are_those_of_the_library_and_tell_what_was_written(tmp_path: P
     assert relocated.written == 1024
 
 
+def test_by_default_mappings_are_those_of_all_libraries_and_of_no_other_file(tmp_path: Path) -> None:
+    path = tmp_path / "smaps"
+    path.write_text(SMAPS.replace("/lib/libother.so", "/lib/libother.so.1") + SMAPS.replace(".so", ".db"))
+    assert [found.path for found in mappings(smaps=path)] == [
+        "/a b/libllvmlite.so",
+        "/a b/libllvmlite.so",
+        "/lib/libother.so.1",
+    ]
+
+
 def test_a_system_that_does_not_tell_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nothing"):
         next(mappings(LIBRARY, tmp_path / "nothing"))

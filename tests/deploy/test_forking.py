@@ -10,10 +10,13 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from support.fleets import PAIR
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.forking
-from rcopterx.deploy.forking import RETRY_S, ForkServer, Started
+from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.deploy.fleet_file.snapshot import write_snapshot
+from rcopterx.deploy.forking import RETRY_S, START_LIMIT_S, ForkServer, Started
 
 REPORT = """
 import json, os, sys
@@ -184,3 +187,42 @@ def test_a_fork_server_that_cannot_import_says_so(capfd: pytest.CaptureFixture[s
         sleeping(forks, tmp_path)
     forks.close()
     assert "No module named 'rcopterx.no_such_module'" in capfd.readouterr().err
+
+
+PREPARED = """
+import sys
+from pathlib import Path
+from rcopterx.deploy.prepared import fleet_of, prepared_pilot
+fleet = fleet_of(Path(sys.argv[1]))
+print(*(name for name in fleet.vehicles if prepared_pilot(fleet, name)))
+"""
+
+
+@pytest.mark.timeout(300)
+def test_what_it_has_prepared_is_there_in_what_it_forks_also_after_it_had_to_be_started_again(
+    forks: ForkServer, tmp_path: Path
+) -> None:
+    (tmp_path / f"{MODULE}.py").write_text(PREPARED)
+    snapshot, log = tmp_path / "fleet.json", tmp_path / "log"
+    write_snapshot(parse_fleet(PAIR), snapshot)
+    forks.prepare_fleet(snapshot, "", ["h1", "h2"])
+    assert forks.start(module(str(snapshot)), log).process.wait(DEADLINE_S) == 0
+    assert log.read_text() == "h1 h2\n"
+    assert forks.pid is not None
+    os.kill(forks.pid, signal.SIGKILL)
+
+    def starts() -> bool:
+        with suppress(OSError):
+            return forks.start(module(str(snapshot)), log).process.wait(DEADLINE_S) == 0
+        return False
+
+    wait_for(starts, "it is not started again", deadline_s=START_LIMIT_S)
+    assert log.read_text() == "h1 h2\nh1 h2\n"
+
+
+def test_what_cannot_be_prepared_is_told_and_it_forks_all_the_same(forks: ForkServer, tmp_path: Path) -> None:
+    snapshot = tmp_path / "fleet.json"
+    snapshot.write_text("{}")
+    with pytest.raises(OSError, match="not a snapshot of a fleet file"):
+        forks.prepare_fleet(snapshot, "", ["h1"])
+    assert end(sleeping(forks, tmp_path)) == -signal.SIGKILL
