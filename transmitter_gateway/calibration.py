@@ -184,12 +184,13 @@ class Calibration:
         throttle_low : bool
             Send the throttle at `low_us` whatever the thrust.
         """
-        highest = max(self.pitch.index, self.roll.index, self.throttle.index, self.yaw.index)
-        pulses = [CENTER_US] * max(highest + 1, len(CHANNEL_NAMES))
-        pulses[self.pitch.index] = self.pitch.pulse_us(u[0])
-        pulses[self.roll.index] = self.roll.pulse_us(u[1])
-        pulses[self.throttle.index] = self.throttle.low_us if throttle_low else self.throttle.pulse_us(u[2])
-        pulses[self.yaw.index] = self.yaw.pulse_us(u[3])
+        pitch, roll, throttle, yaw = self.pitch, self.roll, self.throttle, self.yaw
+        highest = max(pitch.index, roll.index, throttle.index, yaw.index, len(CHANNEL_NAMES) - 1)
+        pulses = [CENTER_US] * (highest + 1)
+        pulses[pitch.index] = pitch.pulse_us(u[0])
+        pulses[roll.index] = roll.pulse_us(u[1])
+        pulses[throttle.index] = throttle.low_us if throttle_low else throttle.pulse_us(u[2])
+        pulses[yaw.index] = yaw.pulse_us(u[3])
         return tuple(pulses)
 
     def inputs(self, pulses_us: Sequence[float]) -> tuple[float, float, float, float]:

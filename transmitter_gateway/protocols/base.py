@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -110,7 +109,7 @@ class RadioProtocol(ABC):
     channel_count : int
         Number of channels a frame carries.
     pulse_range_us : tuple of float
-        Shortest and longest pulse width that can be encoded [us].
+        Shortest and longest pulse width that can be encoded [us], both finite.
     minimum_interval_s : float
         Shortest time between the starts of two frames [s].
     keepalive_s : float
@@ -195,12 +194,14 @@ class RadioProtocol(ABC):
             )
         low, high = self.pulse_range_us
         for index, pulse in enumerate(pulses_us):
-            if not (math.isfinite(pulse) and low <= pulse <= high):
+            if not low <= pulse <= high:
                 name = CHANNEL_NAMES[index] if index < len(CHANNEL_NAMES) else f"channel {index + 1}"
                 raise PulseRangeError(f"{self.name}: {name} pulse {pulse} us is outside {low:g}..{high:g} us")
         return [*pulses_us, *([CENTER_US] * (self.channel_count - len(pulses_us)))]
 
     def _refuse(self, flags: FrameFlags, disarmed: bool) -> None:
+        if flags == NO_FLAGS:
+            return
         for wish in ("bind", "range_check", "low_power"):
             if getattr(flags, wish) and wish not in self.offers:
                 raise ProtocolError(f"{self.name}: {wish} cannot be asked for")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import repeat
+from operator import and_, lshift, rshift
 from typing import ClassVar
 
 from msgspec import Struct
@@ -29,8 +31,10 @@ CHANNELS_AT = 4
 CHANNEL_BYTES = 22
 DSM = 6
 CENTER_COUNT = 1024
+CENTERED = (CENTER_COUNT,) * CHANNEL_COUNT
 KILL_CHANNEL = 13
 KILL_COUNT = 204
+SHIFTS = tuple(range(0, 11 * CHANNEL_COUNT, 11))
 COUNTS_PER_US = 820 / 400
 
 LINE = SerialLine(100_000, parity="E", stop_bits=2)
@@ -62,16 +66,14 @@ def pack_channels(counts: Sequence[int]) -> bytes:
     if min(counts) < 0 or max(counts) > 2047:
         index, count = next((n, count) for n, count in enumerate(counts) if not 0 <= count <= 2047)
         raise PulseRangeError(f"multi: channel {index + 1} value {count} is outside 0..2047")
-    stream = 0
-    for count in reversed(counts):
-        stream = stream << 11 | count
+    stream: int = sum(map(lshift, counts, SHIFTS))
     return stream.to_bytes(CHANNEL_BYTES, "little")
 
 
 def unpack_channels(packed: bytes) -> tuple[int, ...]:
     """Read 16 values of 11 bits from 22 bytes."""
     stream = int.from_bytes(packed, "little")
-    return tuple([(stream >> (11 * index)) & 0x7FF for index in range(CHANNEL_COUNT)])
+    return tuple(map(and_, map(rshift, repeat(stream), SHIFTS), repeat(0x7FF)))
 
 
 class MultiFrame(Struct, frozen=True):
@@ -211,8 +213,7 @@ class MultiProtocol(RadioProtocol):
         """Build a frame; see `RadioProtocol.encode`. Kill puts channel 14 to -100 %."""
         self._refuse(flags, disarmed)
         self.check(pulses_us)
-        counts = [count_of(pulse) for pulse in pulses_us]
-        counts += [CENTER_COUNT] * (CHANNEL_COUNT - len(counts))
+        counts = [*map(count_of, pulses_us), *CENTERED[len(pulses_us) :]]
         if flags.kill:
             counts[KILL_CHANNEL] = KILL_COUNT
         if flags != self._envelope_flags:
@@ -224,7 +225,7 @@ class MultiProtocol(RadioProtocol):
         """Bytes of a frame before and after its channels; they hardly ever change."""
         settings = self.settings
         frame = MultiFrame(
-            counts=(CENTER_COUNT,) * CHANNEL_COUNT,
+            counts=CENTERED,
             sub_protocol=settings.sub_protocol,
             rx_num=settings.rx_num,
             option=settings.option,
