@@ -7,7 +7,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain
 from numbers import Real
+from operator import le
 from typing import cast
 
 from msgspec import Struct
@@ -75,6 +77,7 @@ class Admission:
             (lower - limits.tolerance, lower, upper, upper + limits.tolerance)
             for lower, upper in zip(limits.lower, limits.upper, strict=True)
         )
+        self._lowest, self._highest = limits.lower * LONGEST_PLAN, limits.upper * LONGEST_PLAN
         self._counters = counters
         self.stream: Stream | None = None
         self.leases = Leases()
@@ -113,9 +116,9 @@ class Admission:
         return self.stream is not None and now_s < self.stream.arrival_s + self._limits.hold_after_s
 
     def _check_form(self, command: CommandInput) -> AcceptedCommand | Rejection:
-        for number in (command.lease, command.epoch, command.sequence, command.frame):
-            if type(number) is not int or number < 0:
-                return Rejection.MALFORMED
+        numbers = (command.lease, command.epoch, command.sequence, command.frame)
+        if set(map(type, numbers)) != {int} or min(numbers) < 0:
+            return Rejection.MALFORMED
         period = command.period_s
         # Nearly all are floats; asking for the abstract type takes long.
         if type(period) is not float and (isinstance(period, bool) or not isinstance(period, Real)):
@@ -131,8 +134,7 @@ class Admission:
         inputs = self._check_plan(plan)
         if isinstance(inputs, Rejection):
             return inputs
-        cause = Cause(command.lease, command.epoch, command.sequence, command.frame)
-        return AcceptedCommand(cause, inputs[0], inputs[1:], float(period))
+        return AcceptedCommand(Cause(*numbers), inputs[0], inputs[1:], float(period))
 
     def _check_plan(self, plan: tuple[Sequence[float], ...]) -> tuple[Input, ...] | Rejection:
         """Clamp all inputs; the first bad one tells the reason."""
@@ -150,13 +152,11 @@ class Admission:
         """Whether all inputs are four floats within their limits, as in nearly all commands."""
         if set(map(type, plan)) != {tuple} or set(map(len, plan)) != {4}:
             return False
-        for values, (_, lower, upper, _) in zip(zip(*plan, strict=True), self._bounds, strict=True):
-            if set(map(type, values)) != {float}:
-                return False
-            # The least and the greatest do not tell of a NaN; the sum does.
-            if not (lower <= min(values) and max(values) <= upper) or math.isnan(sum(values)):
-                return False
-        return True
+        numbers = tuple(chain.from_iterable(plan))
+        if set(map(type, numbers)) != {float}:
+            return False
+        # Comparisons with a NaN do not hold.
+        return all(map(le, self._lowest, numbers)) and all(map(le, numbers, self._highest))
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
         """Clamp an input; what is worst about a bad one is the reason: form, then finiteness, then limits."""
