@@ -49,8 +49,11 @@ class CommandAges:
         if stream.command.period_s != self._period_s:
             self._period_s = stream.command.period_s
             self._ages_s = sorted(self._all_s(self._period_s))
-        times = (stream.arrival_s + age_s for age_s in self._ages_s)
-        return next((time_s for time_s in times if time_s > now_s), math.inf)
+        arrival_s = stream.arrival_s
+        for age_s in self._ages_s:
+            if arrival_s + age_s > now_s:
+                return arrival_s + age_s
+        return math.inf
 
     def _all_s(self, period_s: float) -> list[float]:
         limits = self._limits

@@ -67,12 +67,17 @@ class Shaping:
         must not use it up.
         """
         self._law.renew()
-        u = []
-        for axis, (wanted, last, rate) in enumerate(zip(target, self.u, self._slew_per_s, strict=True)):
-            most = rate * min(now_s - self._moved_s[axis], LONGEST_SLEW_STEP_S)
-            if wanted != last:
-                self._moved_s[axis] = now_s
-            u.append(last - most if wanted < last - most else last + most if wanted > last + most else wanted)
+        u, last_u, moved_s = list(target), self.u, self._moved_s
+        for axis, wanted in enumerate(target):
+            last = last_u[axis]
+            if wanted == last:
+                continue
+            most = self._slew_per_s[axis] * min(now_s - moved_s[axis], LONGEST_SLEW_STEP_S)
+            moved_s[axis] = now_s
+            if wanted < last - most:
+                u[axis] = last - most
+            elif wanted > last + most:
+                u[axis] = last + most
         self.u = (u[0], u[1], u[2], u[3])
         self._counters["steps slew limited"] += self.u != target
 

@@ -164,7 +164,8 @@ class Surveillance:
         unseen_s = now_s - track.seen_s
         elapsed = min(unseen_s, LONGEST_EXTRAPOLATION_S)
         drift_s = min(unseen_s - elapsed, LONGEST_DRIFT_S)
-        x, y, z = (p + v * elapsed for p, v in zip(track.position_m, track.velocity_m_s, strict=True))
+        (x, y, z), (vx, vy, vz) = track.position_m, track.velocity_m_s
+        x, y, z = x + vx * elapsed, y + vy * elapsed, z + vz * elapsed
         # Wherever it is between there and as far as it may have sunk.
         z = min(max(position[2], z - SINK_M_S2 / 2 * drift_s**2), z)
         reach = limits.maximum_jump_m + limits.maximum_speed_m_s * elapsed + DRIFT_M_S * drift_s
@@ -186,11 +187,12 @@ class Surveillance:
                 elapsed = (pose.frame - track.seen_frame) * pose.period_s
             elapsed = max(elapsed, SHORTEST_STEP_S)
             weight = -math.expm1(-elapsed / self._limits.velocity_filter_s)
-            x, y, z = (
-                v + weight * ((p - q) / elapsed - v)
-                for v, p, q in zip(track.velocity_m_s, position, last, strict=True)
+            (x, y, z), (last_x, last_y, last_z), (vx, vy, vz) = position, last, track.velocity_m_s
+            track.velocity_m_s = (
+                vx + weight * ((x - last_x) / elapsed - vx),
+                vy + weight * ((y - last_y) / elapsed - vy),
+                vz + weight * ((z - last_z) / elapsed - vz),
             )
-            track.velocity_m_s = (x, y, z)
         track.seen_frame, track.seen_epoch = pose.frame, pose.epoch
         track.yaw_rad = pose.yaw_rad
         track.captured_s = now_s - pose.latency_s
@@ -274,7 +276,7 @@ class Surveillance:
             if track.position_m is None or now_s >= track.seen_s + self._limits.other_pose_s:
                 continue
             distance = math.dist(position, track.position_m)
-            if distance < minimum or (distance < apart and name in self._close):
+            if distance < apart and (distance < minimum or name in self._close):
                 close.append(name)
         self._close = close
         return f"{close[0]} closer than {minimum:g} m" if close else None
@@ -306,15 +308,16 @@ def judge_fence(fence: Fence, position: Position, velocity: Position) -> tuple[s
         In the inertial frame [m, m/s].
     """
     hold: str | None = None
-    for axis, name in enumerate("xyz"):
-        p, v = position[axis], velocity[axis]
-        lower, upper = fence.lower_m[axis], fence.upper_m[axis]
+    axes = zip("xyz", position, velocity, fence.lower_m, fence.upper_m, fence.braking_m_s2, strict=True)
+    for name, p, v, lower, upper, braking in axes:
+        way = v * v / (2 * braking)
+        if lower <= p - way and p + way <= upper:
+            continue  # It stops inside whichever way it flies.
         if not lower - fence.margin_m <= p <= upper + fence.margin_m:
             return None, f"outside the fence in {name}"
-        stop = p + math.copysign(v * v / (2 * fence.braking_m_s2[axis]), v)
-        if axis == CEILING:
-            if v > 0 and stop > upper:
+        if name == "z":
+            if v > 0 and p + way > upper:
                 return None, "cannot stop below the fence's ceiling"
-        elif (v > 0 and stop > upper) or (v < 0 and stop < lower):
+        elif (v > 0 and p + way > upper) or (v < 0 and p - way < lower):
             hold = hold or f"cannot stop inside the fence in {name}"
     return hold, None
