@@ -69,6 +69,7 @@ class Gateway:
         }
         self._judge_poses_at_s = math.inf
         self._poses_wake = True
+        self._poses_arrived = False
         self._poses_taken_s = -math.inf
         self._stations_due_s = -math.inf
         self._tell_by_s = math.inf
@@ -84,7 +85,7 @@ class Gateway:
             session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=4, fleet=fleet)
             for fleet in (settings.bus.fleet, channels.EVERY_FLEET)
         ]
-        self._report_at_s = self._clock() + STATUS_PERIOD_S
+        self._report_at_s = self._report_due_s = self._clock() + STATUS_PERIOD_S
         for station in self._stations.values():
             station.transmitter.await_recall(self._clock())
         self._recall = Recall(session, self._stations)
@@ -123,11 +124,12 @@ class Gateway:
                 self._called.append(station)
         for station in called:
             station.tell_lease()
-        for kill in [received for kills in self._kills for received in kills.drain()]:
-            for station in self._stations.values():
-                station.take_kill(kill.message, self._clock())
-            # Whoever killed waits for this.
-            self._report_at_s = -math.inf
+        for kills in self._kills:
+            for kill in kills.drain():
+                for station in self._stations.values():
+                    station.take_kill(kill.message, self._clock())
+                # Whoever killed waits for this.
+                self._report_due_s = -math.inf
         for incoming in self._session.pending():
             self._stations[incoming.unit].answer(incoming, self._clock())
         self._look_at_stations()
@@ -138,21 +140,17 @@ class Gateway:
         due_s, flying, poses_wake, complete = math.inf, False, False, True
         untold: list[Station] = []
         for station in self._stations.values():
-            transmitter = station.transmitter
-            now_s, deadline_s = self._clock(), transmitter.next_deadline_s()
-            if now_s >= deadline_s:
-                station.tick(now_s)
-                deadline_s = transmitter.next_deadline_s()
-            if station.changed:
-                station.publish_writes()
-            due_s = min(due_s, deadline_s)
-            flies = transmitter.arbiter.state in FLYING
+            now_s, transmitter = self._clock(), station.transmitter
+            if now_s >= transmitter.due_s:
+                station.look(now_s)
+            if transmitter.due_s < due_s:
+                due_s = transmitter.due_s
             if station.untold:
                 untold.append(station)
-            elif flies:
+            elif station.flies:
                 complete = False
-            flying = flying or flies
-            poses_wake = poses_wake or transmitter.acts_on_poses
+            flying = flying or station.flies
+            poses_wake = poses_wake or station.acts_on_poses
         self._stations_due_s, self._flying, self._poses_wake = due_s, flying, poses_wake
         self._tell_writes(untold, complete)
 
@@ -257,6 +255,7 @@ class Gateway:
 
         Poses of vehicles that obey commands wake nobody: these commands do, a moment later.
         """
+        self._poses_arrived = True
         if self._poses_wake and self._judge_poses_at_s == math.inf:
             self._judge_poses_at_s = self._clock() + POSE_PATIENCE_S
             self._wakeup.notify()
@@ -269,11 +268,16 @@ class Gateway:
         # First, so that a pose that arrives meanwhile is either drained here or wakes the loop again.
         self._judge_poses_at_s = math.inf
         self._poses_taken_s = self._clock()
+        if not self._poses_arrived:
+            return
+        self._poses_arrived = False
         for pose, arrived_s in self._new_poses():
             self._pose_arrived_s, self._period_s = arrived_s, min(pose.period_s or 0.0, LONGEST_PERIOD_S)
-            self._heartbeat.frame(arrived_s, self._period_s)
             for station in self._stations.values():
                 station.transmitter.on_pose(pose, arrived_s)
+        if self._pose_arrived_s is not None:
+            self._heartbeat.frame(self._pose_arrived_s, self._period_s)
+        self._report_due_s = calm_at_s(self._report_at_s, self._pose_arrived_s, self._period_s)
 
     def _new_poses(self) -> list[tuple[PoseInput, float]]:
         return [
@@ -282,15 +286,12 @@ class Gateway:
             for received in poses.drain()
         ]
 
-    @property
-    def _report_due_s(self) -> float:
-        """When the next statuses are due; they wait until the commands of a frame are written."""
-        return calm_at_s(self._report_at_s, self._pose_arrived_s, self._period_s)
-
     def _report(self) -> None:
+        """Publish statuses when they are due, which is when the commands of a frame are written."""
         now_s = self._clock()
         if now_s >= self._report_due_s:
             self._report_at_s = now_s + STATUS_PERIOD_S
+            self._report_due_s = calm_at_s(self._report_at_s, self._pose_arrived_s, self._period_s)
             for station in self._stations.values():
                 station.report(now_s)
 

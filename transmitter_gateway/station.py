@@ -17,7 +17,15 @@ from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.bus.timing import CommandTiming
-from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, ActionRequest, CommandInput, Input, State
+from rcopterx.transmitter_gateway.inputs import (
+    FLYING,
+    NEUTRAL,
+    Action,
+    ActionRequest,
+    CommandInput,
+    Input,
+    State,
+)
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
@@ -46,6 +54,13 @@ class Station:
         Whether the process runs in the real-time class, for the status.
     call
         Called with the station, on receive threads, when there are commands or bids to take.
+
+    Attributes
+    ----------
+    flies, acts_on_poses : bool
+        Whether the vehicle may be in the air, and whether poses decide what it does next, at the last look.
+    untold : list of Applied
+        Serial frames written that `publish_writes` has not published.
     """
 
     def __init__(
@@ -73,7 +88,9 @@ class Station:
         self._bids: Subscription[LeaseBid] = session.subscribe(
             channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT, wake=partial(call, self)
         )
-        self._unpublished: list[Applied] = []
+        self.flies = False
+        self.acts_on_poses = True
+        self.untold: list[Applied] = []
         self._news = False
         self._watched_until_s = -math.inf
         self._commanded: Input = NEUTRAL
@@ -133,6 +150,17 @@ class Station:
         """Whether there are commands that `take_commands` has left for the next time."""
         return self._commands.waiting_since_s() is not None
 
+    def look(self, now_s: float) -> None:
+        """Let the transmitter do what is due, and tell another state at once; needed from its `due_s` on."""
+        transmitter = self.transmitter
+        if now_s >= transmitter.next_deadline_s():
+            self.tick(now_s)
+            transmitter.next_deadline_s()
+        state = transmitter.arbiter.state
+        if state is not self._told_state:
+            self.publish_writes()
+        self.flies, self.acts_on_poses = state in FLYING, transmitter.acts_on_poses
+
     def tick(self, now_s: float) -> None:
         """Let the transmitter do what is due; what is written is published by `publish_writes`."""
         write = self.transmitter.tick(now_s)
@@ -143,7 +171,7 @@ class Station:
             same_state = output.state is self._written_state
             self._news = self._news or not (as_expected and same_state and now_s >= self._watched_until_s)
             self._written_u, self._written_state = output.u, output.state
-            self._unpublished.append(applied)
+            self.untold.append(applied)
 
     def take_kill(self, kill: Kill, now_s: float) -> None:
         """Obey a kill for this vehicle or for all."""
@@ -170,11 +198,6 @@ class Station:
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))
 
     @property
-    def untold(self) -> bool:
-        """Whether serial frames were written that `publish_writes` has not published."""
-        return bool(self._unpublished)
-
-    @property
     def has_news(self) -> bool:
         """Whether `publish_writes` has something to tell that the agent that commands does not know already.
 
@@ -182,16 +205,11 @@ class Station:
         """
         return self._news
 
-    @property
-    def changed(self) -> bool:
-        """Whether the state is another one than `publish_writes` has published."""
-        return self.transmitter.arbiter.state is not self._told_state
-
     def publish_writes(self) -> None:
         """Publish the serial frames written since the last call, and at once that a kill begins or ends."""
-        for applied in self._unpublished:
+        for applied in self.untold:
             self._session.publish(channels.APPLIED, self.vehicle, applied)
-        self._unpublished.clear()
+        self.untold.clear()
         self._news = False
         self._told_state = self.transmitter.arbiter.state
         before, now = self._reported_state, self._told_state

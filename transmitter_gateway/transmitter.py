@@ -63,6 +63,11 @@ class Transmitter:
     low_power : bool
         Ask the radio for low power.
 
+    Attributes
+    ----------
+    due_s : float
+        What `next_deadline_s` told last [s]; minus infinity since anything has happened that may change it.
+
     Raises
     ------
     PulseRangeError
@@ -96,6 +101,7 @@ class Transmitter:
         self._pending = False
         self._judge_by_s = math.inf
         self._deadline_s: float | None = None
+        self.due_s = -math.inf
         self._attempt_s = -math.inf
         self._bind_since_s: float | None = None
         self._bind_by_s = -math.inf
@@ -119,7 +125,7 @@ class Transmitter:
         if answer.accepted:
             self._decide_at_once(urgent=self.arbiter.commanded)
         else:
-            self._deadline_s = None
+            self._forget_deadline()
         return answer
 
     def on_pose(self, pose: PoseInput, now_s: float) -> None:
@@ -134,6 +140,7 @@ class Transmitter:
             self._decide_at_once()
         else:
             self._judge_by_s = min(self._judge_by_s, now_s + JUDGED_WITHIN_S)
+            self.due_s = min(self.due_s, self._judge_by_s)
 
     @property
     def acts_on_poses(self) -> bool:
@@ -163,7 +170,7 @@ class Transmitter:
         """
         self._awaiting_recall = True
         self._silent_until_s = now_s + RECALL_LIMIT_S
-        self._deadline_s = None
+        self._forget_deadline()
 
     @property
     def awaiting_recall(self) -> bool:
@@ -189,7 +196,7 @@ class Transmitter:
             self.arbiter.counters["recalled too late"] += 1
         elif last.state in FLYING:
             self._last, self._decide_by_s = last, now_s + FIRST_POSE_S
-            self._deadline_s = None
+            self._forget_deadline()
 
     def _undecided(self, now_s: float) -> bool:
         """Whether it is still open if the vehicle flies; decides it when the own pose is there."""
@@ -283,12 +290,17 @@ class Transmitter:
 
     def _decide_at_once(self, *, urgent: bool = False) -> None:
         """Let the next `tick` be due now; an urgent frame does not wait for the keep-alive."""
-        self._deadline_s = -math.inf
+        self._deadline_s = self.due_s = -math.inf
         self._pending = self._pending or urgent
+
+    def _forget_deadline(self) -> None:
+        """Let `next_deadline_s` find out anew what is due."""
+        self._deadline_s, self.due_s = None, -math.inf
 
     def tick(self, now_s: float) -> Write | None:
         """Do what is due and return what was written; harmless when nothing is due."""
-        self._deadline_s, self._judge_by_s = None, math.inf
+        self._forget_deadline()
+        self._judge_by_s = math.inf
         if self._undecided(now_s):
             return None
         self._silent_until_s = -math.inf
@@ -317,7 +329,8 @@ class Transmitter:
                 self._deadline_s = max(self._decide_by_s, self._silent_until_s)
             else:
                 self._deadline_s = min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
-        return min(self._deadline_s, self._judge_by_s)
+        self.due_s = min(self._deadline_s, self._judge_by_s)
+        return self.due_s
 
     @property
     def finished(self) -> bool:

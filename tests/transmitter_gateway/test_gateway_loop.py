@@ -500,3 +500,19 @@ def test_kill_is_reported_at_once_also_where_it_cannot_be_written(laboratory: La
     laboratory.bus.published.clear()
     laboratory.gateway.step()
     assert not any(isinstance(message, TransmitterStatus) for _, message in laboratory.bus.published)
+
+
+def test_who_has_no_news_is_due_no_later_than_its_deadline(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    flown_s, states = laboratory.bus.now_s, set()
+    while laboratory.bus.now_s < flown_s + 4.0:
+        if laboratory.bus.now_s > flown_s + 0.5:
+            laboratory.thrust = None
+        laboratory.sinks = laboratory.bus.now_s > flown_s + 1.0
+        laboratory.turn()
+        for name in NAMES:
+            transmitter = laboratory.transmitter(name)
+            states.add(transmitter.arbiter.state)
+            due_s = transmitter.due_s
+            assert due_s <= transmitter.next_deadline_s()
+    assert states == {State.ARMED, State.HOLD, State.LAND, State.CUT}
