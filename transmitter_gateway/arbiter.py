@@ -64,6 +64,7 @@ class Arbiter:
     """
 
     def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
+        self.vehicle = vehicle
         self.limits = limits
         self.state = State.DISARMED
         self.reason = "started"
@@ -122,7 +123,11 @@ class Arbiter:
 
     def pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of the own or another vehicle."""
-        self.surveillance.pose(pose, now_s, airborne=self.state in FLYING and not self._grounded(now_s))
+        if pose.vehicle != self.vehicle:
+            self.surveillance.other_pose(pose, now_s)
+        else:
+            airborne = self.state in FLYING and not self._grounded(now_s)
+            self.surveillance.pose(pose, now_s, airborne=airborne)
 
     def link(self, link: LinkState) -> None:
         """Take the state of port and module; it takes effect with the next step."""
@@ -277,13 +282,12 @@ class Arbiter:
         if not flying and not self._arming:
             return
         judgement = self.surveillance.judge(now_s, self._thrust_time_s if flying else 0.0)
-        for condition, reason in (
-            (Condition.HOLD_CAUSE, judgement.hold),
-            (Condition.DESCEND_CAUSE, judgement.descend),
-        ):
-            if reason is not None:
-                found.add(condition)
-                self._details[condition] = reason
+        if judgement.hold is not None:
+            found.add(Condition.HOLD_CAUSE)
+            self._details[Condition.HOLD_CAUSE] = judgement.hold
+        if judgement.descend is not None:
+            found.add(Condition.DESCEND_CAUSE)
+            self._details[Condition.DESCEND_CAUSE] = judgement.descend
 
     def _judge_motion(self, found: set[Condition], now_s: float) -> None:
         motion = self.surveillance.own_motion(now_s, self.limits.landing.pose_age_s)
@@ -408,9 +412,9 @@ class Arbiter:
             times.append(self._ages.next_s(stream, self._now_s))
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
-        times.append(self._entered_s + limits.hold_limit_s)
-        times.append(self._entered_s + self._descent_s)
+        times += [self._entered_s + limits.hold_limit_s, self._entered_s + self._descent_s]
         if self.state is State.LAND and self.surveillance.own_track is not None:
             times.append(self.surveillance.own_track.captured_s + limits.landing.pose_age_s)
             times.append(self._landing_since_s + limits.landing.longest_s)
-        return min((time for time in times if time > self._now_s), default=math.inf)
+        now_s = self._now_s
+        return min([time_s for time_s in times if time_s > now_s], default=math.inf)

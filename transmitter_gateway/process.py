@@ -116,14 +116,8 @@ class Gateway:
         for vehicle, last in self._recall.answers():
             self._stations[vehicle].transmitter.recall(last, self._clock())
             self._called.append(self._stations[vehicle])
-        called = dict.fromkeys(self._called.popleft() for _ in range(len(self._called)))
-        for station in called:
-            station.take_bids(self._clock())
-            station.take_commands(self._clock)
-            if station.commands_wait:
-                self._called.append(station)
-        for station in called:
-            station.tell_lease()
+        if self._called:
+            self._serve_called()
         for kills in self._kills:
             for kill in kills.drain():
                 for station in self._stations.values():
@@ -134,6 +128,17 @@ class Gateway:
             self._stations[incoming.unit].answer(incoming, self._clock())
         self._look_at_stations()
         self._report()
+
+    def _serve_called(self) -> None:
+        """Take bids and commands of the stations that have some."""
+        called = dict.fromkeys([self._called.popleft() for _ in range(len(self._called))])
+        for station in called:
+            station.take_bids(self._clock())
+            station.take_commands(self._clock)
+            if station.commands_wait:
+                self._called.append(station)
+        for station in called:
+            station.tell_lease()
 
     def _look_at_stations(self) -> None:
         """Let stations do what is due, and note what the next wait has to know of them."""

@@ -74,10 +74,8 @@ class Shaping:
                 continue
             most = self._slew_per_s[axis] * min(now_s - moved_s[axis], LONGEST_SLEW_STEP_S)
             moved_s[axis] = now_s
-            if wanted < last - most:
-                u[axis] = last - most
-            elif wanted > last + most:
-                u[axis] = last + most
+            if not last - most <= wanted <= last + most:
+                u[axis] = last - most if wanted < last else last + most
         self.u = (u[0], u[1], u[2], u[3])
         self._counters["steps slew limited"] += self.u != target
 

@@ -99,40 +99,49 @@ class Surveillance:
         airborne : bool
             Whether the own vehicle may be in the air; on the floor it can be carried anywhere.
         """
-        own = pose.vehicle == self._vehicle
-        track = self.own_track if own else self._others.get(pose.vehicle)
+        if pose.vehicle != self._vehicle:
+            return self.other_pose(pose, now_s)
+        track = self.own_track
         rejection = self._check(pose, track, now_s)
         if rejection is not None:
             self._counters[rejection] += 1
             return False
         if track is None:
-            track = self._new_track(pose, now_s)
+            track = self.own_track = Track(pose.epoch, pose.frame, now_s)
         track.epoch, track.frame, track.heard_s = pose.epoch, pose.frame, now_s
-        if own:
-            self.stamp = PoseStamp(pose.epoch, pose.frame, pose.period_s, pose.latency_s)
+        self.stamp = PoseStamp(pose.epoch, pose.frame, pose.period_s, pose.latency_s)
         position = pose.position_m
         if position is None:
             self._counters["occluded pose"] += 1
             return False
-        if own:
-            if self._is_stuck(track, position, airborne):
-                self._counters["repeated pose"] += 1
-                return False
-            if airborne and self._is_jump(track, position, now_s):
-                self._counters["pose jump"] += 1
-                return False
-            self._jumping_since_s = None
-            self._follow(track, pose, position, now_s, moving=airborne)
+        if self._is_stuck(track, position, airborne):
+            self._counters["repeated pose"] += 1
+            return False
+        if airborne and self._is_jump(track, position, now_s):
+            self._counters["pose jump"] += 1
+            return False
+        self._jumping_since_s = None
+        self._follow(track, pose, position, now_s, moving=airborne)
         track.position_m, track.seen_s = position, now_s
         return True
 
-    def _new_track(self, pose: PoseInput, now_s: float) -> Track:
-        track = Track(pose.epoch, pose.frame, now_s)
-        if pose.vehicle == self._vehicle:
-            self.own_track = track
-        else:
-            self._others[pose.vehicle] = track
-        return track
+    def other_pose(self, pose: PoseInput, now_s: float) -> bool:
+        """Take a pose of another vehicle, see `pose`; nothing of it is judged but its form and order."""
+        track = self._others.get(pose.vehicle)
+        rejection = self._check(pose, track, now_s)
+        if rejection is None and track is None and len(self._others) >= MOST_OTHERS:
+            rejection = "too many vehicles"
+        if rejection is not None:
+            self._counters[rejection] += 1
+            return False
+        if track is None:
+            track = self._others[pose.vehicle] = Track(pose.epoch, pose.frame, now_s)
+        track.epoch, track.frame, track.heard_s = pose.epoch, pose.frame, now_s
+        if pose.position_m is None:
+            self._counters["occluded pose"] += 1
+            return False
+        track.position_m, track.seen_s = pose.position_m, now_s
+        return True
 
     def _check(self, pose: PoseInput, track: Track | None, now_s: float) -> str | None:
         position = pose.position_m
@@ -140,15 +149,14 @@ class Surveillance:
             return "malformed pose"
         if not (math.isfinite(pose.yaw_rad or 0.0) and 0 <= pose.latency_s < math.inf):
             return "malformed pose"
-        if track is None:
-            other = pose.vehicle != self._vehicle
-            return "too many vehicles" if other and len(self._others) >= MOST_OTHERS else None
-        # After a silence any epoch is a new beginning: one wild number must not blind us for ever.
-        if pose.epoch > track.epoch or now_s > track.heard_s + FORGET_AFTER_S:
+        if track is None or pose.epoch > track.epoch:
             return None
-        if pose.epoch < track.epoch:
-            return "pose of an older epoch"
-        return None if pose.frame > track.frame else "old pose frame"
+        if pose.epoch == track.epoch and pose.frame > track.frame:
+            return None
+        # After a silence any epoch is a new beginning: one wild number must not blind us for ever.
+        if now_s > track.heard_s + FORGET_AFTER_S:
+            return None
+        return "old pose frame" if pose.epoch == track.epoch else "pose of an older epoch"
 
     def _is_stuck(self, track: Track, position: Position, airborne: bool) -> bool:
         if not airborne:
@@ -163,12 +171,14 @@ class Surveillance:
             return False
         unseen_s = now_s - track.seen_s
         elapsed = min(unseen_s, LONGEST_EXTRAPOLATION_S)
-        drift_s = min(unseen_s - elapsed, LONGEST_DRIFT_S)
         (x, y, z), (vx, vy, vz) = track.position_m, track.velocity_m_s
         x, y, z = x + vx * elapsed, y + vy * elapsed, z + vz * elapsed
-        # Wherever it is between there and as far as it may have sunk.
-        z = min(max(position[2], z - SINK_M_S2 / 2 * drift_s**2), z)
-        reach = limits.maximum_jump_m + limits.maximum_speed_m_s * elapsed + DRIFT_M_S * drift_s
+        reach = limits.maximum_jump_m + limits.maximum_speed_m_s * elapsed
+        if unseen_s > elapsed:
+            drift_s = min(unseen_s - elapsed, LONGEST_DRIFT_S)
+            # Wherever it is between there and as far as it may have sunk.
+            z = min(max(position[2], z - SINK_M_S2 / 2 * drift_s**2), z)
+            reach += DRIFT_M_S * drift_s
         jump = math.dist((x, y, z), position) > reach
         if jump and self._jumping_since_s is None:
             self._jumping_since_s = now_s
@@ -235,11 +245,10 @@ class Surveillance:
 
     def judge(self, now_s: float, thrust_time_s: float) -> Judgement:
         """Judge the newest poses at `now_s`; `thrust_time_s` is the time with thrust since arming [s]."""
-        descend = self._mistaken_identity(now_s)
-        hold: str | None = None
+        mistaken = self._mistaken_identity(now_s)
         own = self.own_track
-        lost_hold, lost_descend = self._lost(own, now_s)
-        hold, descend = hold or lost_hold, descend or lost_descend
+        hold, lost = self._lost(own, now_s)
+        descend = mistaken or lost
         if own is not None and own.position_m is not None:
             if self._limits.fence is not None:
                 fence_hold, fence_descend = judge_fence(self._limits.fence, own.position_m, own.velocity_m_s)
@@ -286,8 +295,8 @@ class Surveillance:
         own = self.own_track
         if own is None or own.position_m is None:
             return []
-        limits = (self._limits.tracking_hold_s, self._limits.tracking_descend_s)
-        times = [own.captured_s + limit for limit in limits if limit is not None]
+        hold_s, descend_s = self._limits.tracking_hold_s, self._limits.tracking_descend_s
+        times = [own.captured_s + limit for limit in (hold_s, descend_s) if limit is not None]
         if self._jumping_since_s is not None:
             times.append(self._jumping_since_s + self._limits.jump_descend_s)
         return times

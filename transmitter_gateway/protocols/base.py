@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -193,10 +194,14 @@ class RadioProtocol(ABC):
                 f"{self.name}: {len(pulses_us)} channels given, {self.channel_count} are possible"
             )
         low, high = self.pulse_range_us
-        for index, pulse in enumerate(pulses_us):
-            if not low <= pulse <= high:
-                name = CHANNEL_NAMES[index] if index < len(CHANNEL_NAMES) else f"channel {index + 1}"
-                raise PulseRangeError(f"{self.name}: {name} pulse {pulse} us is outside {low:g}..{high:g} us")
+        # For every frame. The least and the greatest do not tell of a NaN; the sum does.
+        inside = low <= min(pulses_us, default=low) and max(pulses_us, default=high) <= high
+        if not inside or math.isnan(sum(pulses_us)):
+            index = next(index for index, pulse in enumerate(pulses_us) if not low <= pulse <= high)
+            name = CHANNEL_NAMES[index] if index < len(CHANNEL_NAMES) else f"channel {index + 1}"
+            raise PulseRangeError(
+                f"{self.name}: {name} pulse {pulses_us[index]} us is outside {low:g}..{high:g} us"
+            )
         return [*pulses_us, *([CENTER_US] * (self.channel_count - len(pulses_us)))]
 
     def _refuse(self, flags: FrameFlags, disarmed: bool) -> None:
