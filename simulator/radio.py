@@ -51,7 +51,7 @@ class RadioLink:
 
     def note_output(self, time_s: float) -> None:
         """Remember what the receiver gives the vehicle if that changes; it does so without a module, too."""
-        pulses_us = self.receiver.output(time_s).pulses_us
+        pulses_us = self.receiver.pulses_us(time_s)
         if pulses_us != self._last:
             self._last = pulses_us
             self._outputs.append((time_s, pulses_us))
@@ -170,10 +170,12 @@ class RadioPty:
         unless the last look is so long ago that whole frames can have come in one after the other.
         """
         length = self.link.module.frame_length
+        if len(data) < 2 * length:
+            return [(now_s, data)]
         count, rest = divmod(len(data), length)
         waited_s = now_s - self._received_s if self._received_s is not None else 0.0
-        spacing_s = waited_s / max(count, 1)
-        if count < 2 or rest or spacing_s < self.link.module.shortest_spacing_s:
+        spacing_s = waited_s / count
+        if rest or spacing_s < self.link.module.shortest_spacing_s:
             return [(now_s, data)]
         self.counters["late services"] += 1
         return [

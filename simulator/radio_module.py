@@ -164,8 +164,10 @@ class RadioModule(ABC):
     def advance(self, now_s: float) -> bytes:
         """Do everything due until `now_s`; return the bytes the module answers."""
         while True:
-            events: list[Timer] = [(self._input.next_end_s(), self._take_burst), *self._timers()]
-            time_s, handler = min(events, key=_TIME)
+            time_s, handler = min(self._timers(), key=_TIME)
+            burst_s = self._input.next_end_s()
+            if burst_s <= time_s:
+                time_s, handler = burst_s, self._take_burst
             if time_s > now_s:
                 break
             handler(time_s)

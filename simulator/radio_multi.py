@@ -132,7 +132,9 @@ class MultiModule(RadioModule):
         elif self._deaf:
             self.rejected["deaf: wrong polarity bit"] += 1
         else:
-            start = next((i for i, byte in enumerate(data) if byte & 0xFC == 0x54), len(data))
+            start = 0
+            if data[0] & 0xFC != 0x54:
+                start = next((i for i, byte in enumerate(data) if byte & 0xFC == 0x54), len(data))
             if 26 <= len(data) - start <= 36:
                 self._accept(data[start:], end_s)
             else:
@@ -202,7 +204,7 @@ class MultiModule(RadioModule):
             (self._next_rf_s, self._send_channels),
             (self._next_status_s, self._periodic_status),
         ]
-        if self.binding:
+        if self._bind_start_s < math.inf:
             if self._bind_packets < BIND_PACKETS:
                 next_s = self._bind_start_s + BIND_START_S + self._bind_packets * BIND_PACKET_S
                 timers.append((next_s, self._send_bind))

@@ -67,7 +67,7 @@ class Receiver:
         self._power_up()
 
     def _power_up(self) -> None:
-        self._pulses = [self._failsafe_throttle_us] + [CENTER_US] * (CHANNELS - 1)
+        self._pulses = (self._failsafe_throttle_us, *(CHANNELS - 1) * (CENTER_US,))
         self._linked_to: int | None = None
         self._heard_s = -math.inf
         self._found: tuple[int, float] | None = None
@@ -117,14 +117,21 @@ class Receiver:
 
     def _take(self, packet: AirPacket) -> None:
         self._heard_s = packet.time_s
-        self._pulses[: len(packet.pulses_us)] = packet.pulses_us
+        self._pulses = (*packet.pulses_us, *self._pulses[len(packet.pulses_us) :])
         if math.isinf(self._store_until_s) and self._store_until_s > 0:
             self._store_until_s = packet.time_s + STORE_AFTER_BIND_S
         if packet.time_s <= self._store_until_s:
             self._failsafe_throttle_us = packet.pulses_us[0]
 
+    def pulses_us(self, now_s: float) -> tuple[float, ...]:
+        """Channels at `now_s` [us]: last values, and throttle at its stored position without a link."""
+        linked = self._linked_to is not None and not self._bind_mode
+        if linked and now_s < self._heard_s + HOLD_S:
+            return self._pulses
+        return (self._failsafe_throttle_us, *self._pulses[1:])
+
     def output(self, now_s: float) -> ReceiverOutput:
-        """Channels at `now_s`: last values, and throttle at its stored position after the hold."""
+        """What the vehicle is given at `now_s`, and where it comes from."""
         if self._bind_mode:
             state = ReceiverState.BIND
         elif self._linked_to is None:
@@ -135,7 +142,4 @@ class Receiver:
             state = ReceiverState.HOLD
         else:
             state = ReceiverState.FAILSAFE
-        pulses = list(self._pulses)
-        if state not in (ReceiverState.LINKED, ReceiverState.HOLD):
-            pulses[0] = self._failsafe_throttle_us
-        return ReceiverOutput(state, tuple(pulses))
+        return ReceiverOutput(state, self.pulses_us(now_s))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import repeat
 from operator import and_, lshift, rshift
 from typing import ClassVar
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
@@ -112,8 +113,8 @@ class MultiFrame(Struct, frozen=True):
         )
         return bytes((header, first, second, self.option)) + pack_channels(self.counts) + bytes((last,))
 
-    @classmethod
-    def from_bytes(cls, frame: bytes) -> MultiFrame:
+    @staticmethod
+    def from_bytes(frame: bytes) -> MultiFrame:
         """Decode a frame of 26 to 36 bytes; bytes after the 27th are protocol data and ignored.
 
         Raises
@@ -125,22 +126,28 @@ class MultiFrame(Struct, frozen=True):
             raise FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")
         if frame[0] & 0xFC != 0x54:
             raise FrameDecodeError(f"multi: header 0x{frame[0]:02X}, expected 0x54 to 0x57")
-        last = frame[26] if len(frame) > 26 else 0
-        return cls(
-            counts=unpack_channels(frame[4:26]),
-            protocol=frame[1] & 0x1F | (0 if frame[0] & 0x01 else 0x20) | last & 0xC0,
-            sub_protocol=frame[2] >> 4 & 0x07,
-            rx_num=frame[2] & 0x0F | last & 0x30,
-            option=frame[3],
-            bind=bool(frame[1] & 0x80),
-            autobind=bool(frame[1] & 0x40),
-            range_check=bool(frame[1] & 0x20),
-            low_power=bool(frame[2] & 0x80),
-            failsafe=bool(frame[0] & 0x02),
-            inverted_line=bool(last & 0x08),
-            telemetry_off=bool(last & 0x02),
-            mapping_off=bool(last & 0x01),
-        )
+        without_channels = _without_channels(frame[:CHANNELS_AT], frame[26] if len(frame) > 26 else 0)
+        return structs.replace(without_channels, counts=unpack_channels(frame[CHANNELS_AT:26]))
+
+
+@lru_cache(maxsize=64)
+def _without_channels(header: bytes, last: int) -> MultiFrame:
+    """Fields of a frame from its first four bytes and its last one, which hardly ever change."""
+    return MultiFrame(
+        counts=CENTERED,
+        protocol=header[1] & 0x1F | (0 if header[0] & 0x01 else 0x20) | last & 0xC0,
+        sub_protocol=header[2] >> 4 & 0x07,
+        rx_num=header[2] & 0x0F | last & 0x30,
+        option=header[3],
+        bind=bool(header[1] & 0x80),
+        autobind=bool(header[1] & 0x40),
+        range_check=bool(header[1] & 0x20),
+        low_power=bool(header[2] & 0x80),
+        failsafe=bool(header[0] & 0x02),
+        inverted_line=bool(last & 0x08),
+        telemetry_off=bool(last & 0x02),
+        mapping_off=bool(last & 0x01),
+    )
 
 
 @dataclass(frozen=True, slots=True)
