@@ -151,6 +151,8 @@ class TrackerFaults:
 
     def active(self, kind: type[_F]) -> _F | None:
         """Return the active fault of a sort that concerns no particular subject, None when there is none."""
+        if not self._active:
+            return None
         entry = self._active.get((kind, None))
         return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
 
@@ -164,14 +166,14 @@ class TrackerFaults:
         if self._next_frame_id is not None:
             self._frame_offset = self._next_frame_id - frame.frame
             self._next_frame_id = None
-        self._subjects = frozenset(body.name for body in frame.bodies)
+        self._subjects = frozenset([body.name for body in frame.bodies])
         if self.active(Freeze) is not None and self._last is not None:
             return self._last
-        bodies = self._with_frozen(frame.bodies)
+        bodies = self._with_frozen(frame.bodies) if self._active or self._frozen else frame.bodies
         for entry in self._active.values():
             bodies = self._changed(bodies, entry)
         number = (frame.frame + self._frame_offset) % (MAX_FRAME_ID + 1)
-        self._last = frame._replace(frame=number, bodies=bodies)
+        self._last = TrackerFrame(number, bodies, frame.latency_samples)
         return self._last
 
     def skips(self) -> bool:

@@ -56,6 +56,11 @@ _CONSTANT: Mapping[int, Callable[[float, bool], WireObject]] = {
     ObjectType.UNLABELED_RECONS: lambda *_: UnlabeledRecons(),
 }
 """Objects of the whole stream that do not depend on the frame, from its rate and whether y is up."""
+_NUMBERED: Mapping[int, Callable[[int], WireObject]] = {
+    ObjectType.FRAME_INFO: FrameInfo,
+    ObjectType.HARDWARE_FRAME_INFO: HardwareFrameInfo,
+}
+"""Objects of the whole stream that tell the frame's number."""
 
 
 class TrackedBody(NamedTuple):
@@ -120,7 +125,7 @@ class FrameContent:
     ) -> None:
         self.frame = frame
         self._rate_hz = rate_hz
-        self._ids = subject_ids
+        self._bodies = [(subject_ids[body.name], body) for body in frame.bodies]
         self._y_up = y_up
         self._encoded: dict[int, _Encoded] = {}
 
@@ -139,10 +144,9 @@ class FrameContent:
             return None, _constant_single(kind, self._rate_hz, self._y_up)
         if kind == ObjectType.LATENCY_INFO:
             return None, _latency(self.frame.latency_samples)
-        single = self._single(kind)
-        if single is not None:
-            return None, [single.encode()]
-        bodies = [(self._ids[body.name], body) for body in self.frame.bodies]
+        if kind in _NUMBERED:
+            return None, [_NUMBERED[kind](self.frame.frame).encode()]
+        bodies = self._bodies
         if kind == ObjectType.OBJECT_QUALITY:
             return _qualities(tuple([(subject, body.quality) for subject, body in bodies]))
         if kind in _CONSTANT_PER_SUBJECT:
@@ -150,16 +154,6 @@ class FrameContent:
             return _constant_objects(kind, tuple(names))
         seen = [(subject, body) for subject, body in bodies if not body.occluded and kind in _POSES]
         return tuple([subject for subject, _ in seen]), self._poses(kind, seen)
-
-    def _single(self, kind: int) -> WireObject | None:
-        frame = self.frame
-        match kind:
-            case ObjectType.FRAME_INFO:
-                return FrameInfo(frame.frame)
-            case ObjectType.HARDWARE_FRAME_INFO:
-                return HardwareFrameInfo(frame.frame)
-            case _:
-                return None
 
     def _poses(self, kind: int, seen: list[tuple[int, TrackedBody]]) -> list[bytes]:
         if kind in (ObjectType.GLOBAL_SEGMENTS, ObjectType.LOCAL_SEGMENTS):

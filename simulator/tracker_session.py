@@ -5,6 +5,7 @@ Received bytes and captured frames go in, bytes to send come out. No socket, no 
 
 from collections.abc import Mapping
 from functools import lru_cache
+from itertools import chain
 
 from rcopterx.simulator.tracker_frame import FrameContent
 from rcopterx.vicon_gateway.control_objects import (
@@ -24,6 +25,7 @@ from rcopterx.vicon_gateway.objects import decode_body
 from rcopterx.vicon_gateway.wire import PacketReader, encode_packet
 
 EMPTY_PACKET = encode_packet()
+_NOTHING: list[bytes] = []
 MAX_REQUEST_BYTES = 64 * 1024
 MAX_OWED_FRAMES = 1_000_000
 
@@ -47,6 +49,7 @@ class TrackerConnection:
         self.offer = offer
         self.compact = compact
         self.selection: frozenset[int] | None = None
+        self._kinds: tuple[int, ...] = ()
         self.streaming = False
         self.owed_next = 0
         self.owed_latest = 0
@@ -97,6 +100,7 @@ class TrackerConnection:
         match item:
             case ObjectEnums(types):
                 self.selection = types & self.offer
+                self._kinds = tuple([kind for kind in _SEND_ORDER if kind in self.selection])
                 self._sent = {kind: sent for kind, sent in self._sent.items() if kind in self.selection}
             case RequestFrame(streaming):
                 self.streaming = streaming
@@ -117,25 +121,25 @@ class TrackerConnection:
             self.owed_latest -= 1
         elif self.owed_next:
             self.owed_next -= 1
-        kinds = [kind for kind in _SEND_ORDER if kind in self.selection]
-        objects = {kind: content.objects(kind, self._filter.get(kind)) for kind in kinds}
+        allowed = self._filter.get
+        objects = {kind: content.objects(kind, allowed(kind)) for kind in self._kinds}
         unchanged = self._unchanged(objects)
         self._sent = objects
-        present = {kind: [] if kind in unchanged else items for kind, items in objects.items()}
-        parts = [data for items in present.values() for data in items]
-        if _CONTENTS in self.selection:
-            counts = tuple([(kind, len(items)) for kind, items in present.items()])
-            parts.insert(0, _contents(counts, unchanged))
-        return encode_packet(*parts)
+        present = [_NOTHING if kind in unchanged else items for kind, items in objects.items()]
+        parts = chain.from_iterable(present)
+        if _CONTENTS not in self.selection:
+            return encode_packet(*parts)
+        return encode_packet(_contents(self._kinds, tuple(map(len, present)), unchanged), *parts)
 
     def _unchanged(self, objects: Mapping[int, list[bytes]]) -> frozenset[int]:
         """Return the types to leave out; none where the client has no Contents to be told with."""
         if _CONTENTS not in (self.selection or ()):
             return frozenset()
-        same = {kind for kind, items in objects.items() if items and items == self._sent.get(kind)}
-        if not self.compact:
-            same &= STATIC_TYPES
         static = {kind: items for kind, items in objects.items() if kind in STATIC_TYPES}
+        leavable = objects if self.compact else static
+        same = {kind for kind, items in leavable.items() if items and items == self._sent.get(kind)}
+        if same >= static.keys():
+            return frozenset(same)
         emptied = any(self._sent.get(kind) and not items for kind, items in static.items())
         if emptied and all(kind in same or not items for kind, items in static.items()):
             # Without any static object in the packet the client would keep what is gone (section 6.6).
@@ -144,6 +148,6 @@ class TrackerConnection:
 
 
 @lru_cache(maxsize=64)
-def _contents(counts: tuple[tuple[int, int], ...], unchanged: frozenset[int]) -> bytes:
+def _contents(kinds: tuple[int, ...], counts: tuple[int, ...], unchanged: frozenset[int]) -> bytes:
     """Return what a packet holds, encoded: the same for nearly every packet of a steady stream."""
-    return Contents(dict(counts), unchanged).encode()
+    return Contents(dict(zip(kinds, counts, strict=True)), unchanged).encode()
