@@ -234,11 +234,11 @@ class Plant(ABC):
         """
         if not 0.0 <= duration_s < math.inf:
             raise ValueError(f"{self._name}: cannot advance by {duration_s} s")
-        end_s = self._time_s + duration_s
+        end_s, pending = self._time_s + duration_s, self._pending
         while True:
-            while self._pending and self._pending[0][0] <= self._time_s + _TIME_TOLERANCE_S:
-                self._apply(self._pending.popleft()[1])
-            until_s = min(end_s, self._pending[0][0]) if self._pending else end_s
+            while pending and pending[0][0] <= self._time_s + _TIME_TOLERANCE_S:
+                self._apply(pending.popleft()[1])
+            until_s = min(end_s, pending[0][0]) if pending else end_s
             if until_s <= self._time_s:
                 return
             steps = max(1, math.ceil((until_s - self._time_s) / self._conditions.substep_s - 1e-6))
@@ -252,10 +252,10 @@ class Plant(ABC):
         if inputs is not None:
             gains, stuck, held = self.faults.stick_gain, self.faults.stuck, self._sticks
             trim = self.faults.trim
-            pitch, roll, thrust, yaw = (
+            pitch, roll, thrust, yaw = [
                 held[axis] if axis in stuck else gains[axis] * stick + trim[axis]
                 for axis, stick in enumerate(inputs)
-            )
+            ]
             inputs = self._sticks = pitch, roll, max(thrust, 0.0), yaw
         self._command(inputs)
 
