@@ -257,6 +257,8 @@ class Plant(ABC):
                 for axis, stick in enumerate(inputs)
             ]
             inputs = self._sticks = pitch, roll, max(thrust, 0.0), yaw
+        # What is taken from the battery, of what hovering takes.
+        self._load = self._sticks[U_THRUST] / self._hover_input[U_THRUST] if self.motors_running else 0.0
         self._command(inputs)
 
     def _substeps(self, count: int, step_s: float) -> int:
@@ -268,11 +270,6 @@ class Plant(ABC):
         self.on_floor = self._thrust_m_s2() <= self._gravity_m_s2
         self._time_s += step_s
         return 1
-
-    @property
-    def _load(self) -> float:
-        """What is taken from the battery, of what hovering takes."""
-        return self._sticks[U_THRUST] / self._hover_input[U_THRUST] if self.motors_running else 0.0
 
     def _use_battery(self, step_s: float) -> None:
         self._hover_seconds_used += step_s * self._load
