@@ -34,6 +34,8 @@ class State(StrEnum):
 
 BY_ITSELF = frozenset({State.HOLD, State.LAND, State.DESCEND})
 """States in which the arbiter flies the vehicle."""
+NAMES = {state: state.value.lower() for state in State}
+"""States as messages call them."""
 FLYING = frozenset({State.ARMED}) | BY_ITSELF
 
 

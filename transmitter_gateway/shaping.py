@@ -67,16 +67,17 @@ class Shaping:
         must not use it up.
         """
         self._law.renew()
-        u, last_u, moved_s = list(target), self.u, self._moved_s
-        for axis, wanted in enumerate(target):
-            last = last_u[axis]
+        limited: list[float] = []
+        axes = zip(target, self.u, self._slew_per_s, self._moved_s, strict=True)
+        for axis, (wanted, last, rate, moved_s) in enumerate(axes):
             if wanted == last:
                 continue
-            most = self._slew_per_s[axis] * min(now_s - moved_s[axis], LONGEST_SLEW_STEP_S)
-            moved_s[axis] = now_s
+            most = rate * min(now_s - moved_s, LONGEST_SLEW_STEP_S)
+            self._moved_s[axis] = now_s
             if not last - most <= wanted <= last + most:
-                u[axis] = last - most if wanted < last else last + most
-        self.u = (u[0], u[1], u[2], u[3])
+                limited = limited or list(target)
+                limited[axis] = last - most if wanted < last else last + most
+        self.u = (limited[0], limited[1], limited[2], limited[3]) if limited else target
         self._counters["steps slew limited"] += self.u != target
 
     def learn_hover(self, elapsed_s: float, track: Track | None, floor_m: float, now_s: float) -> None:

@@ -19,6 +19,7 @@ from rcopterx.bus.subscription import Subscription
 from rcopterx.bus.timing import CommandTiming
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
+    NAMES,
     NEUTRAL,
     Action,
     ActionRequest,
@@ -222,7 +223,7 @@ class Station:
         fresh = identity is not None and identity != self._written_command and not write.output.bridging_step
         self._written_command = identity
         return Applied(
-            state=write.output.state.value.lower(),
+            state=NAMES[write.output.state],
             input=write.output.u,
             pulse_width_us=all_rounded(write.pulses_us, PULSE_BITS),
             epoch=0 if cause is None else cause.epoch,
@@ -246,7 +247,7 @@ class Station:
             channels.TRANSMITTER_STATUS,
             self.vehicle,
             TransmitterStatus(
-                state=snapshot.state.value.lower(),
+                state=NAMES[snapshot.state],
                 reason=snapshot.reason[:400],
                 link=snapshot.link.value,
                 module=snapshot.module[:400],
