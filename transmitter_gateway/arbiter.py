@@ -64,13 +64,13 @@ class Arbiter:
     """
 
     def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
-        self.vehicle = vehicle
+        self._vehicle = vehicle
         self.limits = limits
         self.state = State.DISARMED
         self.reason = "started"
         self.counters: Counter[str] = Counter()
         self.commanded = False
-        self.surveillance = Surveillance(vehicle, limits.surveillance, self.counters)
+        self.surveillance = Surveillance(limits.surveillance, self.counters)
         self._admission = Admission(limits, self.counters)
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
@@ -123,11 +123,11 @@ class Arbiter:
 
     def pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of the own or another vehicle."""
-        if pose.vehicle != self.vehicle:
+        if pose.vehicle != self._vehicle:
             self.surveillance.other_pose(pose, now_s)
         else:
             airborne = self.state in FLYING and not self._grounded(now_s)
-            self.surveillance.pose(pose, now_s, airborne=airborne)
+            self.surveillance.own_pose(pose, now_s, airborne=airborne)
 
     def link(self, link: LinkState) -> None:
         """Take the state of port and module; it takes effect with the next step."""

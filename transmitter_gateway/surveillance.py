@@ -60,8 +60,6 @@ class Surveillance:
 
     Parameters
     ----------
-    vehicle : str
-        Own vehicle.
     limits : SurveillanceLimits
         What is allowed.
     counters : Counter
@@ -75,8 +73,7 @@ class Surveillance:
         Of its newest pose, believed or not.
     """
 
-    def __init__(self, vehicle: str, limits: SurveillanceLimits, counters: Counter[str]) -> None:
-        self._vehicle = vehicle
+    def __init__(self, limits: SurveillanceLimits, counters: Counter[str]) -> None:
         self._limits = limits
         self._counters = counters
         self.own_track: Track | None = None
@@ -87,20 +84,18 @@ class Surveillance:
         self._stood_at_m: float | None = None
         self.stamp: PoseStamp | None = None
 
-    def pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
-        """Take a pose; return whether its position is believed.
+    def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
+        """Take a pose of the own vehicle; return whether its position is believed.
 
         Parameters
         ----------
         pose : PoseInput
-            Pose of the own or another vehicle.
+            The pose.
         now_s : float
             Time of arrival [s].
         airborne : bool
-            Whether the own vehicle may be in the air; on the floor it can be carried anywhere.
+            Whether the vehicle may be in the air; on the floor it can be carried anywhere.
         """
-        if pose.vehicle != self._vehicle:
-            return self.other_pose(pose, now_s)
         track = self.own_track
         rejection = self._check(pose, track, now_s)
         if rejection is not None:
@@ -126,7 +121,7 @@ class Surveillance:
         return True
 
     def other_pose(self, pose: PoseInput, now_s: float) -> bool:
-        """Take a pose of another vehicle, see `pose`; nothing of it is judged but its form and order."""
+        """Take a pose of another vehicle; nothing of it is judged but its form and order."""
         track = self._others.get(pose.vehicle)
         rejection = self._check(pose, track, now_s)
         if rejection is None and track is None and len(self._others) >= MOST_OTHERS:

@@ -17,7 +17,7 @@ class Watch:
 
     def __init__(self, limits: SurveillanceLimits | None = None) -> None:
         self.counters: Counter[str] = Counter()
-        self.surveillance = Surveillance("h1", limits or SurveillanceLimits(), self.counters)
+        self.surveillance = Surveillance(limits or SurveillanceLimits(), self.counters)
         self.now_s = 50.0
         self.frame = 0
         self.epoch = 1
@@ -31,7 +31,9 @@ class Watch:
         latency_s: float = 0.0,
     ) -> bool:
         pose = PoseInput(vehicle, self.epoch, self.frame, position, period_s, latency_s=latency_s)
-        return self.surveillance.pose(pose, self.now_s, airborne=airborne)
+        if vehicle != "h1":
+            return self.surveillance.other_pose(pose, self.now_s)
+        return self.surveillance.own_pose(pose, self.now_s, airborne=airborne)
 
     def step(self, position: Position | None = CENTRE, seconds: float = 0.01, **options: Any) -> bool:
         self.now_s += seconds
