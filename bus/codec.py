@@ -22,6 +22,9 @@ _SINGLE_NOT_FINITE: Final = re.compile(rb"\xca[\x7f\xff][\x80-\xff]").search
 Two expressions: each is searched for by its first byte, several times as fast as both at once.
 """
 
+_REFUSED: Final = (msgspec.MsgspecError, ValueError, OverflowError, RecursionError)
+"""What msgspec raises for a payload that is not a message of a type."""
+
 
 class RejectedError(ValueError):
     """A payload that is not a valid message of its channel.
@@ -62,12 +65,15 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     RejectedError
         Too large, not MessagePack, wrong types or missing fields, or values that make no sense.
     """
-    limit = message_type.MAX_BYTES
-    if len(payload) > limit:
-        raise RejectedError("size", f"{len(payload)} bytes, at most {limit} are allowed")
-    message = _plausible(payload, message_type)
-    if message is None:
+    if len(payload) > message_type.MAX_BYTES:
+        raise RejectedError("size", f"{len(payload)} bytes, at most {message_type.MAX_BYTES} are allowed")
+    if _DOUBLE_NOT_FINITE(payload) or _SINGLE_NOT_FINITE(payload):
         message = _examined(payload, message_type)
+    else:
+        try:
+            message = _decoder(message_type).decode(payload)
+        except _REFUSED:
+            message = _examined(payload, message_type)
     try:
         message.check()
     except InvalidMessageError as error:
@@ -78,17 +84,6 @@ def decode(payload: bytes, message_type: type[M]) -> M:
 @cache
 def _decoder(message_type: type[M]) -> msgspec.msgpack.Decoder[M]:
     return msgspec.msgpack.Decoder(message_type)
-
-
-def _plausible(payload: bytes, message_type: type[M]) -> M | None:
-    """Message of a payload of the right types whose numbers are all finite; None in case of doubt."""
-    if _DOUBLE_NOT_FINITE(payload) or _SINGLE_NOT_FINITE(payload):
-        return None
-    try:
-        message: M = _decoder(message_type).decode(payload)
-    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
-        return None
-    return message
 
 
 def _examined(payload: bytes, message_type: type[M]) -> M:
