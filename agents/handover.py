@@ -48,6 +48,8 @@ class Handover:
 
     Attributes
     ----------
+    intents
+        Filled by the bus.
     predecessor
         What the previous process of this agent meant to do; None if nobody remembers one.
     """
@@ -58,7 +60,7 @@ class Handover:
         self._bus = bus
         self._vehicle, self._host = settings.vehicle, settings.bus.host
         self._lease = lease
-        self._intents = bus.subscribe(channels.INTENT, self._vehicle, depth=4, waking=False)
+        self.intents = bus.subscribe(channels.INTENT, self._vehicle, depth=4, waking=False)
         self._resumed_s: float | None = None
         self._pilot = pilot
         self._tuning = tuning
@@ -92,7 +94,7 @@ class Handover:
     def hear(self) -> bool:
         """Take in what a predecessor that still flies means to do; True if that is to be resumed again."""
         again = False
-        for received in self._intents.drain():
+        for received in self.intents.drain():
             intent = received.message
             if intent.lease == self._lease.number:
                 continue  # Its own words.

@@ -52,6 +52,11 @@ class ControlLease:
         return self.number > 0 and not self.lost
 
     @property
+    def undisputed(self) -> bool:
+        """Whether the agent commands and has nothing to ask for."""
+        return self._ignored_since_s is None and self.number > 0 and not self.lost
+
+    @property
     def quiet(self) -> bool:
         """Whether another agent speaks for the vehicle, as far as is known."""
         return not self.held and (self.lost or self.take_over or self._refused_since_s is not None)

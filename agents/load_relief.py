@@ -12,6 +12,7 @@ from typing import Final
 from rcopterx.agents.overload import Overload, Relief, planned_relief
 from rcopterx.agents.pacing import Pacing
 from rcopterx.agents.separation.traffic import MOST, Traffic
+from rcopterx.bus.channels import LAUNCHER
 from rcopterx.bus.messages import LauncherStatus
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
@@ -40,7 +41,7 @@ class LoadRelief:
     pacing, traffic
         The agent's own.
     launcher
-        What the launcher of this host tells; None without one.
+        Filled by the bus with what the launcher of this host tells; None without one.
     processor_clock
         Processor time of this process [s].
     """
@@ -61,7 +62,7 @@ class LoadRelief:
         self._processor_clock = processor_clock
         self._used_s, self._since_s = processor_clock(), bus.clock()
         self._seen = 0, 0
-        self._launcher = launcher
+        self.launcher = Inbox(LAUNCHER) if launcher is None else launcher
         self._heard: Received[LauncherStatus] | None = None
         self._planned = self._noted = Relief.NONE
         self.relief = Relief.NONE
@@ -88,7 +89,10 @@ class LoadRelief:
             self._bus.note(_WORDS[overload.relief])
 
     def settle(self) -> bool:
-        """Leave out what was decided before this step, or do it again; True if that is news."""
+        """Leave out what was decided before this step, or do it again; True if that is news.
+
+        To be asked in steps that take in notes or what the launcher tells.
+        """
         news = [self._hear(), self._take_note()]
         relief = max(self._planned, self._noted)
         if relief is not self.relief:
@@ -97,7 +101,7 @@ class LoadRelief:
 
     def _hear(self) -> bool:
         """Plan by what the launcher tells of this computer; True if that is news."""
-        heard = None if self._launcher is None else self._launcher.latest()
+        heard = self.launcher.latest()
         if heard is None or heard is self._heard:
             return False
         self._heard = heard
@@ -111,7 +115,7 @@ class LoadRelief:
 
     def _take_note(self) -> bool:
         words = self._bus.words
-        decided = next((relief for relief, word in _WORDS.items() if word in words), None) if words else None
+        decided = next((relief for relief, word in _WORDS.items() if word in words), None)
         if decided is None:
             return False
         self._noted = decided

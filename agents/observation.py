@@ -31,6 +31,11 @@ class Observation:
         Of the agent.
     clock
         Monotonic clock [s].
+
+    Attributes
+    ----------
+    seen
+        Newest pose that the pilot took in; None before the first.
     """
 
     events: Mapping[str, int] = MappingProxyType({})
@@ -46,51 +51,56 @@ class Observation:
     ) -> None:
         self._pilot = pilot
         self._pacing = pacing
-        self._poses = poses
-        self._applied = applied
+        self.poses = poses
+        self.applied = applied
         self._lease = lease
         self._clock = clock
         self.seen: Received[Pose] | None = None
-        """Newest pose that the pilot took in."""
 
     @property
     def rejected(self) -> Mapping[str, int]:
         """See `telemetry.Source`."""
-        return prefixed("pose", self._poses.rejected) | prefixed("applied", self._applied.rejected)
+        return prefixed("pose", self.poses.rejected) | prefixed("applied", self.applied.rejected)
 
     @property
     def pose_age_s(self) -> float | None:
         """Age of the newest pose."""
-        return self._poses.age_s(self._clock())
+        return self.poses.age_s(self._clock())
 
-    @property
-    def overdue_at_s(self) -> float | None:
-        """When the next pose counts as overdue [monotonic s]; None before the first."""
-        return self._pacing.coast_at_s(self._pilot.clock.period_s)
+    def take_applied(self) -> bool:
+        """Tell the pilot what was written to the radio; what another agent flies is only watched.
 
-    def take_applied(self) -> None:
-        """Tell the pilot what was written to the radio; what another agent flies is only watched."""
-        for received in self._applied.drain():
-            applied, lease = received.message, self._lease
+        Returns
+        -------
+        bool
+            Whether the vehicle is found to fly.
+        """
+        pilot, lease, guidance = self._pilot, self._lease, self._pilot.guidance
+        was_flying = guidance.rotor_on
+        for received in self.applied.drain():
+            applied = received.message
             lease.note_applied(applied.lease, self._clock())
             if not lease.held:
-                self._pilot.watch(applied.state, np.array(applied.input))
+                pilot.watch(applied.state, np.array(applied.input))
                 continue
             sequence = applied.sequence if applied.lease == lease.number else OF_ANOTHER_AGENT
-            self._pilot.note_applied(applied.state, sequence, np.array(applied.input))
+            pilot.note_applied(applied.state, sequence, np.array(applied.input))
+        return guidance.rotor_on and not was_flying
 
-    def frames(self) -> Iterator[float]:
+    def frames(self, now_s: float) -> Iterator[float]:
         """Tell the pilot each new frame, and one that is overdue; yields when it began [monotonic s]."""
-        for received in self._poses.drain():
-            if self._pilot.observe(_stamped(received.message)):
+        pilot, pacing = self._pilot, self._pacing
+        for received in self.poses.drain():
+            pose = received.message
+            if pilot.observe(_stamped(pose)):
                 self.seen = received
-                self._pacing.on_pose(received.arrived_s)
-                if self._pilot.ready:
+                pacing.on_pose(received.arrived_s, pose.period_s)
+                if pilot.ready:
                     yield received.arrived_s
-        overdue_at_s = self.overdue_at_s
-        if overdue_at_s is not None and self._clock() >= overdue_at_s:
-            self._pacing.on_coast()
-            if self._pilot.coast():
+        overdue_at_s = pacing.overdue_at_s
+        if now_s >= overdue_at_s:
+            pacing.on_coast()
+            if pilot.coast():
                 yield overdue_at_s
 
 

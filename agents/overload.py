@@ -98,7 +98,8 @@ class Overload:
             Whether `relief` has changed, by one step.
         """
         period_s = self._period_s * self.relief.every
-        self._late.extend([True] * missed)
+        if missed:
+            self._late.extend([True] * missed)
         self._late.append(late_s > LATE_PERIODS * period_s)
         self._calm_s += period_s
         if sum(self._late) > LATE_SHARE * (self._late.maxlen or 1):

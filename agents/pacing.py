@@ -1,5 +1,6 @@
 """When an agent acts: it is paced by its poses, not by a timer."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,13 @@ class Pacing:
         Control period; a whole multiple of the frame period.
     place
         Of the vehicle in its fleet. At half rate vehicles at even and odd places take turns.
+
+    Attributes
+    ----------
+    overdue_at_s
+        When the next pose counts as overdue [monotonic s]; infinite before the first.
+    frames_per_tick
+        Frames in one control period.
     """
 
     def __init__(self, period_s: float, place: int = 0) -> None:
@@ -30,74 +38,71 @@ class Pacing:
         """Those of them whose poses had arrived."""
         self._period_s, self._place = period_s, place
         self._last_control_frame: int | None = None
-        self._last_arrival_s: float | None = None
+        self._last_arrival_s = self._frame_period_s = 0.0
         self._coasts = 0
+        self.overdue_at_s = math.inf
+        self.frames_per_tick = 1
         self.every = 1
         """Only every so many control periods are computed; the others fly the input planned for them."""
 
-    def frames_per_tick(self, frame_period_s: float) -> int:
-        """Frames in one control period."""
-        return max(1, round(self._period_s / frame_period_s))
-
-    def on_pose(self, arrived_s: float) -> None:
-        """A pose arrived."""
-        self._last_arrival_s = arrived_s
-        self._coasts = 0
-
-    def coast_at_s(self, frame_period_s: float) -> float | None:
-        """Time at which the next pose counts as overdue; None before the first."""
-        if self._last_arrival_s is None:
-            return None
-        return self._last_arrival_s + (COAST_AFTER_PERIODS + self._coasts) * frame_period_s
+    def on_pose(self, arrived_s: float, frame_period_s: float) -> None:
+        """A pose arrived, of a stream with this period."""
+        self._last_arrival_s, self._coasts = arrived_s, 0
+        self.overdue_at_s = arrived_s + COAST_AFTER_PERIODS * frame_period_s
+        if frame_period_s != self._frame_period_s:
+            self._frame_period_s = frame_period_s
+            self.frames_per_tick = max(1, round(self._period_s / frame_period_s))
 
     def on_coast(self) -> None:
         """A frame was bridged by prediction."""
         self._coasts += 1
+        self.overdue_at_s = self._last_arrival_s + (COAST_AFTER_PERIODS + self._coasts) * self._frame_period_s
 
     def on_overtaken(self) -> None:
         """A control period began before the command of the one before was computed."""
         self.missed_ticks += 1
         self.overtaken_ticks += 1
 
-    def control_due(self, frame: int, frame_period_s: float, flying: bool) -> bool:
+    def control_due(self, frame: int, flying: bool) -> bool:
         """Whether a control period begins with this frame.
 
         Every n-th frame by number, so that leaders and followers take the same ones; after a gap at once. At
         half rate they take turns, and followers fly by plans that are a period old.
         Control periods that passed without a command while flying are counted as missed.
         """
-        per_tick, turn = self._turn(frame_period_s)
+        per_tick, turn = self._turn()
         last = self._last_control_frame
-        if last is not None and 0 < frame - last < per_tick and frame % per_tick != turn:
+        passed = 0 if last is None else frame - last
+        if 0 < passed < per_tick and frame % per_tick != turn:
             return False
-        if last is not None and flying and frame > last:
-            self.missed_ticks += max(0, (frame - last) // per_tick - 1)
+        if passed >= 2 * per_tick and flying:
+            self.missed_ticks += passed // per_tick - 1
         self._last_control_frame = frame
         self.ticks += 1
         return True
 
-    def plan_frame(self, frame: int, frame_period_s: float) -> int:
+    def plan_frame(self, frame: int) -> int:
         """Frame from which on plans of leaders are new enough for a period that begins with a frame.
 
         At a lower rate it is the period before, because who has the same turn plans at the same time.
         """
-        return frame if self.every == 1 else frame - self._turn(frame_period_s)[0]
+        return frame if self.every == 1 else frame - self._turn()[0]
 
-    def rest_s(self, frame: int, frame_period_s: float) -> float:
+    def rest_s(self, frame: int) -> float:
         """Rest after a frame that was controlled at a lower rate, until shortly before the next one."""
         if self.every == 1 or frame != self._last_control_frame:
             return 0.0
-        per_tick, turn = self._turn(frame_period_s)
-        return (per_tick - (frame - turn) % per_tick - REST_SPARE) * frame_period_s
+        per_tick, turn = self._turn()
+        return (per_tick - (frame - turn) % per_tick - REST_SPARE) * self._frame_period_s
 
-    def _turn(self, frame_period_s: float) -> tuple[int, int]:
+    def _turn(self) -> tuple[int, int]:
         """Frames from one control period to the next, and the remainder of those with which one begins."""
-        full = self.frames_per_tick(frame_period_s)
-        return self.every * full, self._place % self.every * full
+        full, every = self.frames_per_tick, self.every
+        return (full, 0) if every == 1 else (every * full, self._place % every * full)
 
-    def left_out(self, frame: int, frame_period_s: float) -> bool:
+    def left_out(self, frame: int) -> bool:
         """Whether a control period that is not due would begin with this frame at full rate."""
-        return self.every > 1 and frame % self.frames_per_tick(frame_period_s) == 0
+        return self.every > 1 and frame % self.frames_per_tick == 0
 
 
 class SolveTimes(NamedTuple):

@@ -55,14 +55,14 @@ class Agent:
         stopwatch: Callable[[], float] = monotonic_s,
         limit: TimeLimit | None = None,
     ) -> None:
-        self._settings, self._pilot, self._bus, self._clock = settings, pilot, bus, bus.clock
+        self._settings, self._pilot, self._bus = settings, pilot, bus
         self._stopwatch = stopwatch
         self._limit = NotedTimeLimit(NoTimeLimit() if limit is None else limit)
         pilot.limit_time(self._limit)
         self._parts = assemble(settings, pilot, bus, realtime)
         self._reporter = Reporter(settings, pilot, bus, self._parts)
         self._control_by_s: float | None = None
-        self._began_s = self._step_s = 0.0
+        self._now_s = self._began_s = self._step_s = 0.0
         self._estimate: list[float] | None = None
         self._timing: CommandTiming | None = None
         self._leases = bus.subscribe(channels.LEASE, settings.vehicle, depth=16)
@@ -76,25 +76,27 @@ class Agent:
 
     def step(self) -> None:
         """Everything that is due now: read, decide, control, publish."""
-        self._bus.begin_step()
+        lease, reporter = self._parts.lease, self._reporter
+        self._now_s = now_s = self._bus.begin_step()
         self._limit.begin_step()
         self._step_s = self._stopwatch()
         self._estimate = None
-        self._tend_lease()
+        if self._leases.unread or not (self._speaks and lease.undisputed):
+            self._tend_lease()
         self._read()
-        if not self.lost:
+        if not lease.lost:
             self._decide()
             if self._control_by_s is not None:
                 late = not self._plans_are_here()
-                if not late or self._clock() >= self._control_by_s:
+                if not late or now_s >= self._control_by_s:
                     self._publish(self._control(late))
-            if self._clock() >= self._reporter.due_s and not self._parts.lease.quiet:
-                self._reporter.report()
+            if now_s >= reporter.wanted_s and now_s >= reporter.due_s and not lease.quiet:
+                reporter.report()
         self._bus.end_step(self._settings.vehicle, self._estimate, self._limit.overtime)
 
     def _tend_lease(self) -> None:
         """Ask for a lease as long as there is none, and speak for the vehicle from then on."""
-        parts, vehicle, now_s = self._parts, self._settings.vehicle, self._clock()
+        parts, vehicle, now_s = self._parts, self._settings.vehicle, self._now_s
         lease = parts.lease
         for received in self._leases.drain():
             answer = received.message
@@ -112,44 +114,58 @@ class Agent:
             self._reporter.begin()
 
     def _read(self) -> None:
-        """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle."""
-        parts, guidance = self._parts, self._pilot.guidance
-        oriented = self._pilot.informed or self._clock() >= self._answer_from_s
-        if oriented and not self.lost and parts.requests.take(self._bus.pending()):
-            self._reporter.soon()
-        was_flying = guidance.rotor_on
-        parts.observation.take_applied()
-        found_flying = not was_flying and guidance.rotor_on
-        if (parts.handover.hear() or found_flying) and parts.handover.resume():
+        """Take in requests, what the transmitter applied, and where the motion capture sees the vehicle.
+
+        Several times in a period nearly all of it has nothing new: parts are asked only where there is.
+        """
+        parts, now_s = self._parts, self._now_s
+        observation, handover = parts.observation, parts.handover
+        if self._bus.requests or parts.requests.waiting:
+            self._take_requests()
+        found_flying = bool(observation.applied.unread) and observation.take_applied()
+        resumes = bool(handover.intents.unread) and handover.hear()
+        if (resumes or found_flying) and handover.resume():
             parts.changes.keep_leaders()
             parts.lost.expect()
-        for began_s in parts.observation.frames():
-            self._begin_period(began_s)
+        if observation.poses.unread or now_s >= parts.pacing.overdue_at_s:
+            for began_s in observation.frames(now_s):
+                self._begin_period(began_s)
+
+    def _take_requests(self) -> None:
+        """Answer requests, as soon as it is known whether the vehicle flies."""
+        oriented = self._pilot.informed or self._now_s >= self._answer_from_s
+        if not oriented or self.lost:
+            return
+        incoming, self._bus.requests = self._bus.requests, []
+        if self._parts.requests.take(incoming):
+            self._reporter.soon()
 
     def _decide(self) -> None:
         """Settle what was waiting for a leader's plan, or for work that is done ahead."""
-        leaders_settled = self._parts.changes.settle()
-        words, requests = self._bus.words, self._parts.requests
-        tuned = TUNED in words and requests.settle_tuning()
-        flown = TRAJECTORY_CHECKED in words and requests.trajectories.settle()
-        relieved = self._parts.relief.settle()
-        if leaders_settled or tuned or flown or relieved or self._parts.tuning.note_replaced():
+        parts, words = self._parts, self._bus.words
+        news = parts.changes.settle()
+        if words:
+            news |= TUNED in words and parts.requests.settle_tuning()
+            news |= TRAJECTORY_CHECKED in words and parts.requests.trajectories.settle()
+        if words or parts.relief.launcher.unread:
+            news |= parts.relief.settle()
+        if news or parts.tuning.note_replaced():
             self._reporter.soon()
 
     def _begin_period(self, now_s: float) -> None:
         """Change leaders at this frame if it was agreed, and say until when the period waits for plans."""
-        parts, clock, guidance = self._parts, self._pilot.clock, self._pilot.guidance
+        parts, pilot = self._parts, self._pilot
         parts.changes.begin_due()
-        flying = guidance.rotor_on
-        if not self._pilot.informed:
+        if not pilot.informed:
             return
-        if parts.pacing.control_due(clock.current_frame, clock.period_s, flying):
+        pacing, frame, flying = parts.pacing, pilot.clock.current_frame, pilot.guidance.rotor_on
+        if pacing.control_due(frame, flying):
             if self._control_by_s is not None and flying:
-                parts.pacing.on_overtaken()
+                pacing.on_overtaken()
             self._began_s = now_s
             self._control_by_s = now_s + self._longest_wait_s()
-        elif parts.pacing.left_out(clock.current_frame, clock.period_s):
-            self._pilot.fly_as_planned()
+        elif pacing.left_out(frame):
+            pilot.fly_as_planned()
 
     def _longest_wait_s(self) -> float:
         """How long the period may wait for plans: every leader above this vehicle takes its time."""
@@ -160,10 +176,9 @@ class Agent:
         return min(level * self._settings.leader_wait_s, LARGEST_WAITING_SHARE * self._settings.period_s)
 
     def _plans_are_here(self) -> bool:
-        followed = [link.leader for link in self._pilot.guidance.followed]
-        clock = self._pilot.clock
-        frame = self._parts.pacing.plan_frame(clock.current_frame, clock.period_s)
-        return self._parts.plans.complete(clock.epoch, frame, followed)
+        parts, clock, followed = self._parts, self._pilot.clock, self._pilot.guidance.followed
+        frame = parts.pacing.plan_frame(clock.current_frame)
+        return parts.plans.complete(clock.epoch, frame, [link.leader for link in followed])
 
     def _control(self, late: bool) -> ControlOutput:
         """Fly one control period; `late` tells that a plan of this frame is missing."""
@@ -194,7 +209,7 @@ class Agent:
         first(output)
         then(output)
         # Until the step began by the clock that stands still in it, and since then.
-        waited_s = self._clock() - self._began_s
+        waited_s = self._now_s - self._began_s
         parts.relief.watch(waited_s + self._stopwatch() - self._step_s, self._pilot.guidance.rotor_on)
         parts.external.after_control()
         if parts.pacing.every == 1:
@@ -230,8 +245,8 @@ class Agent:
         pacing = self._parts.pacing
         if pacing.every == 1 or self._control_by_s is not None:
             return -math.inf
-        arrived_s, period_s = self.frame
-        return arrived_s + pacing.rest_s(self._pilot.clock.current_frame, period_s)
+        arrived_s, _ = self.frame
+        return arrived_s + pacing.rest_s(self._pilot.clock.current_frame)
 
     @property
     def frame(self) -> tuple[float, float]:
@@ -241,15 +256,15 @@ class Agent:
 
     def next_s(self) -> float:
         """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
-        if self._parts.requests.waiting:
+        parts, reporter = self._parts, self._reporter
+        if parts.requests.waiting:
             return -math.inf
         if self._control_by_s is not None:
             return self._control_by_s
-        overdue_at_s = self._parts.observation.overdue_at_s
-        report_at_s = math.inf if self._parts.lease.quiet else self._reporter.due_s
-        return min(
-            report_at_s, self._parts.lease.next_s(), math.inf if overdue_at_s is None else overdue_at_s
-        )
+        next_s = min(parts.lease.next_s(), parts.pacing.overdue_at_s)
+        if reporter.wanted_s >= next_s or parts.lease.quiet:
+            return next_s
+        return min(next_s, reporter.due_s)
 
 
 def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
@@ -283,7 +298,8 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         while not stop.is_set() and not agent.lost:
             heartbeat.beat(agent.flying)
             heartbeat.frame(*agent.frame)
-            if (rest_s := agent.rest_until_s - session.clock()) > 0.0:
+            rest_until_s = agent.rest_until_s
+            if rest_until_s > -math.inf and (rest_s := rest_until_s - session.clock()) > 0.0:
                 time.sleep(rest_s)
             wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
             agent.step()

@@ -36,6 +36,8 @@ class Reporter:
     ----------
     said
         Newest status that was published; None before the first.
+    wanted_s
+        When the next report is wanted [monotonic s]; it is due then, or a moment later.
     """
 
     def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts) -> None:
@@ -47,25 +49,25 @@ class Reporter:
 
     def begin(self) -> None:
         """Report a period from now on: an agent that takes over knows by then whether it flies."""
-        self._due_s = self._bus.clock() + REPORT_PERIOD_S
+        self.wanted_s = self._bus.clock() + REPORT_PERIOD_S
 
     def soon(self) -> None:
         """Whoever restarts this agent a moment later must know of a change."""
-        self._due_s, self._urgent = self._bus.clock(), True
+        self.wanted_s, self._urgent = self._bus.clock(), True
 
     @property
     def due_s(self) -> float:
         """Time of the next report [monotonic s]; one that is not urgent waits until commands are written."""
         seen = self._parts.observation.seen
         if self._urgent or seen is None:
-            return self._due_s
-        return calm_at_s(self._due_s, seen.arrived_s, self._pilot.clock.period_s)
+            return self.wanted_s
+        return calm_at_s(self.wanted_s, seen.arrived_s, self._pilot.clock.period_s)
 
     def report(self) -> None:
         """Publish status and intent; between them leaders are given the limits their followers leave them."""
         now_s, pilot, parts = self._bus.clock(), self._pilot, self._parts
         slower = SPARSE if parts.relief.relief >= Relief.STATUSES else 1
-        self._due_s, self._urgent = now_s + slower * REPORT_PERIOD_S, False
+        self.wanted_s, self._urgent = now_s + slower * REPORT_PERIOD_S, False
         links = {name: status.following for name, status in parts.peers.statuses().items()}
         controller, chosen = pilot.controller, parts.tuning.configuration.controller_settings
         pilot.step_guard.tell(controller, lambda: parts.limit_scaling.tend(controller, chosen, links))

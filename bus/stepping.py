@@ -8,7 +8,9 @@ import secrets
 import zlib
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Final, NamedTuple, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
+
+from msgspec import Struct
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
@@ -46,16 +48,24 @@ class StepBus(Protocol):
     ----------
     life
         Identifies the process.
+    requests
+        Those that this step took in or earlier ones left; whoever takes them out must answer each.
     """
 
     life: int
+    requests: list[Incoming]
+
+    @property
+    def words(self) -> Collection[str]:
+        """What was noted and takes effect in this step."""
+        ...
 
     def clock(self) -> float:
         """Time at which the present step began [monotonic s]."""
         ...
 
-    def begin_step(self) -> None:
-        """Hand over what has arrived."""
+    def begin_step(self) -> float:
+        """Hand over what has arrived; the time at which the step begins [monotonic s]."""
         ...
 
     def end_step(
@@ -70,11 +80,6 @@ class StepBus(Protocol):
 
     def note(self, word: str) -> None:
         """Have something that happened inside the process, in any thread, take effect with the next step."""
-        ...
-
-    @property
-    def words(self) -> Collection[str]:
-        """What was noted and takes effect in this step."""
         ...
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
@@ -101,22 +106,27 @@ class StepBus(Protocol):
         """Be seen alive."""
         ...
 
-    def pending(self) -> list[Incoming]:
-        """Requests that this step took in or earlier ones left; each must be answered."""
-        ...
-
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Ask a unit; only while the process is made."""
         ...
 
 
-class _Input(NamedTuple):
-    key: str
-    subscription: int
+class _Input(Struct, frozen=True):
+    """What waits for the next step: a message for an inbox, a request, or a word of the process itself."""
+
     payload: bytes
     arrived_s: float
-    inbox: Inbox[Any] | None
-    incoming: Incoming | None
+    inbox: Inbox[Any] | None = None
+    subscription: int = 0
+    request: str = ""
+    word: str = ""
+
+    @property
+    def key(self) -> str:
+        """As in `AgentSteps.keys`."""
+        if self.inbox is not None:
+            return f"{self.inbox.unit}/{self.inbox.channel.topic}"
+        return f"{REQUEST}/{self.request}" if self.request else self.word
 
 
 class SteppedSession:
@@ -133,8 +143,8 @@ class SteppedSession:
         self._session = session
         self._now_s = self._began_s = session.clock()
         self._waiting: deque[_Input] = deque(maxlen=MOST_WAITING)
-        self._words: list[str] = []
-        self._requests: list[Incoming] = []
+        self.words: list[str] = []
+        self.requests: list[Incoming] = []
         self._subscriptions = 0
         self._told = 0
         self._times_s: list[float] = []
@@ -148,30 +158,33 @@ class SteppedSession:
         """See `StepBus.clock`."""
         return self._now_s
 
-    def begin_step(self) -> None:
+    def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
-        taken = [self._waiting.popleft() for _ in range(len(self._waiting))]
-        taken += [
-            _Input(f"{REQUEST}/{incoming.verb}", 0, incoming.payload, incoming.arrived_s, None, incoming)
-            for incoming in self._session.pending()
-        ]
-        # After what arrived, so that nothing is from the future.
-        self._now_s = self._session.clock()
-        for item in taken:
-            if item.inbox is not None:
+        waiting, inputs, words = self._waiting, self._inputs, []
+        known = len(inputs)
+        for _ in range(len(waiting)):
+            item = waiting.popleft()
+            inputs.append(item)
+            if item.inbox is None:
+                words.append(item.word)
+            else:
                 item.inbox.store(item.payload, item.arrived_s)
-            elif item.incoming is not None:
-                self._requests.append(item.incoming)
-        self._words = [item.key for item in taken if item.inbox is None and item.incoming is None]
-        self._times_s.append(self._now_s)
-        self._counts.append(len(taken))
-        self._inputs += taken
+        self.words = words
+        for incoming in self._session.pending():
+            inputs.append(_Input(incoming.payload, incoming.arrived_s, request=incoming.verb))
+            self.requests.append(incoming)
+        # After what arrived, so that nothing is from the future.
+        self._now_s = now_s = self._session.clock()
+        self._times_s.append(now_s)
+        self._counts.append(len(inputs) - known)
+        return now_s
 
     def end_step(
         self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
     ) -> None:
         """See `StepBus.end_step`."""
-        self._overtime += [(len(self._times_s) - 1, *given_up) for given_up in overtime]
+        if overtime:
+            self._overtime += [(len(self._times_s) - 1, *given_up) for given_up in overtime]
         if estimate is None and len(self._times_s) < STEPS_TOLD:
             return
         if self._telling and self._session.wanted(channels.AGENT_STEPS, vehicle):
@@ -206,13 +219,8 @@ class SteppedSession:
 
     def note(self, word: str) -> None:
         """See `StepBus.note`."""
-        self._waiting.append(_Input(word, 0, b"", self._session.clock(), None, None))
+        self._waiting.append(_Input(b"", self._session.clock(), word=word))
         self._session.wake()
-
-    @property
-    def words(self) -> Collection[str]:
-        """See `StepBus.words`."""
-        return self._words
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""
@@ -242,11 +250,6 @@ class SteppedSession:
         """See `StepBus.announce`."""
         self._session.announce(unit, role)
 
-    def pending(self) -> list[Incoming]:
-        """See `StepBus.pending`."""
-        requests, self._requests = self._requests, []
-        return requests
-
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """See `StepBus.request`."""
         reply = self._session.request(unit, request, timeout_s, patience_s)
@@ -262,5 +265,4 @@ class _Deliverer:
         self._number = number
 
     def __call__(self, inbox: Inbox[Any], payload: bytes, arrived_s: float) -> None:
-        key = f"{inbox.unit}/{inbox.channel.topic}"
-        self._waiting.append(_Input(key, self._number, payload, arrived_s, inbox, None))
+        self._waiting.append(_Input(payload, arrived_s, inbox, self._number))

@@ -59,34 +59,38 @@ class Inbox(Generic[M]):
         How many undecoded payloads are kept; older ones are dropped and counted as `overrun`.
     unit
         Whose messages they are, where that is known.
+
+    Attributes
+    ----------
+    unread
+        Payloads that have not been read, and when they arrived; whoever polls many inboxes reads only where
+        there are some.
     """
 
     def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:
         self.channel = channel
         self.unit = unit
         self.reason = ""
+        self.unread: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._rejections = Rejections()
         self._counts_overruns = depth > 1
-        self._payloads: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._arrivals: deque[float] = deque(maxlen=RATE_WINDOW)
         self._newest: Received[M] | None = None
 
     def store(self, payload: bytes, arrived_s: float) -> None:
         """Keep a payload for the loop. Called on the receive thread."""
-        if self._counts_overruns and len(self._payloads) == self._payloads.maxlen:
+        if self._counts_overruns and len(self.unread) == self.unread.maxlen:
             self._rejections.count("overrun")
-        self._payloads.append((payload, arrived_s))
+        self.unread.append((payload, arrived_s))
         self._arrivals.append(arrived_s)
 
     def drain(self, limit: int | None = None) -> list[Received[M]]:
         """Valid messages that arrived since the last call, oldest first, from at most `limit` payloads."""
-        if not self._payloads:
-            return []
         received: list[Received[M]] = []
-        waiting = len(self._payloads)
-        for _ in range(waiting if limit is None else min(limit, waiting)):
+        unread = self.unread
+        for _ in range(len(unread) if limit is None else min(limit, len(unread))):
             try:
-                payload, arrived_s = self._payloads.popleft()
+                payload, arrived_s = unread.popleft()
             except IndexError:
                 break
             try:
@@ -101,13 +105,13 @@ class Inbox(Generic[M]):
     def waiting_since_s(self) -> float | None:
         """Arrival of the oldest message that has not been read; None if all have been."""
         try:
-            return self._payloads[0][1] if self._payloads else None
+            return self.unread[0][1] if self.unread else None
         except IndexError:
             return None
 
     def latest(self) -> Received[M] | None:
         """Newest valid message, None before the first."""
-        if self._payloads:
+        if self.unread:
             self.drain()
         return self._newest
 

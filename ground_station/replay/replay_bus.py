@@ -1,6 +1,6 @@
 """The bus of an agent that is replayed: inputs come from a flight log, what it publishes is compared."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from rcopterx.bus.channels import LEASE, Channel
@@ -63,8 +63,8 @@ class ReplayBus:
         self._granted = life.granted
         self._replies = list(life.replies)
         self._subscriptions: list[_One | _Units] = []
-        self._requests: list[Incoming] = []
-        self._words: set[str] = set()
+        self.requests: list[Incoming] = []
+        self.words: set[str] = set()
         self._step: AgentStep | None = None
         self.estimate: Sequence[float] | None = None
         """Of the newest control period of the agent that is replayed."""
@@ -77,27 +77,28 @@ class ReplayBus:
         """See `StepBus.clock`."""
         return self._now_s
 
-    def begin_step(self) -> None:
+    def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
-        self._words.clear()
+        self.words.clear()
         if self._step is None:
-            return
+            return self._now_s
         self._now_s = self._step.time_s
         for item in self._step.inputs:
             head, _, rest = item.key.partition("/")
             if item.payload is None:
                 self.missing += 1
             elif not rest:
-                self._words.add(head)
+                self.words.add(head)
             elif head == REQUEST:
                 self._ask(rest, item.payload, item.arrived_s)
             elif item.subscription <= len(self._subscriptions):
                 self._subscriptions[item.subscription - 1].store(head, item.payload, item.arrived_s)
         self._step = None
+        return self._now_s
 
     def _ask(self, verb: str, payload: bytes, arrived_s: float) -> None:
         request = decode(payload, VERBS[verb].request)
-        self._requests.append(Incoming("", verb, request, payload, arrived_s, lambda _: None))
+        self.requests.append(Incoming("", verb, request, payload, arrived_s, lambda _: None))
 
     def end_step(
         self, _vehicle: str, estimate: Sequence[float] | None, _overtime: Sequence[tuple[int, int]] = ()
@@ -110,11 +111,6 @@ class ReplayBus:
 
     def note(self, word: str) -> None:
         """See `StepBus.note`; the flight log tells when it took effect."""
-
-    @property
-    def words(self) -> Collection[str]:
-        """See `StepBus.words`."""
-        return self._words
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""
@@ -147,11 +143,6 @@ class ReplayBus:
 
     def announce(self, unit: str, role: str) -> None:
         """See `StepBus.announce`."""
-
-    def pending(self) -> list[Incoming]:
-        """See `StepBus.pending`."""
-        requests, self._requests = self._requests, []
-        return requests
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """See `StepBus.request`: what was answered then."""

@@ -124,7 +124,7 @@ def test_a_command_that_two_frames_at_once_left_no_time_for_is_counted_as_missed
     bench.clock.advance(0.02)
     for _ in range(2):
         bench.frame += 1
-        bench.agent._parts.observation._poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent._parts.observation.poses.store(encode(bench.pose(publish=False)), bench.clock())
     bench.command_of(bench.frame)
     assert len(bench.sent) == sent + 1
     assert bench.agent._parts.pacing.missed_ticks == missed + 1
@@ -220,7 +220,7 @@ def test_a_status_waits_until_commands_are_written_and_one_that_tells_a_change_d
         bench.see()
     bench.command_of(bench.frame)
     # The report is due when the next frame has just arrived.
-    bench.agent._reporter._due_s = bench.clock() + 0.022
+    bench.agent._reporter.wanted_s = bench.clock() + 0.022
     bench.see()
     bench.command_of(bench.frame)
     told, due_s = bench.statuses.latest(), bench.agent._reporter.due_s

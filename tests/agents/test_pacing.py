@@ -1,5 +1,7 @@
 """Promises of the pacing: control periods follow frame numbers, and what was missed is counted."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -8,14 +10,15 @@ from rcopterx.agents.pacing import Pacing, SolveTimer
 
 
 def due(pacing: Pacing, frames: range | list[int], period_s: float, flying: bool = True) -> list[int]:
-    return [frame for frame in frames if pacing.control_due(frame, period_s, flying)]
+    pacing.on_pose(0.0, period_s)
+    return [frame for frame in frames if pacing.control_due(frame, flying)]
 
 
 @pytest.mark.parametrize(("rate_hz", "per_tick"), [(50, 1), (100, 2), (200, 4), (25, 1)])
 def test_control_keeps_its_rate_whatever_the_rate_of_the_motion_capture(rate_hz: int, per_tick: int) -> None:
     pacing = Pacing(0.02)
-    assert pacing.frames_per_tick(1 / rate_hz) == per_tick
     assert due(pacing, range(1000, 1040), 1 / rate_hz) == list(range(1000, 1040, per_tick))
+    assert pacing.frames_per_tick == per_tick
     assert pacing.ticks == 40 // per_tick
     assert pacing.missed_ticks == 0
 
@@ -67,7 +70,7 @@ def test_periods_and_missed_periods_add_up_to_the_time_flown(steps: list[int], p
     for step in steps:
         frame += step
         last = (due(pacing, [frame], period_s) or [last])[-1]
-    per_tick = pacing.frames_per_tick(period_s)
+    per_tick = pacing.frames_per_tick
     assert pacing.ticks + pacing.missed_ticks <= 1 + len(steps) + last / per_tick
     assert pacing.missed_ticks <= last / per_tick
     assert frame - last < per_tick
@@ -75,17 +78,15 @@ def test_periods_and_missed_periods_add_up_to_the_time_flown(steps: list[int], p
 
 def test_a_pose_is_overdue_after_one_and_a_half_periods_and_then_every_period() -> None:
     pacing = Pacing(0.02)
-    assert pacing.coast_at_s(0.02) is None
-    pacing.on_pose(100.0)
+    assert pacing.overdue_at_s == math.inf
+    pacing.on_pose(100.0, 0.02)
     overdue = []
     for _ in range(3):
-        at_s = pacing.coast_at_s(0.02)
-        assert at_s is not None
-        overdue.append(at_s)
+        overdue.append(pacing.overdue_at_s)
         pacing.on_coast()
     assert overdue == pytest.approx([100.03, 100.05, 100.07])
-    pacing.on_pose(100.1)
-    assert pacing.coast_at_s(0.02) == pytest.approx(100.13)
+    pacing.on_pose(100.1, 0.01)
+    assert pacing.overdue_at_s == pytest.approx(100.115)
 
 
 def test_solver_times_are_percentiles_of_the_recent_steps_in_milliseconds() -> None:
@@ -105,10 +106,10 @@ def test_at_half_rate_every_second_period_is_left_out_and_none_is_missed() -> No
     due(pacing, [100], 0.01)
     pacing.every = 2
     assert due(pacing, range(101, 121), 0.01) == [104, 108, 112, 116, 120]
-    assert [frame for frame in range(101, 105) if pacing.left_out(frame, 0.01)] == [102, 104]
+    assert [frame for frame in range(101, 105) if pacing.left_out(frame)] == [102, 104]
     assert pacing.missed_ticks == 0
     pacing.every = 1
-    assert not pacing.left_out(122, 0.01)
+    assert not pacing.left_out(122)
     assert due(pacing, range(121, 127), 0.01) == [122, 124, 126]
 
 
@@ -123,9 +124,10 @@ def test_at_half_rate_neighbours_in_the_fleet_take_turns(place: int, frames: lis
 
 def test_at_half_rate_a_plan_of_the_period_before_is_new_enough() -> None:
     pacing = Pacing(0.02)
-    assert pacing.plan_frame(100, 0.01) == 100
+    pacing.on_pose(0.0, 0.01)
+    assert pacing.plan_frame(100) == 100
     pacing.every = 2
-    assert pacing.plan_frame(100, 0.01) == 96
+    assert pacing.plan_frame(100) == 96
 
 
 @pytest.mark.parametrize("place", range(5))
@@ -134,11 +136,11 @@ def test_at_a_lower_rate_rest_ends_between_the_last_frame_without_control_and_th
     place: int, every: int
 ) -> None:
     pacing = Pacing(0.02, place)
-    assert pacing.rest_s(100, 0.01) == 0.0
+    assert pacing.rest_s(100) == 0.0
     pacing.every = every
     (*_, last) = due(pacing, range(100, 120), 0.01)
-    assert pacing.rest_s(last + 1, 0.01) == 0.0
-    assert pacing.rest_s(last, 0.01) == pytest.approx(every * 0.02 - 0.005)
+    assert pacing.rest_s(last + 1) == 0.0
+    assert pacing.rest_s(last) == pytest.approx(every * 0.02 - 0.005)
 
 
 def test_after_a_gap_rest_ends_before_the_next_turn() -> None:
@@ -146,10 +148,10 @@ def test_after_a_gap_rest_ends_before_the_next_turn() -> None:
     pacing.every = 4
     assert due(pacing, [100, 103], 0.02) == [100]
     assert due(pacing, [104], 0.02) == [104]
-    assert pacing.rest_s(104, 0.02) == pytest.approx(0.5 * 0.02)
+    assert pacing.rest_s(104) == pytest.approx(0.5 * 0.02)
 
 
 def test_at_full_rate_nobody_rests() -> None:
     pacing = Pacing(0.02)
     due(pacing, [100], 0.01)
-    assert pacing.rest_s(100, 0.01) == 0.0
+    assert pacing.rest_s(100) == 0.0

@@ -181,10 +181,8 @@ def test_requests_are_inputs_and_replies_are_told(join: Join) -> None:
     (message,) = sent
     assert [decode(payload, RecallReply) for payload in message.replies] == [reply]
     stepped.serve("h1", ["land"])
-    stepped_until(stepped, lambda: bool(ask(other)) or bool(stepped._requests), "no request")
-    (incoming, *_) = stepped.pending()
-    assert isinstance(incoming.request, Land)
-    assert stepped.pending() == []
+    stepped_until(stepped, lambda: bool(ask(other)) or bool(stepped.requests), "no request")
+    assert isinstance(stepped.requests[0].request, Land)
 
 
 def ask(session: Session) -> None:
