@@ -2,13 +2,11 @@
 
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import count
 from queue import SimpleQueue
-from struct import Struct
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import zenoh
 
@@ -18,6 +16,7 @@ from rcopterx.bus.codec import RejectedError, decode, encode
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
+from rcopterx.bus.publisher import Publisher, number_of
 from rcopterx.bus.receiving import direct
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.rounding import monotonic_s
@@ -34,8 +33,6 @@ FIRST_ATTEMPT_S = 0.1
 """For one endpoint; each round takes twice as long, for routers on a busy machine."""
 UNKNOWN_S: Final = 0.5
 """The router has not told yet who listens to a publisher that is younger."""
-_COUNTER: Final = Struct("<I")
-"""Every message carries the count of its sender on this key as an attachment, so that losses are seen."""
 SILENT_SHARE = 0.8
 """Share of the time-out after which an empty result means that the one who was asked kept silent."""
 
@@ -91,12 +88,6 @@ class Incoming:
     def answer(self, reply: Reply) -> None:
         """Send the reply and close the request."""
         self.send(encode(reply))
-
-
-class _Publisher(NamedTuple):
-    publisher: zenoh.Publisher
-    counter: Iterator[int]
-    declared_s: float
 
 
 class Heard(NamedTuple):
@@ -182,7 +173,7 @@ class Session:
         self.address = address
         self.clock = clock
         self.wake = wake
-        self._publishers: dict[tuple[str, str], _Publisher] = {}
+        self._publishers: dict[tuple[str, str], Publisher] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
         self._taps: list[zenoh.Subscriber[None]] = []
         self._tokens: list[zenoh.LivelinessToken] = []
@@ -207,28 +198,24 @@ class Session:
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """Send a message; never blocks, drops on congestion."""
-        known = self._publisher(channel, unit)
-        known.publisher.put(encode(message), attachment=_COUNTER.pack(next(known.counter) & 0xFFFFFFFF))
+        publisher = self._publishers.get((unit, channel.topic)) or self._declare(channel, unit)
+        publisher.put(encode(message))
 
     def wanted(self, channel: Channel[M], unit: str) -> bool:
         """Whether anybody listens, as far as is known; else a message need not be made."""
-        known = self._publisher(channel, unit)
-        # Zenoh's description calls it a truth value.
-        status: Any = known.publisher.matching_status
-        return bool(status.matching) or self.clock() < known.declared_s + UNKNOWN_S
+        publisher = self._publishers.get((unit, channel.topic)) or self._declare(channel, unit)
+        return publisher.matched() or self.clock() < publisher.declared_s + UNKNOWN_S
 
-    def _publisher(self, channel: Channel[M], unit: str) -> "_Publisher":
-        known = self._publishers.get((unit, channel.topic))
-        if known is None:
-            declared = self._zenoh.declare_publisher(
-                channels.key(self.address.fleet, unit, channel.topic),
-                encoding=channel.encoding,
-                congestion_control=zenoh.CongestionControl.DROP,
-                priority=_PRIORITIES[channel.priority],
-                express=False,
-            )
-            known = self._publishers[unit, channel.topic] = _Publisher(declared, count(1), self.clock())
-        return known
+    def _declare(self, channel: Channel[M], unit: str) -> Publisher:
+        declared = self._zenoh.declare_publisher(
+            channels.key(self.address.fleet, unit, channel.topic),
+            encoding=channel.encoding,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=_PRIORITIES[channel.priority],
+            express=False,
+        )
+        publisher = self._publishers[unit, channel.topic] = Publisher(declared, self.clock())
+        return publisher
 
     def republish(self, unit: str, topic: str, payload: bytes) -> None:
         """Send a message of a flight log again, as it was."""
@@ -295,7 +282,7 @@ class Session:
             chunks = str(sample.key_expr).split("/")
             # What was put on a wildcard key is nobody's message; every reader refuses it.
             if len(chunks) == 4 and "*" not in str(sample.key_expr):
-                number = _counter(sample.attachment)
+                number = number_of(sample.attachment)
                 store(Heard(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
 
         pattern = channels.key(fleet or self.address.fleet, "*", topic)
@@ -420,10 +407,3 @@ class Session:
             return decode(payload, verb.reply)
         except RejectedError as error:
             raise RequestFailedError(f"{unit} answered {verb.name} with nonsense: {error}") from None
-
-
-def _counter(attachment: zenoh.ZBytes | None) -> int:
-    """Count that came with a message; 0 without one."""
-    if attachment is None or len(attachment) != _COUNTER.size:
-        return 0
-    return int(_COUNTER.unpack(attachment.to_bytes())[0])

@@ -458,6 +458,33 @@ def test_sessions_see_each_other_again_after_the_router_was_killed() -> None:
         router.end()
 
 
+def test_a_message_is_wanted_again_after_the_router_was_killed() -> None:
+    address, clock = own_address(), FakeClock()
+    router = RouterProcess(address)
+
+    def wanted() -> bool:
+        return sender.wanted(channels.PLAN, "h1")
+
+    try:
+        router.wait_ready()
+        with (
+            Session(address, clock=clock, timeout_s=DEADLINE_S) as sender,
+            Session(address, timeout_s=DEADLINE_S) as listener,
+        ):
+            subscription = listener.subscribe(channels.PLAN, "h1")
+            assert wanted()
+            clock.advance(UNKNOWN_S + 0.01)
+            wait_for(wanted, "nobody seems to listen")
+            router.end(signal.SIGKILL)
+            wait_for(lambda: not wanted(), "somebody seems to listen without a router")
+            router = RouterProcess(address)
+            wait_for(wanted, "nobody seems to listen any more")
+            subscription.close()
+            wait_for(lambda: not wanted(), "somebody still seems to listen")
+    finally:
+        router.end()
+
+
 def test_a_router_ends_cleanly_when_it_is_asked_to() -> None:
     address = own_address()
     router = RouterProcess(address)
