@@ -61,8 +61,11 @@ class LeaderPlans:
 
     def complete(self, epoch: int, frame: int, names: Iterable[str]) -> bool:
         """Whether plans of these leaders are here that belong to a frame of an epoch or to later ones."""
-        plans = [self.newest(name) for name in names]
-        return all(plan is not None and (plan.epoch, plan.frame) >= (epoch, frame) for plan in plans)
+        complete, oldest = True, (epoch, frame)
+        for name in names:
+            plan = self.newest(name)
+            complete = plan is not None and (plan.epoch, plan.frame) >= oldest and complete
+        return complete
 
     def plans(self, clock: FleetClock, cycles_from: tuple[int, int] = (0, 0)) -> Mapping[str, LeaderPlan]:
         """Plans on this vehicle's clock; those of another epoch or from a cycle are left out.
