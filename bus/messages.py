@@ -81,8 +81,7 @@ class Pose(Message, frozen=True, kw_only=True):
         if self.position_m is None or self.quaternion_xyzw is None:
             raise InvalidMessageError("position_m: missing in a pose that is not occluded")
         # Written out: every process of a fleet that hears poses passes here for each.
-        x_m, y_m, z_m = self.position_m
-        if max(abs(x_m), abs(y_m), abs(z_m)) > MAX_POSITION_M:
+        if max(map(abs, self.position_m)) > MAX_POSITION_M:
             raise InvalidMessageError(f"position_m: {self.position_m}, allowed is up to {MAX_POSITION_M} m")
         x, y, z, w = self.quaternion_xyzw
         norm = x * x + y * y + z * z + w * w

@@ -8,6 +8,7 @@ import secrets
 import zlib
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Final, Protocol, TypeVar
 
 from msgspec import Struct
@@ -147,8 +148,8 @@ class SteppedSession:
         self.requests: list[Incoming] = []
         self._subscriptions = 0
         self._told = 0
-        self._times_s: list[float] = []
-        self._counts: list[int] = []
+        self._steps: list[tuple[float, int]] = []
+        """When each step began that is to be told, and how many inputs there were by then."""
         self._inputs: list[_Input] = []
         self._overtime: list[tuple[int, int, int]] = []
         self._replies: list[bytes] = []
@@ -160,8 +161,8 @@ class SteppedSession:
 
     def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
-        waiting, inputs, words = self._waiting, self._inputs, []
-        known = len(inputs)
+        waiting, inputs = self._waiting, self._inputs
+        self.words = words = []
         for _ in range(len(waiting)):
             item = waiting.popleft()
             inputs.append(item)
@@ -169,14 +170,12 @@ class SteppedSession:
                 words.append(item.word)
             else:
                 item.inbox.store(item.payload, item.arrived_s)
-        self.words = words
         for incoming in self._session.pending():
             inputs.append(_Input(incoming.payload, incoming.arrived_s, request=incoming.verb))
             self.requests.append(incoming)
         # After what arrived, so that nothing is from the future.
         self._now_s = now_s = self._session.clock()
-        self._times_s.append(now_s)
-        self._counts.append(len(inputs) - known)
+        self._steps.append((now_s, len(inputs)))
         return now_s
 
     def end_step(
@@ -184,25 +183,25 @@ class SteppedSession:
     ) -> None:
         """See `StepBus.end_step`."""
         if overtime:
-            self._overtime += [(len(self._times_s) - 1, *given_up) for given_up in overtime]
-        if estimate is None and len(self._times_s) < STEPS_TOLD:
+            self._overtime += [(len(self._steps) - 1, *given_up) for given_up in overtime]
+        if estimate is None and len(self._steps) < STEPS_TOLD:
             return
         if self._telling and self._session.wanted(channels.AGENT_STEPS, vehicle):
             self._tell(vehicle, None if estimate is None else RoundedEstimate.of(estimate))
         self._told += 1
-        self._times_s.clear()
-        self._counts.clear()
+        self._steps.clear()
         self._inputs.clear()
         self._overtime.clear()
         self._replies.clear()
 
     def _tell(self, vehicle: str, estimate: RoundedEstimate | None) -> None:
+        ends = [taken for _, taken in self._steps]
         steps = AgentSteps(
             life=self.life,
             began_s=self._began_s,
             number=self._told,
-            times_s=tuple(self._times_s),
-            counts=tuple(self._counts),
+            times_s=tuple(began_s for began_s, _ in self._steps),
+            counts=tuple(end - begin for begin, end in pairwise([0, *ends])),
             keys=tuple(item.key for item in self._inputs),
             subscriptions=tuple(item.subscription for item in self._inputs),
             checksums=tuple(zlib.crc32(item.payload) for item in self._inputs),
