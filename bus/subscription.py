@@ -73,15 +73,16 @@ class Inbox(Generic[M]):
         self.reason = ""
         self.unread: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._rejections = Rejections()
-        self._counts_overruns = depth > 1
+        self._overruns_at = depth if depth > 1 else None
         self._arrivals: deque[float] = deque(maxlen=RATE_WINDOW)
         self._newest: Received[M] | None = None
 
     def store(self, payload: bytes, arrived_s: float) -> None:
         """Keep a payload for the loop. Called on the receive thread."""
-        if self._counts_overruns and len(self.unread) == self.unread.maxlen:
+        unread = self.unread
+        if len(unread) == self._overruns_at:
             self._rejections.count("overrun")
-        self.unread.append((payload, arrived_s))
+        unread.append((payload, arrived_s))
         self._arrivals.append(arrived_s)
 
     def drain(self, limit: int | None = None) -> list[Received[M]]:
@@ -191,7 +192,7 @@ class Subscription(Inbox[M]):
     ) -> None:
         super().__init__(channel, depth, full_key.split("/")[-2])
         self._deliver = deliver
-        self._key = full_key
+        self._key = zenoh.KeyExpr(full_key)
         self._clock = clock
         self._wake = wake
         self._subscriber = session.declare_subscriber(
@@ -199,8 +200,9 @@ class Subscription(Inbox[M]):
         )
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
-        # A put on a wildcard key reaches everyone; only messages for exactly this key count.
-        if str(sample.key_expr) != self._key:
+        # A put on a wildcard key reaches everyone; only messages for exactly this key count. Zenoh compares
+        # them, because a string would have to be made for every message.
+        if sample.key_expr != self._key:
             self.reject("key", f"sent to {sample.key_expr}, not to {self._key}")
             return
         self._deliver(self, sample.payload.to_bytes(), self._clock())
