@@ -34,6 +34,8 @@ class ControlLease:
         The lease; 0 before there is one.
     lost
         Another agent commands: this one says and does nothing any more.
+    undisputed
+        The agent commands and has nothing to ask for.
     """
 
     def __init__(self, agent: int, take_over: bool, now_s: float) -> None:
@@ -41,6 +43,7 @@ class ControlLease:
         self.take_over = take_over
         self.number = 0
         self.lost = False
+        self.undisputed = False
         self._began_s = now_s
         self._bid_at_s = now_s
         self._refused_since_s: float | None = None
@@ -50,11 +53,6 @@ class ControlLease:
     def held(self) -> bool:
         """Whether the agent may command."""
         return self.number > 0 and not self.lost
-
-    @property
-    def undisputed(self) -> bool:
-        """Whether the agent commands and has nothing to ask for."""
-        return self._ignored_since_s is None and self.number > 0 and not self.lost
 
     @property
     def quiet(self) -> bool:
@@ -79,14 +77,18 @@ class ControlLease:
             elif not self.held:
                 self._refuse(now_s)
         self._lose_to(commanding)
+        self.undisputed = self.held and self._ignored_since_s is None
 
     def note_applied(self, commanding: int, now_s: float) -> None:
         """Take in whose commands counted when a serial frame was written."""
+        if self.undisputed and commanding == self.number:
+            return
         self._lose_to(commanding)
         if not self.held or commanding == self.number:
             self._ignored_since_s = None
         elif self._ignored_since_s is None:
             self._ignored_since_s = now_s
+        self.undisputed = self.held and self._ignored_since_s is None
 
     def _refuse(self, now_s: float) -> None:
         if self._refused_since_s is None:

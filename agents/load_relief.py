@@ -83,7 +83,8 @@ class LoadRelief:
         self._seen = pacing.missed_ticks, pacing.overtaken_ticks
         # Missed for want of poses, however many, are one event; those behind which it lags are time.
         missed = max(pacing.missed_ticks > missed_before, pacing.overtaken_ticks - overtaken_before)
-        self._pace(flying)
+        if self.relief:
+            self._pace(flying)
         overload = self._overload
         if overload.observe(late_s, missed) if flying else overload.forget():
             self._bus.note(_WORDS[overload.relief])

@@ -2,7 +2,6 @@
 
 import math
 import signal
-import threading
 import time
 from collections.abc import Callable
 
@@ -287,15 +286,15 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     BusUnreachableError
         No router answers.
     """
-    stop, wake = threading.Event(), Wake()
+    signals, wake = list[int](), Wake()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+        signal.signal(number, lambda number, _: signals.append(number))
     realtime = request_realtime(settings.realtime_priority)
     with Session(settings.bus, wake=wake.set) as session:
         agent = Agent(settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit())
         heartbeat = own_heartbeat()
         settle()
-        while not stop.is_set() and not agent.lost:
+        while not (signals or agent.lost):
             heartbeat.beat(agent.flying)
             heartbeat.frame(*agent.frame)
             rest_until_s = agent.rest_until_s
