@@ -13,7 +13,7 @@ from rcopterx.agents.reporting import Reporter
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.telemetry import command_message, plan_message, timing_of
 from rcopterx.bus import channels
-from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.messages import LeaseBid
 from rcopterx.bus.realtime import request_realtime, settle
 from rcopterx.bus.receiving import Wake
@@ -233,35 +233,32 @@ class Agent:
         self._parts.tuning.wait()
         self._parts.requests.trajectories.wait()
 
-    @property
-    def flying(self) -> bool:
-        """Whether the rotor of the vehicle turns, as far as is known."""
-        return self._pilot.guidance.rotor_on
+    def beat(self, heartbeat: Heartbeat) -> None:
+        """Show the supervisor that the loop has come round, whether the rotor turns, and the last frame."""
+        seen, pilot = self._parts.observation.seen, self._pilot
+        heartbeat.beat(pilot.guidance.rotor_on)
+        if seen is not None:
+            heartbeat.frame(seen.arrived_s, pilot.clock.period_s)
 
     @property
     def rest_until_s(self) -> float:
         """Until when messages can wait, because control periods are left out [monotonic s]."""
-        pacing = self._parts.pacing
-        if pacing.every == 1 or self._control_by_s is not None:
+        pacing, seen = self._parts.pacing, self._parts.observation.seen
+        if pacing.every == 1 or seen is None or self._control_by_s is not None:
             return -math.inf
-        arrived_s, _ = self.frame
-        return arrived_s + pacing.rest_s(self._pilot.clock.current_frame)
-
-    @property
-    def frame(self) -> tuple[float, float]:
-        """Arrival of the last frame [monotonic s] and the period of frames; zeros before the first."""
-        seen = self._parts.observation.seen
-        return (0.0, 0.0) if seen is None else (seen.arrived_s, self._pilot.clock.period_s)
+        return seen.arrived_s + pacing.rest_s(self._pilot.clock.current_frame)
 
     def next_s(self) -> float:
         """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
-        parts, reporter = self._parts, self._reporter
+        parts, lease, reporter = self._parts, self._parts.lease, self._reporter
         if parts.requests.waiting:
             return -math.inf
         if self._control_by_s is not None:
             return self._control_by_s
-        next_s = min(parts.lease.next_s(), parts.pacing.overdue_at_s)
-        if reporter.wanted_s >= next_s or parts.lease.quiet:
+        next_s = parts.pacing.overdue_at_s
+        if not lease.undisputed:
+            next_s = min(next_s, lease.next_s())
+        if reporter.wanted_s >= next_s or lease.quiet:
             return next_s
         return min(next_s, reporter.due_s)
 
@@ -295,8 +292,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         heartbeat = own_heartbeat()
         settle()
         while not (signals or agent.lost):
-            heartbeat.beat(agent.flying)
-            heartbeat.frame(*agent.frame)
+            agent.beat(heartbeat)
             rest_until_s = agent.rest_until_s
             if rest_until_s > -math.inf and (rest_s := rest_until_s - session.clock()) > 0.0:
                 time.sleep(rest_s)

@@ -73,6 +73,8 @@ class RequestHandler:
         What is being checked.
     events
         What happened to requests, by kind.
+    waiting
+        Requests that wait for the next step.
     """
 
     rejected: Mapping[str, int] = MappingProxyType({})
@@ -117,23 +119,18 @@ class RequestHandler:
             settings, pilot, self._no_trajectory, self._formation_check, wake
         )
         self.events: Counter[str] = Counter()
-        self._queue: deque[Incoming] = deque()
+        self.waiting: deque[Incoming] = deque()
         self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
-
-    @property
-    def waiting(self) -> bool:
-        """Whether requests wait for the next step."""
-        return bool(self._queue)
 
     def take(self, incoming: Iterable[Incoming]) -> bool:
         """Handle so many requests as fit into one step, the oldest first; True if there was one."""
-        before = len(self._queue)
-        self._queue.extend(incoming)
-        if not self._queue:
+        before = len(self.waiting)
+        self.waiting.extend(incoming)
+        if not self.waiting:
             return False
-        for _ in range(min(MOST_IN_A_STEP, len(self._queue))):
-            self.handle(self._queue.popleft())
-        self.events[DEFERRED] += max(0, len(self._queue) - max(0, before - MOST_IN_A_STEP))
+        for _ in range(min(MOST_IN_A_STEP, len(self.waiting))):
+            self.handle(self.waiting.popleft())
+        self.events[DEFERRED] += max(0, len(self.waiting) - max(0, before - MOST_IN_A_STEP))
         return True
 
     def handle(self, incoming: Incoming) -> None:

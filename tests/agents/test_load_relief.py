@@ -163,7 +163,9 @@ def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Ben
     rests_s = []
     for _ in range(4):
         bench.see()
-        rests_s.append(bench.agent.rest_until_s - bench.agent.frame[0])
+        seen = bench.agent._parts.observation.seen
+        assert seen is not None
+        rests_s.append(bench.agent.rest_until_s - seen.arrived_s)
     assert sorted(rests_s) == pytest.approx([0.0, 0.0, 0.0, 3.5 * 0.02])
 
 
