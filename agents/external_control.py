@@ -40,14 +40,14 @@ class ExternalControl:
         self.events: Counter[str] = Counter()
         self._vehicle = vehicle
         self._pilot = pilot
-        self._answers = answers
+        self.answers = answers
         self._publish = publish
         self._controller: ExternalController | None = None
 
     @property
     def rejected(self) -> Mapping[str, int]:
         """Refused inputs by reason."""
-        return {f"external_input.{kind}": count for kind, count in self._answers.rejected.items()}
+        return {f"external_input.{kind}": count for kind, count in self.answers.rejected.items()}
 
     def take(self, request: TakeControl) -> str | None:
         """Give control to a client; a refusal is returned as its reason."""
@@ -57,7 +57,7 @@ class ExternalControl:
         if self.client not in ("", request.source):
             return f"{self.client} flies it already"
         self._give_back()
-        self._answers.drain()
+        self.answers.drain()
         self.client = request.source
         self._controller = ExternalController(self._pilot.controller, self._pilot.model, request.patience_s)
         self._pilot.use_controller(self._controller)
@@ -73,14 +73,14 @@ class ExternalControl:
     def before_control(self) -> None:
         """Take answers in; end control that is not used any more."""
         controller = self._controller
-        for received in self._answers.drain():
+        for received in self.answers.drain():
             message = received.message
             if controller is None or message.source != self.client:
-                self._answers.reject("source", f"{message.source} does not control {self._vehicle}")
+                self.answers.reject("source", f"{message.source} does not control {self._vehicle}")
                 continue
             problem = controller.answer(message.number, message.inputs.to_numpy())
             if problem is not None:
-                self._answers.reject("value", problem)
+                self.answers.reject("value", problem)
         if controller is None:
             return
         if controller.silent or self._pilot.guidance.phase is not Phase.FLYING:

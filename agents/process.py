@@ -183,12 +183,13 @@ class Agent:
         """Fly one control period; `late` tells that a plan of this frame is missing."""
         parts, pilot = self._parts, self._pilot
         self._control_by_s = None
-        if pilot.guidance.follows and late:
+        if late and pilot.guidance.follows:
             pilot.fallbacks["leader_plan_late"] += 1
         plans = parts.plans.plans(pilot.clock, parts.changes.cycles_from)
         if parts.lost.tend(plans):
             parts.changes.keep_leaders()
-        parts.external.before_control()
+        if parts.external.client or parts.external.answers.unread:
+            parts.external.before_control()
         known = pilot.estimate
         self._estimate = [*known.motion.tolist(), *known.actuator.tolist(), *known.disturbance.tolist()]
         started_s = self._stopwatch()
@@ -200,17 +201,19 @@ class Agent:
 
     def _publish(self, output: ControlOutput) -> None:
         """Publish command and plan, and do what has time until they are on their way."""
-        parts = self._parts
+        parts, guidance = self._parts, self._pilot.guidance
         # Followers wait for the plan of a leader, so that goes first; other vehicles send the command first.
-        first, then = self._publish_plan, self._publish_command
-        if self._pilot.guidance.follows:
-            first, then = then, first
-        first(output)
-        then(output)
+        if guidance.follows:
+            self._publish_command(output)
+            self._publish_plan(output)
+        else:
+            self._publish_plan(output)
+            self._publish_command(output)
         # Until the step began by the clock that stands still in it, and since then.
         waited_s = self._now_s - self._began_s
-        parts.relief.watch(waited_s + self._stopwatch() - self._step_s, self._pilot.guidance.rotor_on)
-        parts.external.after_control()
+        parts.relief.watch(waited_s + self._stopwatch() - self._step_s, guidance.rotor_on)
+        if parts.external.client:
+            parts.external.after_control()
         if parts.pacing.every == 1:
             # At another rate an oscillation would look like a slower one.
             parts.guard.watch(output, flown_by_own=not parts.external.client)
