@@ -20,7 +20,7 @@ from rcopterx.bus.log_messages import AgentSteps, RoundedEstimate
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import Reply, Request
 from rcopterx.bus.session import Incoming, Session
-from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.subscription import Deliver, Inbox
 
 M = TypeVar("M", bound=Message)
 
@@ -229,9 +229,15 @@ class SteppedSession:
         """See `StepBus.subscribe_all`."""
         return self._session.subscribe_all(channel, waking=waking, deliver=self._deliverer())
 
-    def _deliverer(self) -> "_Deliverer":
+    def _deliverer(self) -> Deliver:
+        """What lets messages of one more subscription wait for the next step."""
         self._subscriptions += 1
-        return _Deliverer(self._waiting, self._subscriptions)
+        number, wait = self._subscriptions, self._waiting.append
+
+        def deliver(inbox: Inbox[Any], payload: bytes, arrived_s: float) -> None:
+            wait(_Input(payload, arrived_s, inbox, number))
+
+        return deliver
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """See `StepBus.publish`."""
@@ -254,14 +260,3 @@ class SteppedSession:
         reply = self._session.request(unit, request, timeout_s, patience_s)
         self._replies.append(encode(reply))
         return reply
-
-
-class _Deliverer:
-    """Lets what a subscription receives wait for the next step."""
-
-    def __init__(self, waiting: deque[_Input], number: int) -> None:
-        self._waiting = waiting
-        self._number = number
-
-    def __call__(self, inbox: Inbox[Any], payload: bytes, arrived_s: float) -> None:
-        self._waiting.append(_Input(payload, arrived_s, inbox, self._number))
