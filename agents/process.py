@@ -176,6 +176,8 @@ class Agent:
 
     def _plans_are_here(self) -> bool:
         parts, clock, followed = self._parts, self._pilot.clock, self._pilot.guidance.followed
+        if not followed:
+            return True
         frame = parts.pacing.plan_frame(clock.current_frame)
         return parts.plans.complete(clock.epoch, frame, [link.leader for link in followed])
 
