@@ -8,6 +8,14 @@ import math
 
 from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, part
 
+COLUMNS = 12
+"""Numbers of a stage of a plan."""
+USABLE = 0
+MISSHAPEN = 1
+PLAN_BEYOND_REASON = 2
+INPUTS_BEYOND_LIMITS = 3
+"""What is to be said of the answer of a controller."""
+
 
 @part
 def all_within(values: Array, largest: float) -> bool:
@@ -83,7 +91,7 @@ def sound_question(
 
 
 @compiled(ANY_MATRIX, ANY_MATRIX, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX)
-def usable_answer(
+def flaw_of_answer(
     samples: Array,
     inputs: Array,
     largest: float,
@@ -91,30 +99,34 @@ def usable_answer(
     high: Array,
     tolerance: float,
     cut: Array,
-) -> tuple[bool, bool]:
-    """Whether plan and inputs of a controller can be flown.
+) -> int:
+    """What is to be said of plan and inputs of a controller.
 
     Parameters
     ----------
     samples, largest
         The plan, and the largest size of its numbers.
     inputs, low, high, tolerance
-        The inputs, shape (k, 4), their limits, and by how much they may leave these.
+        The inputs, their limits, and by how much they may leave these.
     cut
-        Set to the inputs cut to their limits.
+        Set to the inputs cut to their limits, shape (N - 1, 4), where the answer is one to N stages.
 
     Returns
     -------
-    tuple
-        Whether the plan is, and whether the inputs are.
+    int
+        `USABLE`, or the first that holds of `MISSHAPEN`, `PLAN_BEYOND_REASON` and `INPUTS_BEYOND_LIMITS`.
     """
+    if inputs.shape != cut.shape or samples.shape[0] != cut.shape[0] + 1 or samples.shape[1] != COLUMNS:
+        return MISSHAPEN
     within = True
     for row in range(inputs.shape[0]):
         for column in range(inputs.shape[1]):
             value = inputs[row, column]
             within &= low[column] - tolerance <= value <= high[column] + tolerance
     cut_rows(inputs, low, high, cut)
-    return all_within(samples, largest), within
+    if not all_within(samples, largest):
+        return PLAN_BEYOND_REASON
+    return USABLE if within else INPUTS_BEYOND_LIMITS
 
 
 @compiled(ANY_MATRIX, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX)

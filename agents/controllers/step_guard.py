@@ -29,7 +29,13 @@ from rcopterx.agents.interfaces import (
     StopsEarly,
 )
 from rcopterx.agents.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
-from rcopterx.native.bounds import sound_question, usable_answer
+from rcopterx.native.bounds import (
+    INPUTS_BEYOND_LIMITS,
+    MISSHAPEN,
+    PLAN_BEYOND_REASON,
+    flaw_of_answer,
+    sound_question,
+)
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
@@ -199,10 +205,10 @@ class StepGuard:
         """A usable step, what the solver says if it offers none, or None after a failure."""
         if controller is not self._known:
             self._meet(controller)
-        period_s, calls = self._period_s, self.calls
-        if self._early is not None:
-            self._solver_s = calls.allowed_s(SOLVER_SHARE * period_s)
-            self._early.set_deadline(self._solver_late)
+        calls, early = self.calls, self._early
+        if early is not None:
+            self._solver_s = calls.allowed_s(self._solver_share_s)
+            early.set_deadline(self._solver_late)
 
         def question() -> ControlStep | NoSolutionError:
             try:
@@ -210,7 +216,7 @@ class StepGuard:
             except NoSolutionError as nothing:
                 return nothing
 
-        answer = calls.attempt(self._name, STEP_SHARE * period_s, question, self._problem)
+        answer = calls.attempt(self._name, self._step_share_s, question, self._problem)
         if answer is None or isinstance(answer, NoSolutionError):
             return answer
         return ControlStep(self._cut, answer.plan, answer.fallback, answer.iterations)
@@ -219,6 +225,7 @@ class StepGuard:
         """Ask a controller once what stays as it is: above all, asking for a protocol takes long."""
         self._early = controller if isinstance(controller, StopsEarly) else None
         self._name, self._period_s = type(controller).__name__, controller.period_s
+        self._solver_share_s, self._step_share_s = SOLVER_SHARE * self._period_s, STEP_SHARE * self._period_s
         stages = controller.horizon
         self._inputs_shape, self._plan_shape = (stages - 1, INPUT_SIZE), (stages, COLUMNS)
         self._known = controller
@@ -234,23 +241,37 @@ class StepGuard:
         if not (isinstance(step, ControlStep) and isinstance(step.plan, Trajectory)):
             return f"a step is {type(step).__name__} and no ControlStep with a Trajectory for its plan"
         inputs, plan = step.inputs, step.plan
-        wrong = _misshapen("inputs", inputs, self._inputs_shape) or _misshapen(
-            "plan", plan.samples, self._plan_shape
-        )
-        if wrong is not None:
-            return wrong
         self._cut = cut = np.empty(self._inputs_shape)
-        sane, within = usable_answer(
-            plan.samples, inputs, _LARGEST, self._lowest, self._highest, _TOLERANCE, cut
-        )
-        if not sane:
+        try:
+            found = flaw_of_answer(
+                plan.samples, inputs, _LARGEST, self._lowest, self._highest, _TOLERANCE, cut
+            )
+        except (TypeError, ValueError):
+            # The kernel takes nothing but arrays of 64-bit floats with rows and columns.
+            wrong = self._misshapen(inputs, plan)
+            if wrong is None:
+                raise
+            return wrong
+        if found == MISSHAPEN:
+            return self._misshapen(inputs, plan)
+        if found == PLAN_BEYOND_REASON:
             return "the plan is not finite, or beyond all reason"
         if abs(plan.period_s - self._period_s) > _TOLERANCE:
             return f"stages of the plan are {plan.period_s:g} s apart, not {self._period_s:g} s"
-        if not within:
+        if found == INPUTS_BEYOND_LIMITS:
             return "inputs are not finite, or leave the limits of the vehicle"
         if not (step.fallback is None or isinstance(step.fallback, str)):
             return f"fallback is {step.fallback!r}, neither a name nor None"
+        return None
+
+    def _misshapen(self, inputs: object, plan: Trajectory) -> str | None:
+        """What is wrong with the arrays of a result; None if nothing is."""
+        kinds = ("inputs", inputs, self._inputs_shape), ("plan", plan.samples, self._plan_shape)
+        for name, values, shape in kinds:
+            if not isinstance(values, np.ndarray):
+                return f"{name} are {type(values).__name__} and no array"
+            if values.shape != shape or values.dtype != _NUMBERS:
+                return f"{name} have shape {values.shape} of {values.dtype}, not {shape} of float64"
         return None
 
     def _step_by_default(
@@ -284,15 +305,6 @@ class StepGuard:
             plan = known.resampled(0.0 if self._plan is None else period_s, period_s, stages)
         self._plan = plan
         return ControlStep(inputs, plan, fallback, 0)
-
-
-def _misshapen(name: str, values: object, shape: tuple[int, int]) -> str | None:
-    """What is wrong with numbers that should be an array of this shape; None if nothing is."""
-    if not isinstance(values, np.ndarray):
-        return f"{name} are {type(values).__name__} and no array"
-    if values.shape != shape or values.dtype != _NUMBERS:
-        return f"{name} have shape {values.shape} of {values.dtype}, not {shape} of float64"
-    return None
 
 
 def _capped(estimate: Estimate) -> Estimate:

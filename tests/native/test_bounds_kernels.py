@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.native.bounds import cut_reference, sound_question, usable_answer
+from rcopterx.native.bounds import (
+    INPUTS_BEYOND_LIMITS,
+    MISSHAPEN,
+    PLAN_BEYOND_REASON,
+    USABLE,
+    cut_reference,
+    flaw_of_answer,
+    sound_question,
+)
 
 STAGES = 5
 CAP = np.full(16, 10.0)
@@ -37,13 +45,25 @@ def test_an_answer_is_usable_where_plan_and_inputs_are(
     seed: int, place: int, number: float, planned: float
 ) -> None:
     random = np.random.default_rng(seed)
-    inputs, samples = random.uniform(-1.0, 1.0, (STAGES, 4)), random.normal(size=(STAGES, 12))
+    inputs, samples = random.uniform(-1.0, 1.0, (STAGES, 4)), random.normal(size=(STAGES + 1, 12))
     inputs.flat[place], samples[-1, -1] = number, planned
     low, high, cut = np.full(4, -1.0), np.full(4, 1.0), np.empty((STAGES, 4))
-    sane, within = usable_answer(samples, inputs, 20.0, low, high, 0.2, cut)
-    assert sane == bool((np.abs(samples) <= 20.0).all())
-    assert within == bool((np.abs(inputs) <= 1.2).all())
+    found = flaw_of_answer(samples, inputs, 20.0, low, high, 0.2, cut)
+    within = USABLE if (np.abs(inputs) <= 1.2).all() else INPUTS_BEYOND_LIMITS
+    assert found == (within if (np.abs(samples) <= 20.0).all() else PLAN_BEYOND_REASON)
     assert np.array_equal(cut, np.clip(inputs, low, high), equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("planned", "given_"),
+    [((STAGES, 12), (STAGES, 4)), ((STAGES + 1, 11), (STAGES, 4)), ((STAGES + 1, 12), (STAGES, 3)),
+     ((STAGES, 12), (STAGES - 1, 4)), ((0, 12), (0, 4))],
+)  # fmt: skip
+def test_an_answer_has_a_row_of_inputs_between_stages(
+    planned: tuple[int, int], given_: tuple[int, int]
+) -> None:
+    low, high, cut = np.full(4, -1.0), np.full(4, 1.0), np.empty((STAGES, 4))
+    assert flaw_of_answer(np.zeros(planned), np.zeros(given_), 20.0, low, high, 0.2, cut) == MISSHAPEN
 
 
 @given(seeds, st.floats(-100.0, 100.0))

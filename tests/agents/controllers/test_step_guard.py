@@ -210,3 +210,44 @@ def test_a_step_that_took_too_long_does_not_count_although_it_came() -> None:
     guard.reset(slow, estimate, HOVER)
     assert guard.step(slow, estimate, reference, HOVER).fallback == HOVERING
     assert guard.events[LATE] == 1
+
+
+class Answers(NotedController):
+    """Returns inputs and a plan of these numbers."""
+
+    def __init__(self, inputs: object, samples: object) -> None:
+        super().__init__(HOVER[None, :])
+        self.answer = inputs, samples
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        inputs, samples = self.answer
+        return ControlStep(inputs, Trajectory(samples, PERIOD_S), None, 0)  # type: ignore[arg-type]  # on purpose
+
+
+STAGES = 8
+INPUTS, SAMPLES = np.tile(HOVER, (STAGES - 1, 1)), np.zeros((STAGES, 12))
+
+
+@pytest.mark.parametrize(
+    ("inputs", "samples", "said"),
+    [
+        (INPUTS.tolist(), SAMPLES, "inputs are list and no array"),
+        (INPUTS, None, "plan are NoneType and no array"),
+        (INPUTS[:-1], SAMPLES, "inputs have shape (6, 4) of float64, not (7, 4) of float64"),
+        (INPUTS[0], SAMPLES, "inputs have shape (4,) of float64, not (7, 4) of float64"),
+        (INPUTS, SAMPLES[:, :11], "plan have shape (8, 11) of float64, not (8, 12) of float64"),
+        (INPUTS.astype(np.float32), SAMPLES, "inputs have shape (7, 4) of float32, not (7, 4) of float64"),
+        (INPUTS, SAMPLES.astype(">f8"), "plan have shape (8, 12) of >f8, not (8, 12) of float64"),
+        (INPUTS, SAMPLES.astype(object), "plan have shape (8, 12) of object, not (8, 12) of float64"),
+        (INPUTS[::-1], SAMPLES.astype(int), "plan have shape (8, 12) of int64, not (8, 12) of float64"),
+        (INPUTS, SAMPLES + np.nan, "the plan is not finite, or beyond all reason"),
+        (INPUTS + 9.0, SAMPLES, "inputs are not finite, or leave the limits of the vehicle"),
+    ],
+)
+def test_what_is_wrong_with_an_answer_is_told(inputs: object, samples: object, said: str) -> None:
+    guard, wrong = StepGuard(COAXIAL_LAG), Answers(inputs, samples)
+    estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, STAGES)
+    guard.reset(wrong, estimate, HOVER)
+    assert guard.step(wrong, estimate, reference, HOVER).fallback == HOVERING
+    assert guard.events == {UNUSABLE: 1}
+    assert guard.calls.failure == f"Answers: {said}"
