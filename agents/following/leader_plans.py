@@ -74,10 +74,11 @@ class LeaderPlans:
         that has been given up.
         """
         found = {}
-        for name in self._inboxes:
-            plan = self.newest(name)
-            if plan is None:
+        for name, inbox in self._inboxes.items():
+            received = inbox.latest()
+            if received is None:
                 continue
+            plan = received.message
             if plan.epoch != clock.epoch:
                 self._rejected["plan.epoch"] += 1
                 continue
@@ -99,8 +100,11 @@ class LeaderPlans:
 
     def level(self, names: Iterable[str]) -> int:
         """How many leaders are above this vehicle in its longest line, as far as plans tell."""
-        plans = [self.newest(name) for name in names]
-        return max((1 if plan is None else 1 + len(plan.ancestors) for plan in plans), default=0)
+        longest = 0
+        for name in names:
+            plan = self.newest(name)
+            longest = max(longest, 1 if plan is None else 1 + len(plan.ancestors))
+        return longest
 
     def cycle_through(self, name: str) -> tuple[str, ...] | None:
         """Line of ancestors that leads from a leader back to this vehicle; None if there is none."""

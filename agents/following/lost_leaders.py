@@ -1,5 +1,6 @@
 """Carries out what the table of succession says, period by period, for one follower."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -93,16 +94,15 @@ class LostLeaders:
         return self._take(following_mode, successor, before)
 
     def _finding(self, plans: Mapping[str, LeaderPlan]) -> Finding:
-        now_s = self._clock()
-        ahead = [
-            plans[link.leader].ahead_s
-            for link in self._assigned
-            if link.leader in plans and plans[link.leader].followable
-        ]
-        if ahead and min(ahead) <= LATE_AFTER_S:
+        now_s, ahead_s = self._clock(), math.inf
+        for link in self._assigned:
+            plan = plans.get(link.leader)
+            if plan is not None and plan.followable:
+                ahead_s = min(ahead_s, plan.ahead_s)
+        if ahead_s <= LATE_AFTER_S:
             self._here_s = now_s
             return Finding.HERE
-        if ahead and min(ahead) + self._flight.model.delay_s <= self._flight.guidance.plan_limit_s:
+        if ahead_s + self._flight.model.delay_s <= self._flight.guidance.plan_limit_s:
             return Finding.LATE
         if self._here_s is None or now_s - self._here_s <= self._succession.after_s:
             return Finding.GONE

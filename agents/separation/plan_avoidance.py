@@ -1,6 +1,5 @@
 """Keeps the plan of one vehicle clear of the plans of others, as far as its controller can."""
 
-import math
 from collections.abc import Mapping
 
 from rcopterx.agents.controllers.step_guard import StepGuard
@@ -40,6 +39,7 @@ class PlanAvoidance:
     def use(self, controller: Controller) -> None:
         """Tell another controller from now on."""
         self._controller, self._told = controller, True
+        self._period_s, self._stages = controller.period_s, controller.horizon
         self._avoiding = controller if isinstance(controller, AvoidsObstacles) else None
 
     def tend(
@@ -69,8 +69,9 @@ class PlanAvoidance:
         obstacles: tuple[Obstacle, ...] = ()
         touching = False
         if neighbours and self._ellipsoid is not None and plan is not None and free:
-            found = near(self._ellipsoid, neighbours, plan, controller.period_s, controller.horizon, delay_s)
-            self.closest_m = min(found.closest_m, math.inf if self.closest_m is None else self.closest_m)
+            found = near(self._ellipsoid, neighbours, plan, self._period_s, self._stages, delay_s)
+            if self.closest_m is None or found.closest_m < self.closest_m:
+                self.closest_m = found.closest_m
             obstacles, touching = found.obstacles, found.touching
         if avoiding is None:
             return not touching

@@ -137,15 +137,18 @@ class Traffic:
         scales = self._scales
         if not (scales and (plans or self._inboxes)):
             return {}
-        found = {name: plan for name, plan in plans.items() if plan.ahead_s < OLDEST_S}
+        found = {}
+        for name, plan in plans.items():
+            if plan.ahead_s < OLDEST_S and name in scales:
+                found[name] = Neighbour(plan, scales[name])
         for name, inbox in self._inboxes.items():
             received = None if name in found else inbox.latest()
             if received is None or received.message.epoch != clock.epoch:
                 continue
             plan = leader_plan(received.message, clock)
-            if plan.ahead_s < OLDEST_S:
-                found[name] = plan
-        return {name: Neighbour(plan, scales[name]) for name, plan in found.items() if name in scales}
+            if plan.ahead_s < OLDEST_S and name in scales:
+                found[name] = Neighbour(plan, scales[name])
+        return found
 
     @property
     def rejected(self) -> Mapping[str, int]:
