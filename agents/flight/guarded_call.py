@@ -94,7 +94,9 @@ class GuardedCall:
         T or None
             A usable answer, or None after a failure, which has been counted.
         """
-        allowed_s, limit = self.allowed_s(limit_s), self.limit
+        limit, allowed_s = self.limit, limit_s
+        if self._calls < self._first_calls:
+            allowed_s = self.allowed_s(limit_s)
         self._calls += 1
         try:
             try:
