@@ -52,9 +52,9 @@ class Guidance:
     """
 
     def __init__(self, links: Sequence[FollowedLeader] = (), plan_limit_s: float = 0.5) -> None:
-        self._enter(Phase.GROUND)
         self.followed = tuple(links)
         """Leaders followed now."""
+        self._enter(Phase.GROUND)
         self.assigned = self.followed
         """Leaders by fleet file or request; others may take their place while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
@@ -78,12 +78,13 @@ class Guidance:
         """Whether the vehicle is to be flown by the controller."""
         self.followable = phase is Phase.FLYING
         """Whether followers may fly by this vehicle's plan: not while it takes off or lands."""
-        self._may_follow = phase in (Phase.FLYING, Phase.EMERGENCY)
+        self._keep_following(self.followed)
 
-    @property
-    def follows(self) -> bool:
+    def _keep_following(self, links: Sequence[FollowedLeader]) -> None:
+        """Set who is followed, and what follows from it."""
+        self.followed = tuple(links)
+        self.follows = bool(links) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
         """Whether the reference comes from leaders now."""
-        return self._may_follow and bool(self.followed)
 
     def go_on(self, estimate: Estimate, time_s: float) -> None:
         """Go on with what the transmitter gateway interrupted, once it is over; a trajectory is given up."""
@@ -225,7 +226,8 @@ class Guidance:
 
     def lead(self, estimate: Estimate) -> None:
         """Follow nobody; a flying vehicle holds its place."""
-        self.followed = self.assigned = ()
+        self.assigned = ()
+        self._keep_following(())
         if self.phase is Phase.FLYING:
             self.hold_here(estimate)
 
@@ -238,18 +240,20 @@ class Guidance:
         transition_s: float | None,
     ) -> None:
         """Follow leaders from now on; offsets move from the present place to where they shall be."""
-        self.followed = self.assigned = tuple(links)
+        self.assigned = tuple(links)
+        self._keep_following(self.assigned)
         if self.phase is Phase.FLYING:
             self._begin_transitions(plans, estimate, time_s, transition_s)
 
     def take_lead(self, position_m: Array, yaw_rad: float) -> None:
         """Follow nobody from now on; the vehicle's place is given."""
-        self.followed = self.assigned = ()
+        self.assigned = ()
+        self._keep_following(())
         self.source = SetPointReference(position_m, yaw_rad)
 
     def follow_instead(self, links: Sequence[FollowedLeader]) -> None:
         """Follow others, or nobody and keep the place, while the assigned leaders are lost."""
-        self.followed = tuple(links)
+        self._keep_following(links)
         self._joined = frozenset()
 
     def rejoin(self) -> None:
@@ -281,7 +285,8 @@ class Guidance:
             Present fleet time.
         """
         self.assigned = task.assigned
-        self.followed, self._joined = task.followed, task.joined
+        self._joined = task.joined
+        self._keep_following(task.followed)
         if task.phase not in AIRBORNE:
             return
         self._touchdown.floor_m = task.floor_m
@@ -315,7 +320,7 @@ class Guidance:
             duration_s = max(SHORTEST_TRANSITION_S, PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S)
             duration_s = duration_s if transition_s is None else transition_s
             begun.append(replace(link, start=start, start_s=time_s, duration_s=duration_s))
-        self.followed = tuple(begun)
+        self._keep_following(begun)
         self._joined = frozenset(link.leader for link in begun if link.leader in plans)
 
     def reference(

@@ -107,8 +107,8 @@ def test_commands_are_finite_and_within_the_limits_whatever_happens(
     controller: str, story: list[tuple | str]
 ) -> None:
     pilot = real(controller, "extended_kalman", horizon=8)
-    pilot.guidance.followed = (
-        FollowedLeader("h1", FormationOffset(np.array([0.5, 0.0, 0.0]), 0.3, "heading")),
+    pilot.guidance.follow_instead(
+        [FollowedLeader("h1", FormationOffset(np.array([0.5, 0.0, 0.0]), 0.3, "heading"))]
     )
     heard: dict[str, LeaderPlan] = {}
     frame = 0
