@@ -123,6 +123,8 @@ class Pilot:
     ) -> None:
         self.model = model
         self.controller = controller
+        self._rows_sent = _bridged(controller.period_s)
+        """How many inputs go with a command."""
         self.controller_replaced = False
         """Whether the default controller has taken the place of the one that was chosen."""
         self.step_guard = StepGuard(model, default_controller)
@@ -185,20 +187,21 @@ class Pilot:
 
     def observe(self, frame: StampedMeasurement) -> bool:
         """Take in one frame; False if it is older than what is known already."""
-        first = not self.clock.started
-        if first and frame.measurement is None:
+        clock, measurement = self.clock, frame.measurement
+        first = not clock.started
+        if first and measurement is None:
             return False
-        pending = self.clock.frames_until(frame.epoch, frame.frame, frame.period_s)
+        pending = clock.frames_until(frame.epoch, frame.frame, frame.period_s)
         if pending < 0:
             return False
         standing = self._standing
         acted: list[tuple[Array, float]] = []
         for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
-            start_s = self.clock.time_s
-            self.clock.pass_period()
+            start_s = clock.time_s
+            clock.pass_period()
             if not standing:  # The model knows no floor: it would fall.
-                acted += self.input_history.between(start_s, self.clock.time_s)
-        if frame.measurement is None:
+                acted += self.input_history.between(start_s, clock.time_s)
+        if measurement is None:
             self._predict(acted)
             self._blind_s += frame.period_s
             self._unseen_s += frame.period_s
@@ -207,9 +210,9 @@ class Pilot:
         unseen_s, self._unseen_s = self._unseen_s, 0.0
         if first or standing or unseen_s >= BLIND_LIMIT_S:
             self._predict(acted)
-            self._reset_estimator(frame.measurement)
+            self._reset_estimator(measurement)
             self._blind_s = 0.0
-        elif self.estimator.correct(frame.measurement, acted):
+        elif self.estimator.correct(measurement, acted):
             self._blind_s = 0.0
         else:
             # However long it goes on: when refused poses are to be believed is the estimator's decision.
@@ -290,6 +293,7 @@ class Pilot:
     def use_controller(self, controller: Controller) -> None:
         """Fly with another controller from the next period on; it starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
+        self._rows_sent = _bridged(controller.period_s)
         self.avoidance.use(controller)
         self.step_guard.calls.failure = ""
         self._begin_transfer()
@@ -338,7 +342,7 @@ class Pilot:
         self.sequence += 1
         time_s, delay_s = self.clock.time_s, self.model.delay_s
         guidance, exciter = self.guidance, self.exciter
-        guidance.check_floor(self.estimate, time_s)
+        guidance.check_floor(self.estimator.estimate, time_s)
         if self._lift_off.under_way:
             self._tend_lift_off(time_s)
         if exciter.under_way:
@@ -361,7 +365,7 @@ class Pilot:
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan, self.reference = step.plan, reference.samples[0, :4]
-        inputs = self._transfer.smoothed(step.inputs[: _bridged(period_s)], last_input, period_s)
+        inputs = self._transfer.smoothed(step.inputs[: self._rows_sent], last_input, period_s)
         if exciter.under_way:
             inputs = np.clip(exciter.added(inputs, time_s, period_s), self.model.u_min, self.model.u_max)
         inputs = as_sent(self.self_check.without_broken_axis(inputs), self.model)
@@ -380,7 +384,7 @@ class Pilot:
     def _check_vehicle(self, command: Array, time_s: float, period_s: float) -> None:
         """Land if the vehicle does not do what it is told."""
         telling = self._blind_s == 0.0 and self.guidance.phase in _TELLING
-        fault = self.self_check.observe(command, self.estimate.motion, time_s, period_s, telling)
+        fault = self.self_check.observe(command, self.estimator.estimate.motion, time_s, period_s, telling)
         if fault is not None:
             self.fallbacks[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)
@@ -408,7 +412,7 @@ class Pilot:
     def _stand(self, effect_from_s: float) -> ControlOutput:
         """On the floor: rotor off, or turning up open-loop before the controller takes over."""
         period_s, rising = self.controller.period_s, self._lift_off.under_way
-        inputs = np.zeros((_bridged(period_s) if rising else 1, INPUT_SIZE))
+        inputs = np.zeros((self._rows_sent if rising else 1, INPUT_SIZE))
         inputs[:, U_THRUST] = [
             self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
         ]
@@ -425,7 +429,7 @@ class Pilot:
 
     def _compensated(self, time_s: float) -> Estimate:
         """Estimate at the moment the new command begins to act (control.md section 7)."""
-        estimate = self.estimate
+        estimate = self.estimator.estimate
         for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
             estimate = predict(self.model, estimate, value, duration_s)
         return estimate

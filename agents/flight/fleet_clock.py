@@ -103,17 +103,17 @@ class InputHistory:
         list
             (input, duration [s]) in order; the durations add up to the interval.
         """
-        # From the newest back: what is over fills nearly all of the history.
+        if start_s >= end_s - TIME_TOLERANCE_S:
+            return []
         pieces: list[tuple[Array, float]] = []
-        until_s, begun_s, over_s = end_s, start_s + TIME_TOLERANCE_S, end_s - TIME_TOLERANCE_S
-        if start_s >= over_s:
-            return pieces
+        until_s = end_s
+        # From the newest back: what is over fills nearly all of the history.
         for entry in reversed(self._entries):
             from_s = entry.effect_from_s
-            if from_s <= begun_s:
+            if from_s <= start_s + TIME_TOLERANCE_S:
                 pieces.append((entry.input, until_s - start_s))
                 break
-            if from_s < over_s and until_s - from_s > TIME_TOLERANCE_S:
+            if until_s - from_s > TIME_TOLERANCE_S:
                 pieces.append((entry.input, until_s - from_s))
                 until_s = from_s
         else:

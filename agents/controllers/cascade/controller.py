@@ -317,7 +317,9 @@ class CascadeController(PlanningController):
 
     def _disturbance(self, estimate: Estimate) -> Array:
         """Accelerations to predict with, in the order of `Estimate.disturbance`."""
-        told = self._believed(estimate) if self._settings.disturbance_compensation else np.zeros(4)
+        told = estimate.disturbance if self._settings.disturbance_compensation else np.zeros(4)
+        if self._slowed:
+            told = self._taken_in_slowly(told)
         integrate = self._settings.integrators
         if integrate is None:
             integrate = not any(told.tolist())
@@ -327,11 +329,9 @@ class CascadeController(PlanningController):
             self._observer.observe(estimate.motion, self._last_plan)
         return np.asarray(told + self._observer.disturbance(estimate.motion))
 
-    def _believed(self, estimate: Estimate) -> Array:
-        """The estimated disturbance; while the bandwidth is lowered taken in slowly, but for the height's."""
-        told, factors = estimate.disturbance, self._effort_factors
-        if not self._slowed:
-            return told
+    def _taken_in_slowly(self, told: Array) -> Array:
+        """The estimated disturbance while the bandwidth is lowered: at once for the height alone."""
+        factors = self._effort_factors
         time_constant_s = SLOWING_S * np.sqrt(factors)
         self._taken_in += self._period_s / (self._period_s + time_constant_s) * (told - self._taken_in)
         at_once = factors == 1.0
