@@ -28,7 +28,6 @@ from typing import Final, TypedDict
 from rcopterx.bus.heartbeat import VARIABLE
 from rcopterx.bus.realtime import leave_realtime, request_realtime
 from rcopterx.deploy.clean_pages import release
-from rcopterx.deploy.prepared import prepare
 from rcopterx.deploy.roles.run import name_process
 
 LARGEST_BYTES: Final = 1 << 20
@@ -99,6 +98,8 @@ def _prepare(words: Sequence[str]) -> str:
 
     Whatever that is, processes start all the same: they prepare for themselves and tell what they find.
     """
+    from rcopterx.deploy.preloading import prepare
+
     snapshot, host, *vehicles = words
     try:
         prepare(Path(snapshot), host, vehicles)

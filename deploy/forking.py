@@ -226,7 +226,7 @@ class ForkServer:
         Parameters
         ----------
         snapshot, host, vehicles
-            See `deploy.prepared.prepare`.
+            See `deploy.preloading.prepare`.
 
         Raises
         ------

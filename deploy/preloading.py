@@ -1,20 +1,23 @@
-"""What a fork server imports before it forks the processes of a host."""
+"""What a fork server imports and builds before it forks the processes of a host.
+
+Controllers and estimators of other packages are not among it: what they do when they are imported and built,
+they shall do in agents only.
+"""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 from rcopterx.agents.controllers.registry import CONTROLLERS
 from rcopterx.agents.estimators.registry import ESTIMATORS
 from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR
 from rcopterx.deploy.fleet_file.schema import FleetFile, VehicleConfig
+from rcopterx.deploy.fleet_file.snapshot import snapshot_of
+from rcopterx.deploy.prepared import Prepared, keep
 from rcopterx.deploy.processes import ProcessSpec
 
 
 def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
-    """Modules that processes share because they were imported before these were forked.
-
-    Controllers and estimators of other packages are not among them: what they do when they are imported,
-    they shall do in agents only.
-    """
+    """Modules that processes share because they were imported before these were forked."""
     modules: dict[str, None] = dict.fromkeys(("rcopterx.deploy.roles.run", "rcopterx.deploy.spare_process"))
     for spec in specs:
         modules[f"rcopterx.deploy.roles.{spec.role}"] = None
@@ -30,7 +33,40 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
     return list(modules)
 
 
-def is_built_in(vehicle: VehicleConfig) -> bool:
+def prepare(snapshot: Path, host: str, vehicles: Iterable[str]) -> None:
+    """Read a fleet and build pilots on a host; what was prepared before is forgotten.
+
+    Parameters
+    ----------
+    snapshot
+        Snapshot of the fleet file.
+    host
+        Where the pilots fly; empty for where the fleet file has them.
+    vehicles
+        Whose pilots are built.
+
+    Raises
+    ------
+    OSError
+        The snapshot cannot be read.
+    FleetError
+        It is none, or a pilot cannot be built from it.
+    """
+    # Who only names modules imports no agents.
+    from rcopterx.deploy.roles.agent import pilot_of
+
+    keep(None)
+    content = snapshot.read_bytes()
+    fleet = snapshot_of(content)
+    pilots = {
+        (name, host or fleet.vehicles[name].host): pilot_of(fleet, name, host or None)
+        for name in vehicles
+        if _is_built_in(fleet.vehicles[name])
+    }
+    keep(Prepared(snapshot, content, fleet, pilots))
+
+
+def _is_built_in(vehicle: VehicleConfig) -> bool:
     """Whether neither controller nor estimator of a vehicle is another package's."""
     control = vehicle.control
     modules = (

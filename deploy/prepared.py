@@ -5,13 +5,11 @@ a second time. Its copy is its own as soon as it changes it. Processes that were
 prepared and read and build for themselves.
 """
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.deploy.fleet_file.snapshot import snapshot_of
 
 if TYPE_CHECKING:
     from rcopterx.agents.pilot import Pilot
@@ -45,41 +43,11 @@ _prepared: Final[list[Prepared]] = []
 """At most one."""
 
 
-def prepare(snapshot: Path, host: str, vehicles: Iterable[str]) -> None:
-    """Read a fleet and build pilots on a host; what was prepared before is forgotten.
-
-    Controllers and estimators of other packages are not built: what they do when they are built, they shall
-    do in agents only.
-
-    Parameters
-    ----------
-    snapshot
-        Snapshot of the fleet file.
-    host
-        Where the pilots fly; empty for where the fleet file has them.
-    vehicles
-        Whose pilots are built.
-
-    Raises
-    ------
-    OSError
-        The snapshot cannot be read.
-    FleetError
-        It is none, or a pilot cannot be built from it.
-    """
-    # Routers and gateways that were not forked start without agents and numerical libraries.
-    from rcopterx.deploy.preloading import is_built_in
-    from rcopterx.deploy.roles.agent import pilot_of
-
+def keep(prepared: Prepared | None) -> None:
+    """Have this found from now on, instead of what was prepared before."""
     _prepared.clear()
-    content = snapshot.read_bytes()
-    fleet = snapshot_of(content)
-    pilots = {
-        (name, host or fleet.vehicles[name].host): pilot_of(fleet, name, host or None)
-        for name in vehicles
-        if is_built_in(fleet.vehicles[name])
-    }
-    _prepared.append(Prepared(snapshot, content, fleet, pilots))
+    if prepared is not None:
+        _prepared.append(prepared)
 
 
 def fleet_of(path: Path) -> FleetFile:

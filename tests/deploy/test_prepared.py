@@ -6,18 +6,18 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from rcopterx.deploy import prepared
 from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.fleet_file.schema import FleetError
 from rcopterx.deploy.fleet_file.snapshot import read_snapshot, write_snapshot
-from rcopterx.deploy.prepared import fleet_of, prepare, prepared_pilot
+from rcopterx.deploy.preloading import prepare
+from rcopterx.deploy.prepared import fleet_of, keep, prepared_pilot
 from rcopterx.deploy.roles.agent import pilot_of, ready_pilot
 
 
 @pytest.fixture(autouse=True)
 def nothing_prepared() -> Iterator[None]:
     yield
-    prepared._prepared.clear()
+    keep(None)
 
 
 @pytest.fixture
