@@ -24,6 +24,7 @@ COMPLETE: Final = "complete"
 """File in the directory of the kernels from when on all of them are there."""
 MODULES: Final = (
     "settling",
+    "within_bounds",
     "kalman",
     "bounds",
     "cascade",

@@ -16,12 +16,20 @@ from rcopterx.native.compiled import (
     FLAG,
     MATRIX,
     NUMBER,
+    TARGET,
     VECTOR,
     Array,
     compiled,
     part,
 )
 
+STEADY: Final = (
+    MATRIX, MATRIX, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR,
+    FLAG, ANY_VECTOR,
+)  # fmt: skip
+"""Types of what `steady_problem` knows of a vehicle, from `bounds` to `gain`."""
+STEADY_BEGIN: Final = MATRIX, MATRIX, VECTOR
+"""Types of the reference that is cut, the first state and the load."""
 NARROWEST: Final = 0.01
 """Range of a command that is still worth planning with."""
 
@@ -172,11 +180,7 @@ def steady_rows(
     chain_rows(position, velocities, after, carried, push, pole, feedback, lagged, rows, terminal)
 
 
-@compiled(
-    *3 * [ANY_VECTOR], ANY_MATRIX, MATRIX, MATRIX, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER, VECTOR, NUMBER,
-    FLAG, VECTOR, VECTOR, ANY_VECTOR, FLAG, ANY_VECTOR, MATRIX, MATRIX, VECTOR, MATRIX, VECTOR,
-    MATRIX, MATRIX,
-)  # fmt: skip
+@compiled(*3 * [ANY_VECTOR], ANY_MATRIX, *STEADY, *STEADY_BEGIN, *TARGET)
 def steady_problem(
     motion: Array,
     actuator: Array,

@@ -43,6 +43,13 @@ ANY_BLOCKS: Final = read(3)
 NUMBER: Final = "float64"
 COUNT: Final = "int64"
 FLAG: Final = "boolean"
+TARGET: Final = MATRIX, VECTOR, MATRIX, MATRIX
+"""Reference, last state, and lower and upper bounds of a problem of the cascade."""
+
+
+def together(*types: str) -> str:
+    """Type of a tuple with entries of these types, for arguments that kernels pass on as they are."""
+    return f"Tuple(({', '.join(types)},))"
 
 
 class Announcer(event.Listener):

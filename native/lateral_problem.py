@@ -1,6 +1,7 @@
 """Kernel that puts the horizontal problem of a vehicle with a tilt model together; see also `cascade`."""
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -12,11 +13,17 @@ from rcopterx.native.compiled import (
     FLAG,
     MATRIX,
     NUMBER,
+    TARGET,
     VECTOR,
     Array,
     compiled,
     part,
 )
+
+TILTED: Final = MATRIX, MATRIX, VECTOR, NUMBER, NUMBER, FLAG
+"""Types of what `lateral_problem` knows of a vehicle, from `bounds` to `feed_forward`."""
+TURNS: Final = BLOCKS, BLOCKS
+"""Types of the turns of stages and of periods."""
 
 
 @part
@@ -111,10 +118,7 @@ def lateral_first_state(
         first[behind + 2 + axis] = wind[axis]
 
 
-@compiled(
-    *5 * [ANY_VECTOR], ANY_MATRIX, ANY_VECTOR, MATRIX, MATRIX, VECTOR, NUMBER, NUMBER, FLAG, VECTOR,
-    BLOCKS, BLOCKS, MATRIX, VECTOR, MATRIX, MATRIX,
-)  # fmt: skip
+@compiled(*5 * [ANY_VECTOR], ANY_MATRIX, ANY_VECTOR, *TILTED, VECTOR, *TURNS, *TARGET)
 def lateral_problem(
     motion: Array,
     core: Array,

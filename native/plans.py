@@ -1,6 +1,7 @@
 """Kernels of plans as they are made, travel and are compared (`rcopterx.agents`)."""
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from rcopterx.native.compiled import (
 
 MOST = 2**31 - 1
 OCTETS = "uint8[:, ::1]"
+JOINING: Final = NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER
+"""Types of what `join_plans` knows of a vehicle, from `coupling` to `period_s`."""
 NEXT_TO = 1e-6
 """An instant so close to a stage, in periods, is on it."""
 
@@ -261,7 +264,7 @@ def turned_by_thrust(coupling: float, pole: float, actuator: float, thrust: Arra
     return turns
 
 
-@compiled(*4 * [ANY_MATRIX], ANY_VECTOR, NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX, MATRIX)
+@compiled(*4 * [ANY_MATRIX], ANY_VECTOR, *JOINING, MATRIX, MATRIX)
 def join_plans(
     horizontal: Array,
     steady: Array,

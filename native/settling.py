@@ -5,6 +5,8 @@ steps until other bounds press or the problem is solved, and writes the plan dow
 solve needs where nothing presses, or what presses was guessed.
 """
 
+from typing import Final
+
 import numpy as np
 
 from rcopterx.native.bounds import (
@@ -24,6 +26,7 @@ from rcopterx.native.compiled import (
     FLAG,
     MATRIX,
     NUMBER,
+    TARGET,
     VECTOR,
     Array,
     compiled,
@@ -31,6 +34,19 @@ from rcopterx.native.compiled import (
 )
 from rcopterx.native.lateral import lateral_begin, lateral_factor, lateral_rows, lateral_step
 
+CHAIN: Final = (
+    BLOCKS, MATRIX, MATRIX, MATRIX, BLOCKS, MATRIX, VECTOR, ANY_VECTOR, MATRIX, MATRIX, VECTOR, *3 * [MATRIX],
+    *3 * [NUMBER],
+)  # fmt: skip
+LATERAL: Final = (
+    *5 * [MATRIX], BLOCKS, BLOCKS, VECTOR, BLOCKS, MATRIX, MATRIX, VECTOR, *4 * [MATRIX], NUMBER, NUMBER,
+)  # fmt: skip
+"""Types of what attempts know of their problems, which comes first."""
+FACTOR_OF_CHAIN: Final = MATRIX, MATRIX
+FACTOR_OF_LATERAL: Final = BLOCKS, MATRIX
+"""Types of factors and what presses in them."""
+PLAN: Final = MATRIX, MATRIX
+"""Types of planned positions and inputs."""
 GO_ON = 0
 AFRESH = 1
 SHIFTED = 2
@@ -98,11 +114,7 @@ def chain_settle(
     return most, False, True
 
 
-@compiled(
-    BLOCKS, MATRIX, MATRIX, MATRIX, BLOCKS, MATRIX, VECTOR, ANY_VECTOR, MATRIX, MATRIX, VECTOR, *3 * [MATRIX],
-    *3 * [NUMBER], ANY_MATRIX, ANY_VECTOR, COUNT, MATRIX, MATRIX, FLAG, MATRIX, VECTOR, MATRIX, MATRIX, COUNT,
-    MATRIX, MATRIX,
-)  # fmt: skip
+@compiled(*CHAIN, ANY_MATRIX, ANY_VECTOR, COUNT, *FACTOR_OF_CHAIN, FLAG, *TARGET, COUNT, *PLAN)
 def chain_attempt(
     rows: Array,
     terminal_map: Array,
@@ -266,11 +278,7 @@ def lateral_settle(
     return most, False, True
 
 
-@compiled(
-    MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, BLOCKS, BLOCKS, VECTOR, BLOCKS, MATRIX, MATRIX, VECTOR, MATRIX,
-    MATRIX, MATRIX, MATRIX, NUMBER, NUMBER, VECTOR, ANY_VECTOR, COUNT, BLOCKS, MATRIX, FLAG, MATRIX, VECTOR,
-    MATRIX, MATRIX, COUNT, MATRIX, MATRIX,
-)  # fmt: skip
+@compiled(*LATERAL, VECTOR, ANY_VECTOR, COUNT, *FACTOR_OF_LATERAL, FLAG, *TARGET, COUNT, *PLAN)
 def lateral_attempt(
     transition: Array,
     carried: Array,

@@ -25,6 +25,7 @@ from rcopterx.agents.controllers.cascade.terms import (
 )
 from rcopterx.agents.controllers.cascade.tilt_problem import TiltProblem
 from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
+from rcopterx.agents.controllers.cascade.within_bounds import StepWithinBounds
 from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.chain_qp import ChainQP
@@ -199,7 +200,7 @@ class CascadeController(PlanningController):
         share = np.array((part * (limits.input_min - hover), part * (limits.input_max - hover)))
         self._horizontal_share = share[:, _HORIZONTAL].copy()
         chain, target = self._steady_chain, self._steady_target
-        self._steady_problem = (
+        vehicle = (
             self._steady_bounds,
             share[:, _STEADY].copy(),
             self._reference_min,
@@ -211,11 +212,19 @@ class CascadeController(PlanningController):
             self._settings.feed_forward,
             *chain.dynamics,
             chain.gain,
-            self._aim,
-            self._first,
-            self._load,
-            *target,
         )
+        begin = self._aim, self._first, self._load
+        self._steady_problem = *vehicle, *begin, *target
+        self._within_bounds = None
+        if isinstance(self._horizontal, TiltProblem) and self.workspace is ChainQP:
+            self._within_bounds = StepWithinBounds(
+                self._steady,
+                (vehicle, begin, tuple(target)),
+                self._horizontal,
+                self._horizontal_bounds,
+                self._horizontal_share,
+                self._joining,
+            )
 
     def _parameters(self, axes: slice, position_bounded: tuple[bool, bool]) -> ChainParameters:
         state, inputs = self._settings.state_weights, self._settings.input_weights
@@ -246,7 +255,17 @@ class CascadeController(PlanningController):
         reference: Trajectory,
         last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
     ) -> Solution:
-        disturbance = self._disturbance(estimate)
+        disturbance, within_bounds = self._disturbance(estimate), self._within_bounds
+        if within_bounds is not None and not self._obstacles:
+            planned = within_bounds.attempt(estimate, disturbance, reference.samples)
+            if planned is not None:
+                inputs, samples, steps = planned
+                self._expired = UNLIMITED.expired
+                return Solution(inputs, Trajectory(samples, self._period_s), steps)
+        return self._solve_in_turn(estimate, disturbance, reference)
+
+    def _solve_in_turn(self, estimate: Estimate, disturbance: Array, reference: Trajectory) -> Solution:
+        """Solve one problem after the other, whatever that takes."""
         self._actuator = actuator = estimate.actuator
         within = steady_problem(
             estimate.motion, actuator, disturbance, reference.samples, *self._steady_problem

@@ -4,6 +4,7 @@ The lateral model is predicted whole: bar, disc, coupling of the axes, servo, an
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +14,13 @@ from rcopterx.agents.controllers.chains.active_set import ChainSolution
 from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.agents.controllers.chains.lateral_qp import LateralQP
 from rcopterx.agents.flight.lateral import demand_matrix, lateral_system
-from rcopterx.agents.interfaces import TiltEstimate
+from rcopterx.agents.interfaces import Estimate, TiltEstimate
 from rcopterx.native.lateral_problem import lateral_problem
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     GRAVITY_M_S2,
     YAW,
+    Array,
     heading_matrix,
 )
 
@@ -64,7 +66,7 @@ class TiltProblem:
         drag, lead = 0.5 * float(model.k[:2].sum()), self._mean_delay_s() / parameters.period_s
         stages, states = parameters.stages, self._system.size
         self._first, self._target = np.empty(states), ChainTarget.empty(stages, 6, states)
-        self._fixed = model.b[:2].copy(), drag, lead, feed_forward, self._first
+        self._fixed = model.b[:2].copy(), drag, lead, feed_forward
 
     def forget(self) -> None:
         """Start the next solve from nothing."""
@@ -77,9 +79,7 @@ class TiltProblem:
         The disturbance of the task counts only where the estimator does not tell the wind.
         """
         estimate, target = task.estimate, self._target
-        tilt = estimate.tilt
-        if tilt is None or not self._compensate:
-            tilt = self._other_tilt(task)
+        tilt = self.tilt_of(estimate, task.disturbance)
         qp = self._free if task.clear is None else self._crowded
         chain = qp.chain
         lateral_problem(
@@ -93,6 +93,7 @@ class TiltProblem:
             bounds,
             share,
             *self._fixed,
+            self._first,
             chain.turn,
             chain.demand_turn,
             *target,
@@ -106,18 +107,30 @@ class TiltProblem:
             target = task.clear.add_rows(task.steady[: len(target.rows), 0], target)
         return qp.solve(self._first, tilt.trim, target, task.budget)
 
-    def _other_tilt(self, task: HorizontalTask) -> TiltEstimate:
-        """Tilt without wind; from actuator and disturbance where the estimator does not tell it."""
-        known = task.estimate.tilt
+    def tilt_of(self, estimate: Estimate, disturbance: Array) -> TiltEstimate:
+        """Tilt to predict with; from actuator and disturbance where the estimator does not tell it."""
+        known = estimate.tilt
         if known is not None:
-            return TiltEstimate(known.core, known.servo, np.zeros(2), known.trim)
-        yaw_rad = float(task.estimate.motion[YAW])
-        demand = demand_matrix(self._model, yaw_rad) @ task.estimate.actuator[:2]
+            return (
+                known if self._compensate else TiltEstimate(known.core, known.servo, np.zeros(2), known.trim)
+            )
+        yaw_rad = float(estimate.motion[YAW])
+        demand = demand_matrix(self._model, yaw_rad) @ estimate.actuator[:2]
         core = np.zeros(self._system.core.stop - self._system.core.start)
         core[:2] = demand / GRAVITY_M_S2
-        return TiltEstimate(
-            core, task.estimate.actuator[:2], heading_matrix(yaw_rad) @ task.disturbance[:2], np.zeros(2)
-        )
+        wind_m_s2 = heading_matrix(yaw_rad) @ disturbance[:2]
+        return TiltEstimate(core, estimate.actuator[:2], wind_m_s2, np.zeros(2))
+
+    @property
+    def settled(self) -> bool:
+        """Whether nobody was near and no bound was active when it solved last."""
+        return self._free.settled
+
+    def settled_problem(self, bounds: Bounds, share: Bounds) -> tuple[Any, ...]:
+        """What `rcopterx.native.within_bounds` knows of the problem."""
+        chain = self._free.chain
+        vehicle, turns = (bounds, share, *self._fixed), (chain.turn, chain.demand_turn)
+        return vehicle, self._first, turns, tuple(self._target), *self._free.settled_problem
 
     def _mean_delay_s(self) -> float:
         """Mean delay from demand to acceleration before the bar follows."""

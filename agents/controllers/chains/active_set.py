@@ -10,7 +10,7 @@ inputs of the previous plan.
 """
 
 from collections.abc import Callable
-from typing import Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from msgspec import Struct
@@ -100,9 +100,11 @@ class ActiveSetQP(Generic[SomeChain]):
         self._cruising = False
         self._free, self._pressed = chain.unknown_factor(bounds=False), chain.unknown_factor(bounds=True)
         """Factors without active bounds and with some."""
-        self._plan = np.empty(chain.plan_shapes[0]), np.empty(chain.plan_shapes[1])
+        self._plan = self._new_plan()
         self._warm = False
         """Whether there is a solution to begin from."""
+        self.settled = False
+        """Whether there is one at which no bound is active, and the factor of such a problem is known."""
         self._expired: Callable[[], bool] = _never
 
     def forget(self) -> None:
@@ -113,6 +115,19 @@ class ActiveSetQP(Generic[SomeChain]):
 
     def _forget_factors(self) -> None:
         self._free.stale = self._pressed.stale = True
+        self.settled = False
+
+    def _new_plan(self) -> tuple[Array, Array]:
+        """Room for positions and inputs."""
+        positions_shape, inputs_shape = self.chain.plan_shapes
+        return np.empty(positions_shape), np.empty(inputs_shape)
+
+    @property
+    def settled_problem(self) -> tuple[Any, ...]:
+        """Problem, point, factor and plan of its own, as `rcopterx.native.within_bounds` takes them."""
+        chain, free, active = self.chain, self._free, self._active
+        point = chain.unknowns, active.side, active.multipliers
+        return chain.problem, point, (free.numbers, free.side), self._new_plan()
 
     def solve(
         self, first_state: Array, load: Array, target: ChainTarget, budget: Budget = UNLIMITED
@@ -135,8 +150,7 @@ class ActiveSetQP(Generic[SomeChain]):
         ChainSolution
             The minimiser, or the best point known: at most as costly as the planned inputs of the budget.
         """
-        positions_shape, inputs_shape = self.chain.plan_shapes
-        self._plan = np.empty(positions_shape), np.empty(inputs_shape)
+        self._plan = self._new_plan()
         self._expired = budget.expired
         begin = SHIFTED if self._warm else AFRESH
         start = first_state, load
@@ -148,6 +162,7 @@ class ActiveSetQP(Generic[SomeChain]):
             solved, further = self._interior_point(start, target)
             iterations += further
         self._warm = True
+        self.settled = not (self._presses or self._free.stale)
         if not solved:
             self._go_to_best(load, target, budget.planned())
         positions, inputs = self._plan
