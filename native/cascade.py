@@ -28,8 +28,6 @@ STEADY: Final = (
     FLAG, ANY_VECTOR,
 )  # fmt: skip
 """Types of what `steady_problem` knows of a vehicle, from `bounds` to `gain`."""
-STEADY_BEGIN: Final = MATRIX, MATRIX, VECTOR
-"""Types of the reference that is cut, the first state and the load."""
 NARROWEST: Final = 0.01
 """Range of a command that is still worth planning with."""
 
@@ -180,7 +178,7 @@ def steady_rows(
     chain_rows(position, velocities, after, carried, push, pole, feedback, lagged, rows, terminal)
 
 
-@compiled(*3 * [ANY_VECTOR], ANY_MATRIX, *STEADY, *STEADY_BEGIN, *TARGET)
+@compiled(*3 * [ANY_VECTOR], ANY_MATRIX, *STEADY, MATRIX, MATRIX, VECTOR, *TARGET)
 def steady_problem(
     motion: Array,
     actuator: Array,

@@ -22,8 +22,6 @@ from rcopterx.native.compiled import (
 
 TILTED: Final = MATRIX, MATRIX, VECTOR, NUMBER, NUMBER, FLAG
 """Types of what `lateral_problem` knows of a vehicle, from `bounds` to `feed_forward`."""
-TURNS: Final = BLOCKS, BLOCKS
-"""Types of the turns of stages and of periods."""
 
 
 @part
@@ -118,7 +116,7 @@ def lateral_first_state(
         first[behind + 2 + axis] = wind[axis]
 
 
-@compiled(*5 * [ANY_VECTOR], ANY_MATRIX, ANY_VECTOR, *TILTED, VECTOR, *TURNS, *TARGET)
+@compiled(*5 * [ANY_VECTOR], ANY_MATRIX, ANY_VECTOR, *TILTED, VECTOR, BLOCKS, BLOCKS, *TARGET)
 def lateral_problem(
     motion: Array,
     core: Array,

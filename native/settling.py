@@ -42,11 +42,20 @@ LATERAL: Final = (
     *5 * [MATRIX], BLOCKS, BLOCKS, VECTOR, BLOCKS, MATRIX, MATRIX, VECTOR, *4 * [MATRIX], NUMBER, NUMBER,
 )  # fmt: skip
 """Types of what attempts know of their problems, which comes first."""
+FLAT: Final = 10
+CHAIN_SIDE: Final = 12
+CHAIN_MULTIPLIERS: Final = 13
+"""Where positions and what presses are in what is known of a chain."""
+TURN: Final = 5
+DEMAND_TURN: Final = 6
+DEMANDS: Final = 11
+STATES: Final = 12
+LATERAL_SIDE: Final = 14
+LATERAL_MULTIPLIERS: Final = 15
+"""Where turns, demands, states and what presses are in what is known of the lateral problem."""
 FACTOR_OF_CHAIN: Final = MATRIX, MATRIX
 FACTOR_OF_LATERAL: Final = BLOCKS, MATRIX
 """Types of factors and what presses in them."""
-PLAN: Final = MATRIX, MATRIX
-"""Types of planned positions and inputs."""
 GO_ON = 0
 AFRESH = 1
 SHIFTED = 2
@@ -114,7 +123,7 @@ def chain_settle(
     return most, False, True
 
 
-@compiled(*CHAIN, ANY_MATRIX, ANY_VECTOR, COUNT, *FACTOR_OF_CHAIN, FLAG, *TARGET, COUNT, *PLAN)
+@compiled(*CHAIN, ANY_MATRIX, ANY_VECTOR, COUNT, *FACTOR_OF_CHAIN, FLAG, *TARGET, COUNT, MATRIX, MATRIX)
 def chain_attempt(
     rows: Array,
     terminal_map: Array,
@@ -278,7 +287,7 @@ def lateral_settle(
     return most, False, True
 
 
-@compiled(*LATERAL, VECTOR, ANY_VECTOR, COUNT, *FACTOR_OF_LATERAL, FLAG, *TARGET, COUNT, *PLAN)
+@compiled(*LATERAL, VECTOR, ANY_VECTOR, COUNT, *FACTOR_OF_LATERAL, FLAG, *TARGET, COUNT, MATRIX, MATRIX)
 def lateral_attempt(
     transition: Array,
     carried: Array,

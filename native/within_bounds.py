@@ -9,57 +9,44 @@ It takes the same kernels in the same order as a step that Python leads from pro
 
 from typing import Any, Final
 
-from rcopterx.native.cascade import STEADY, STEADY_BEGIN, steady_problem
-from rcopterx.native.compiled import (
-    ANY_MATRIX,
-    ANY_VECTOR,
-    MATRIX,
-    TARGET,
-    VECTOR,
-    Array,
-    compiled,
-    part,
-    together,
-)
-from rcopterx.native.lateral_problem import TILTED, TURNS, lateral_problem
+import numpy as np
+
+from rcopterx.native.cascade import STEADY, steady_problem
+from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, Array, compiled, part, together
+from rcopterx.native.lateral_problem import TILTED, lateral_problem
 from rcopterx.native.plans import JOINING, join_plans
 from rcopterx.native.settling import (
     CHAIN,
+    CHAIN_MULTIPLIERS,
+    CHAIN_SIDE,
+    DEMAND_TURN,
+    DEMANDS,
     FACTOR_OF_CHAIN,
     FACTOR_OF_LATERAL,
+    FLAT,
     LATERAL,
-    PLAN,
+    LATERAL_MULTIPLIERS,
+    LATERAL_SIDE,
     SHIFTED,
+    STATES,
+    TURN,
     chain_attempt,
     lateral_attempt,
 )
 
-POINT: Final = together(VECTOR, MATRIX, MATRIX)
-STEADY_STEP: Final = together(
-    together(*STEADY),
-    together(*STEADY_BEGIN),
-    together(*TARGET),
-    together(*CHAIN),
-    POINT,
-    together(*FACTOR_OF_CHAIN),
-    together(*PLAN),
-)
-LATERAL_STEP: Final = together(
-    together(*TILTED),
-    VECTOR,
-    together(*TURNS),
-    together(*TARGET),
-    together(*LATERAL),
-    POINT,
-    together(*FACTOR_OF_LATERAL),
-    together(*PLAN),
-)
+STEADY_STEP: Final = together(together(*STEADY), together(*CHAIN), together(*FACTOR_OF_CHAIN))
+LATERAL_STEP: Final = together(together(*TILTED), together(*LATERAL), together(*FACTOR_OF_LATERAL))
 
 
 @part
-def undo(before: Array, point: Any) -> None:
+def empty_target(stages: int, states: int) -> tuple[Array, Array, Array, Array]:
+    """Room for reference, last state and bounds of a problem of two axes."""
+    return np.empty((stages, 6)), np.empty(states), np.empty((1, 6)), np.empty((1, 6))
+
+
+@part
+def undo(before: Array, present: Array, side: Array, multipliers: Array) -> None:
     """Go back to positions or demands at which nothing pressed."""
-    present, side, multipliers = point
     for at in range(len(before)):
         present[at] = before[at]
     for stage in range(len(side)):
@@ -94,12 +81,10 @@ def step_within_bounds(
     samples
         The reference, shape (N, 12).
     steady
-        Of the vertical and of yaw: what `steady_problem` knows of the vehicle; reference that is cut, first
-        state and load; target; what `chain_attempt` knows; the point, which is among that: positions, sides
-        and multipliers; the factor without active bounds; plan.
+        Of the vertical and of yaw: what `steady_problem` knows of the vehicle, what `chain_attempt` knows of
+        the problem, and the factor without active bounds.
     lateral
-        Of the horizontal motion: what `lateral_problem` knows of the vehicle; first state; turns; target;
-        what `lateral_attempt` knows; the point: demands, sides and multipliers; factor; plan.
+        Of the horizontal motion: the same for `lateral_problem` and `lateral_attempt`.
     joining
         What `join_plans` knows of the vehicle.
     inputs, planned
@@ -111,27 +96,37 @@ def step_within_bounds(
         Number of Newton steps. Zero if a bound becomes active or the measured climb or yaw rate is beyond its
         bounds; both problems are then at the points at which they were.
     """
-    vehicle, (aim, first, load), target, problem, point, factor, (flat, steady_inputs) = steady
+    stages = len(samples)
+    vehicle, chain, factor = steady
+    flat = chain[FLAT]
+    levels = len(flat) // 2 - stages
+    aim, first, load = np.empty(samples.shape), np.empty((levels, 2)), np.empty(2)
+    target = empty_target(stages, 2 * levels)
     if not steady_problem(motion, actuator, disturbance, samples, *vehicle, aim, first, load, *target):
         return 0
-    before = point[0].copy()
+    before = flat.copy()
+    climb, steady_inputs = np.empty((stages + levels - 1, 2)), np.empty((stages - 1, 2))
     steps, solved, _, _ = chain_attempt(
-        *problem, first, load, SHIFTED, *factor, False, *target, 1, flat, steady_inputs
+        *chain, first, load, SHIFTED, *factor, False, *target, 1, climb, steady_inputs
     )
     if not solved:
-        undo(before, point)
+        undo(before, flat, chain[CHAIN_SIDE], chain[CHAIN_MULTIPLIERS])
         return 0
-    tilted, state, turns, aimed, horizontal, demands, feedback, (way, sticks) = lateral
+    tilted, horizontal, feedback = lateral
+    demands, reach = horizontal[DEMANDS], horizontal[STATES].shape
+    state, aimed = np.empty(reach[1]), empty_target(stages, reach[1])
+    turns = horizontal[TURN], horizontal[DEMAND_TURN]
     lateral_problem(
-        motion, core, servo, wind, trim, aim, flat[:, 1], *tilted, state, *turns, *aimed,
+        motion, core, servo, wind, trim, aim, climb[:, 1], *tilted, state, *turns, *aimed,
     )  # fmt: skip
-    demanded = demands[0].copy()
+    demanded = demands.copy()
+    way, sticks = np.empty((reach[0], 2)), np.empty((stages - 1, 2))
     further, solved, _, _ = lateral_attempt(
         *horizontal, state, trim, SHIFTED, *feedback, False, *aimed, 1, way, sticks
     )
     if not solved:
-        undo(before, point)
-        undo(demanded, demands)
+        undo(before, flat, chain[CHAIN_SIDE], chain[CHAIN_MULTIPLIERS])
+        undo(demanded, demands, horizontal[LATERAL_SIDE], horizontal[LATERAL_MULTIPLIERS])
         return 0
-    join_plans(way, flat, sticks, steady_inputs, actuator, *joining, inputs, planned)
+    join_plans(way, climb, sticks, steady_inputs, actuator, *joining, inputs, planned)
     return steps + further

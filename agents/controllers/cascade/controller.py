@@ -213,13 +213,12 @@ class CascadeController(PlanningController):
             *chain.dynamics,
             chain.gain,
         )
-        begin = self._aim, self._first, self._load
-        self._steady_problem = *vehicle, *begin, *target
+        self._steady_problem = *vehicle, self._aim, self._first, self._load, *target
         self._within_bounds = None
         if isinstance(self._horizontal, TiltProblem) and self.workspace is ChainQP:
             self._within_bounds = StepWithinBounds(
                 self._steady,
-                (vehicle, begin, tuple(target)),
+                vehicle,
                 self._horizontal,
                 self._horizontal_bounds,
                 self._horizontal_share,

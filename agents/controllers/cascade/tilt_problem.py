@@ -128,9 +128,7 @@ class TiltProblem:
 
     def settled_problem(self, bounds: Bounds, share: Bounds) -> tuple[Any, ...]:
         """What `rcopterx.native.within_bounds` knows of the problem."""
-        chain = self._free.chain
-        vehicle, turns = (bounds, share, *self._fixed), (chain.turn, chain.demand_turn)
-        return vehicle, self._first, turns, tuple(self._target), *self._free.settled_problem
+        return (bounds, share, *self._fixed), *self._free.settled_problem
 
     def _mean_delay_s(self) -> float:
         """Mean delay from demand to acceleration before the bar follows."""

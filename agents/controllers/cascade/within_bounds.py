@@ -23,9 +23,9 @@ class StepWithinBounds:
 
     Parameters
     ----------
-    steady, steady_problem
-        Workspace of the vertical and of yaw, and what `rcopterx.native.cascade.steady_problem` takes besides
-        estimate and reference: what is known of the vehicle, what it cuts and begins with, and the target.
+    steady, vehicle
+        Workspace of the vertical and of yaw, and what `rcopterx.native.cascade.steady_problem` knows of the
+        vehicle.
     horizontal, bounds, share
         The horizontal problem, and its bounds as in its `solve`.
     joining
@@ -35,7 +35,7 @@ class StepWithinBounds:
     def __init__(
         self,
         steady: ChainQP,
-        steady_problem: tuple[Any, ...],
+        vehicle: tuple[Any, ...],
         horizontal: TiltProblem,
         bounds: Bounds,
         share: Bounds,
@@ -43,7 +43,7 @@ class StepWithinBounds:
     ) -> None:
         self._steady, self._horizontal = steady, horizontal
         self._fixed = (
-            (*steady_problem, *steady.settled_problem),
+            (vehicle, *steady.settled_problem),
             horizontal.settled_problem(bounds, share),
             joining,
         )

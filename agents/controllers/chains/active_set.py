@@ -124,10 +124,8 @@ class ActiveSetQP(Generic[SomeChain]):
 
     @property
     def settled_problem(self) -> tuple[Any, ...]:
-        """Problem, point, factor and plan of its own, as `rcopterx.native.within_bounds` takes them."""
-        chain, free, active = self.chain, self._free, self._active
-        point = chain.unknowns, active.side, active.multipliers
-        return chain.problem, point, (free.numbers, free.side), self._new_plan()
+        """Problem and factor, as `rcopterx.native.within_bounds` takes them."""
+        return self.chain.problem, (self._free.numbers, self._free.side)
 
     def solve(
         self, first_state: Array, load: Array, target: ChainTarget, budget: Budget = UNLIMITED

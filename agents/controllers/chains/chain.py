@@ -212,8 +212,6 @@ class Chain:
         Columns of the inputs among the rows.
     flat
         The positions y, shape (N + levels, m); the last is padding.
-    unknowns
-        `flat`, stage by stage.
     penalty
         Weight of the squared distance to an active bound, shape (N, 3 m + K).
     active
@@ -252,7 +250,7 @@ class Chain:
         self.soft_weights[self._clearances] = parameters.clearance_weight
         self._free = slice(levels * m, (stages + levels - 1) * m)
         self.flat: Array = np.zeros((stages + levels, m))
-        self.unknowns = self.flat.reshape(-1)
+        self._flat = self.flat.reshape(-1)
         self._change: Array = np.zeros((stages + levels) * m)
         self._terminal_cost: Array = np.zeros((levels * m, levels * m))
         self._terminal_hessian: Array = np.zeros((levels * m, levels * m))
@@ -273,7 +271,7 @@ class Chain:
             parameters.gain,
             self.weights,
             self.penalty,
-            self.unknowns,
+            self._flat,
             self.active.values,
             self.active.side,
             self.active.multipliers,
@@ -339,7 +337,7 @@ class Chain:
             From the present positions one stage on, instead of standing still where the state leads to.
         """
         chain_start(
-            self.unknowns,
+            self._flat,
             shifted,
             first_state,
             disturbance,
@@ -363,7 +361,7 @@ class Chain:
 
     def values(self) -> Array:
         """Rows at the present positions, shape (N, 3 m + K)."""
-        return self._values_of(self.unknowns)
+        return self._values_of(self._flat)
 
     def change_of_values(self, step: Array) -> Array:
         """Change of the rows under a step of the free positions, shape (N, 3 m + K)."""
@@ -377,12 +375,12 @@ class Chain:
 
     def move(self, step: Array) -> None:
         """Take a step of the free positions."""
-        self.unknowns[self._free] += step
+        self._flat[self._free] += step
 
     def roll_out(self, inputs: Array) -> None:
         """Set the free positions to what inputs, balance added, lead to; shape (N - 1, m)."""
         axes = self.parameters.axes
-        chain_roll_out(self._rows, inputs.copy(), self.unknowns, axes, self.inputs.start)
+        chain_roll_out(self._rows, inputs.copy(), self._flat, axes, self.inputs.start)
 
     def step(self, factor: Array, pull: Array, target: ChainTarget) -> Array:
         """Newton step of the free positions with a factor from `factorize`.
@@ -395,7 +393,7 @@ class Chain:
         step = np.empty(len(factor))
         chain_step(
             self._rows,
-            self.unknowns,
+            self._flat,
             self._terminal_map,
             self._terminal_cost,
             target.terminal,

@@ -52,8 +52,6 @@ class LateralChain:
 
     Attributes
     ----------
-    unknowns
-        Demands, shape (2 (N - 1),).
     turn, demand_turn
         R(psi) of the stages, shape (N, 2, 2), and in the middle of the periods, shape (N - 1, 2, 2); to be
         written ahead of a solve.
@@ -85,7 +83,7 @@ class LateralChain:
         self.soft_weights: Array = np.full(rows, parameters.soft_weight)
         self.soft_weights[self._clearances] = parameters.clearance_weight
         self._directions: Array = np.zeros((stages, parameters.clearances, AXES))
-        self.unknowns: Array = np.zeros(AXES * (stages - 1))
+        self._demands: Array = np.zeros(AXES * (stages - 1))
         self._transition = np.ascontiguousarray(system.transition)
         self._carried = np.ascontiguousarray(system.transition.T)
         self._demand = np.ascontiguousarray(system.demand)
@@ -111,7 +109,7 @@ class LateralChain:
             self._directions,
             self.weights,
             self.penalty,
-            self.unknowns,
+            self._demands,
             self._states,
             self.active.values,
             self.active.side,
@@ -171,15 +169,15 @@ class LateralChain:
         shifted
             With the present demands one stage on, instead of none at all.
         """
-        lateral_begin(self._carried, self._demand, first_state, shifted, self.unknowns, self._states)
+        lateral_begin(self._carried, self._demand, first_state, shifted, self._demands, self._states)
 
     def point(self) -> Array:
         """The present demands, to come back to."""
-        return self.unknowns.copy()
+        return self._demands.copy()
 
     def restore(self, point: Array) -> None:
         """Go back to a point."""
-        self.unknowns[:] = point
+        self._demands[:] = point
         self._follow()
 
     def positions(self) -> Array:
@@ -188,7 +186,7 @@ class LateralChain:
 
     def values(self) -> Array:
         """Rows at the present demands, shape (N, 6 + K)."""
-        return self._rows(self.unknowns, self._states)
+        return self._rows(self._demands, self._states)
 
     def change_of_values(self, step: Array) -> Array:
         """Change of the rows under a step of the demands, shape (N, 6 + K)."""
@@ -206,17 +204,17 @@ class LateralChain:
     def _follow(self) -> None:
         """Renew the states."""
         first_state = self._states[0].copy()
-        lateral_states(self._carried, self._demand, first_state, self.unknowns, self._states)
+        lateral_states(self._carried, self._demand, first_state, self._demands, self._states)
 
     def move(self, step: Array) -> None:
         """Take a step of the demands."""
-        self.unknowns += step
+        self._demands += step
         self._follow()
 
     def roll_out(self, inputs: Array) -> None:
         """Demand what sticks ask for, trim included; shape (N - 1, 2)."""
         demands = np.einsum("sab,sb->sa", self.demand_turn, inputs * self.parameters.gain)
-        self.unknowns[:] = demands.reshape(-1)
+        self._demands[:] = demands.reshape(-1)
         self._follow()
 
     def terminal_cost_of(self, target: ChainTarget) -> float:
@@ -247,7 +245,7 @@ class LateralChain:
 
     def step(self, factor: Array, pull: Array, target: ChainTarget) -> Array:
         """Newton step of the demands with a factor from `factorize` (`Chain.step`)."""
-        step = np.empty(len(self.unknowns))
+        step = np.empty(len(self._demands))
         lateral_step(
             self._transition,
             self._carried,
