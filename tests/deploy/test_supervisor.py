@@ -213,7 +213,7 @@ def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
     supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ready = tmp_path / "ready"
-    stubborn = f'trap "" TERM; touch {ready}; while :; do sleep 0.02; done'
+    stubborn = f'trap "" TERM; touch {ready}; exec sleep 600'
 
     def clock() -> float:
         """Time goes on once the polite one has ended, however long that takes."""
@@ -288,7 +288,7 @@ def test_a_process_that_does_not_want_to_leave_is_ended_once(
 ) -> None:
     clock, ready = FakeClock(), tmp_path / "ready"
     supervisor = supervise(
-        fake("deaf", f"trap '' TERM; touch {ready}; while :; do sleep 0.05; done"), clock=clock
+        fake("deaf", f"trap '' TERM; touch {ready}; exec sleep 600"), clock=clock
     )
     supervisor.start_all()
     wait_for(ready.exists, "not ready")
