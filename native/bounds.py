@@ -6,7 +6,7 @@ bounds of inputs, columns `first` to `last`, are hard.
 
 import math
 
-from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, part
+from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, ESTIMATE, MATRIX, NUMBER, Array, compiled, part
 
 COLUMNS = 12
 """Numbers of a stage of a plan."""
@@ -50,7 +50,7 @@ def cut_rows(values: Array, low: Array, high: Array, cut: Array) -> None:
             cut[row, column] = value
 
 
-@compiled(*7 * [ANY_VECTOR], ANY_VECTOR, ANY_MATRIX, NUMBER)
+@compiled(*ESTIMATE, ANY_VECTOR, ANY_MATRIX, NUMBER)
 def sound_question(
     motion: Array,
     actuator: Array,

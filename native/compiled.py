@@ -43,6 +43,8 @@ ANY_BLOCKS: Final = read(3)
 NUMBER: Final = "float64"
 COUNT: Final = "int64"
 FLAG: Final = "boolean"
+ESTIMATE: Final = 7 * (ANY_VECTOR,)
+"""Motion, actuators, disturbance; core, servo, wind and trim of the tilt model, empty without one."""
 TARGET: Final = MATRIX, VECTOR, MATRIX, MATRIX
 """Reference, last state, and lower and upper bounds of a problem of the cascade."""
 

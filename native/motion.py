@@ -8,6 +8,7 @@ from rcopterx.native.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     COUNT,
+    ESTIMATE,
     MATRIX,
     NUMBER,
     VECTOR,
@@ -214,7 +215,7 @@ def predict_with_tilt(
     tilted[cores + 2], tilted[cores + 3] = after[6 + cores], after[7 + cores]
 
 
-@compiled(*8 * [ANY_VECTOR], NUMBER, VECTOR, MATRIX, MATRIX, NUMBER, VECTOR)
+@compiled(*ESTIMATE, ANY_VECTOR, NUMBER, VECTOR, MATRIX, MATRIX, NUMBER, VECTOR)
 def predict_estimate(
     motion: Array,
     actuator: Array,
@@ -268,7 +269,7 @@ NOT_FINITE = 2
 """What is to be said of an estimate."""
 
 
-@compiled(*7 * [ANY_VECTOR])
+@compiled(*ESTIMATE)
 def flaw(
     motion: Array, actuator: Array, disturbance: Array, core: Array, servo: Array, wind: Array, trim: Array
 ) -> int:

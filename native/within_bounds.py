@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.native.cascade import STEADY, steady_problem
-from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, Array, compiled, part, together
+from rcopterx.native.compiled import ANY_MATRIX, ESTIMATE, MATRIX, Array, compiled, part, together
 from rcopterx.native.lateral_problem import TILTED, lateral_problem
 from rcopterx.native.plans import JOINING, join_plans
 from rcopterx.native.settling import (
@@ -56,7 +56,7 @@ def undo(before: Array, present: Array, side: Array, multipliers: Array) -> None
             multipliers[stage, axis] = 0.0
 
 
-@compiled(*7 * [ANY_VECTOR], ANY_MATRIX, STEADY_STEP, LATERAL_STEP, together(*JOINING), MATRIX, MATRIX)
+@compiled(*ESTIMATE, ANY_MATRIX, STEADY_STEP, LATERAL_STEP, together(*JOINING), MATRIX, MATRIX)
 def step_within_bounds(
     motion: Array,
     actuator: Array,
