@@ -15,8 +15,8 @@ import numpy as np
 from rcopterx.agents.interfaces import Measurement
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.deploy.background import step_behind_others
-from rcopterx.deploy.fleet_file.snapshot import read_snapshot
-from rcopterx.deploy.roles.agent import pilot_of
+from rcopterx.deploy.prepared import fleet_of
+from rcopterx.deploy.roles.agent import ready_pilot
 from rcopterx.deploy.roles.run import end_with_parent, name_process
 
 PERIODS: Final = 60
@@ -60,8 +60,8 @@ def main() -> int:
     end_with_parent()
     name_process("capacity")
     step_behind_others()
-    fleet, vehicle = read_snapshot(Path(sys.argv[1])), sys.argv[2]
-    _, pilot = pilot_of(fleet, vehicle)
+    fleet, vehicle = fleet_of(Path(sys.argv[1])), sys.argv[2]
+    _, pilot = ready_pilot(fleet, vehicle)
     period_s = fleet.vehicles[vehicle].control.period_s
     print(control_time_s(pilot, period_s, time.sleep, time.thread_time))
     return 0
