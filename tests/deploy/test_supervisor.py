@@ -287,9 +287,7 @@ def test_a_process_that_does_not_want_to_leave_is_ended_once(
     supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, ready = FakeClock(), tmp_path / "ready"
-    supervisor = supervise(
-        fake("deaf", f"trap '' TERM; touch {ready}; exec sleep 600"), clock=clock
-    )
+    supervisor = supervise(fake("deaf", f"trap '' TERM; touch {ready}; exec sleep 600"), clock=clock)
     supervisor.start_all()
     wait_for(ready.exists, "not ready")
     supervisor.children["deaf"].wanted = False
