@@ -3,10 +3,9 @@
 What a helicopter with a flybarless head, or a quadrotor under its attitude loop, is seen from the sticks.
 """
 
+import cmath
+import math
 from dataclasses import dataclass
-
-import numpy as np
-from scipy.linalg import expm
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
@@ -93,8 +92,10 @@ class OscillatingTiltPlant(FirstOrderPlant):
 def _transition(oscillator: TiltOscillator, time_s: float) -> Four:
     """How far from its target, and how fast, an oscillator is after a time; row by row."""
     w, zeta = oscillator.frequency_rad_s, oscillator.damping_ratio
-    a, b, c, d = expm(time_s * np.array([[0.0, 1.0], [-w * w, -2.0 * zeta * w]])).ravel().tolist()
-    return a, b, c, d
+    decay, swing = math.exp(-zeta * w * time_s), w * cmath.sqrt(zeta * zeta - 1.0)
+    even = decay * cmath.cosh(swing * time_s).real
+    odd = decay * ((cmath.sinh(swing * time_s) / swing).real if swing else time_s)
+    return even + zeta * w * odd, odd, -w * w * odd, even - zeta * w * odd
 
 
 def _moved(transition: Four, value: float, rate: float, target: float) -> Two:

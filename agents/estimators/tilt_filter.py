@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from rcopterx.agents.flight.lateral import (
     POSITION,
@@ -21,6 +20,7 @@ from rcopterx.agents.flight.lateral import (
     lateral_system,
 )
 from rcopterx.agents.flight.linear import PERIOD_DIGITS, ByPeriod
+from rcopterx.agents.flight.matrix_equations import matrix_exponential
 from rcopterx.agents.interfaces import TiltEstimate
 from rcopterx.native.kalman import correct_tilt
 from rcopterx.vehicles.model import Model
@@ -300,7 +300,7 @@ def _process_noise(
     density[system.tilt_rate] = tilt_density**2
     density[system.wind] = 2.0 * wind_rms_m_s2**2 / WIND_CORRELATION_S
     both = np.block([[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]])
-    step = expm(system.period_s * both)
+    step = matrix_exponential(system.period_s * both)
     noise = np.zeros((size + 4, size + 4))
     noise[:size, :size] = step[size:, size:].T @ step[:size, size:]
     slow = [_SERVO_DENSITY] * 2, [_TRIM_DENSITY] * 2, [_OFFSET_DENSITY] * 2

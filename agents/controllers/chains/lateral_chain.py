@@ -10,7 +10,6 @@ class offers what `ChainQP` and `InteriorPoint` need, as `Chain` does for vehicl
 from typing import Final
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from rcopterx.agents.controllers.chains.chain import (
     INPUT_PENALTY,
@@ -22,6 +21,7 @@ from rcopterx.agents.controllers.chains.chain import (
     weigh_bounds,
 )
 from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
+from rcopterx.agents.flight.matrix_equations import riccati_solution
 from rcopterx.native.lateral import (
     lateral_begin,
     lateral_factor,
@@ -133,7 +133,7 @@ class LateralChain:
         system = self._system
         weights = np.zeros(system.size)
         weights[POSITION], weights[VELOCITY] = self._position_weight, self._velocity_weight
-        cost = solve_discrete_are(
+        cost = riccati_solution(
             system.transition, system.demand, np.diag(weights), self._demand_weight * np.eye(AXES)
         )
         return np.asarray(0.5 * (cost + cost.T))
