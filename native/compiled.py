@@ -13,14 +13,19 @@ from typing import Any, Final, ParamSpec, TypeVar
 
 import numba
 import numpy as np
+import numpy.ma  # numba looks at it when a kernel is called first
 from numba.core import event
 from numpy.typing import NDArray
 
 from rcopterx.native.cache import directory, only_one
+from rcopterx.native.numba_memory import keep_modules_unparsed, leave_blas_until_needed
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")
 R = TypeVar("R")
+
+leave_blas_until_needed()
+keep_modules_unparsed()
 
 # Typed loosely: what numba declares differs from version to version.
 _njit: Any = numba.njit

@@ -12,7 +12,7 @@ from rcopterx.native.cache import MODULES
 from rcopterx.native.compiled import ANY_MATRIX, VECTOR, compiled
 
 ROOT = Path(__file__).parents[2]
-NO_KERNELS = {"__init__", "__main__", "cache", "compiled", "filtering"}
+NO_KERNELS = {"__init__", "__main__", "cache", "compiled", "filtering", "numba_memory"}
 
 
 @compiled(VECTOR, ANY_MATRIX)
