@@ -28,6 +28,7 @@ from typing import Final, TypedDict
 from rcopterx.bus.heartbeat import VARIABLE
 from rcopterx.bus.realtime import leave_realtime, request_realtime
 from rcopterx.deploy.clean_pages import release
+from rcopterx.deploy.heap_gaps import HeapGaps
 from rcopterx.deploy.roles.run import name_process
 
 LARGEST_BYTES: Final = 1 << 20
@@ -73,17 +74,25 @@ def main() -> None:
     problem = _prepare(words) if words else ""
     if problem:
         print(f"fork server: prepares nothing: {problem}", file=sys.stderr)
-    _keep()
+    gaps = _gaps()
+    _keep(gaps)
     gc.enable()
     request_realtime(int(priority))
     connection = socket.socket(fileno=int(descriptor))
     connection.send(_told({"pid": os.getpid()}))
-    run = serve(connection, int(priority))
+    run = serve(connection, int(priority), gaps)
     if run is not None:
         run()
 
 
-def _keep() -> None:
+def _gaps() -> HeapGaps | None:
+    """Gaps of the heap, where its library tells of them."""
+    with suppress(OSError):
+        return HeapGaps()
+    return None
+
+
+def _keep(gaps: HeapGaps | None) -> None:
     """Keep what is there now as memory of all, and nothing else."""
     gc.collect()
     # What is forked neither collects nor moves it, so that its pages stay shared.
@@ -91,6 +100,8 @@ def _keep() -> None:
     # This process calls libraries no more; the compiler of the kernels alone would keep 67 MB.
     with suppress(OSError):
         release()
+    if gaps is not None:
+        gaps.fill()
 
 
 def _prepare(words: Sequence[str]) -> str:
@@ -108,7 +119,9 @@ def _prepare(words: Sequence[str]) -> str:
     return ""
 
 
-def serve(connection: socket.socket, priority: int = 0) -> Callable[[], None] | None:
+def serve(
+    connection: socket.socket, priority: int = 0, gaps: HeapGaps | None = None
+) -> Callable[[], None] | None:
     """Fork on every order to start something.
 
     Parameters
@@ -117,6 +130,8 @@ def serve(connection: socket.socket, priority: int = 0) -> Callable[[], None] | 
         To the supervisor.
     priority
         That of this process, which it leaves while it prepares: vehicles of others may fly.
+    gaps
+        Of the heap, filled; preparing uses them.
 
     Returns
     -------
@@ -131,8 +146,10 @@ def serve(connection: socket.socket, priority: int = 0) -> Callable[[], None] | 
         order: Order = json.loads(message)
         if "prepare" in order:
             leave_realtime()
+            if gaps is not None:
+                gaps.open()
             problem = _prepare(order["prepare"])
-            _keep()
+            _keep(gaps)
             request_realtime(priority)
             connection.send(_told({"error": problem} if problem else {}))
             continue
