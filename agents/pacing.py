@@ -1,7 +1,7 @@
 """When an agent acts: it is paced by its poses, not by a timer."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from rcopterx.vehicles.state import Array
 
 COAST_AFTER_PERIODS = 1.5
 WINDOW = 500
+NEVER: Final = (-1, -1)
+"""Earlier than epoch and frame of every period."""
 REST_SPARE = 0.5
 """Frames before the next control period at which who rests looks for messages again."""
 
@@ -38,6 +40,7 @@ class Pacing:
         """Those of them whose poses had arrived."""
         self._period_s, self._place = period_s, place
         self._last_control_frame: int | None = None
+        self._begun = self._commanded = NEVER
         self._last_arrival_s = self._frame_period_s = 0.0
         self._coasts = 0
         self.overdue_at_s = math.inf
@@ -58,10 +61,20 @@ class Pacing:
         self._coasts += 1
         self.overdue_at_s = self._last_arrival_s + (COAST_AFTER_PERIODS + self._coasts) * self._frame_period_s
 
-    def on_overtaken(self) -> None:
-        """A control period began before the command of the one before was computed."""
-        self.missed_ticks += 1
-        self.overtaken_ticks += 1
+    def on_begin(self, epoch: int, frame: int, flying: bool) -> None:
+        """A control period begins; while flying one before it is missed if it has no command yet.
+
+        A pose that comes late begins the period of its frame once more, to correct what was predicted for it.
+        """
+        period = epoch, frame
+        if flying and self._commanded < self._begun < period:
+            self.missed_ticks += 1
+            self.overtaken_ticks += 1
+        self._begun = period
+
+    def on_command(self) -> None:
+        """The command of the control period that began last is computed."""
+        self._commanded = max(self._commanded, self._begun)
 
     def control_due(self, frame: int, flying: bool) -> bool:
         """Whether a control period begins with this frame.

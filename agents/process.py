@@ -159,8 +159,7 @@ class Agent:
             return
         pacing, frame, flying = parts.pacing, pilot.clock.current_frame, pilot.guidance.rotor_on
         if pacing.control_due(frame, flying):
-            if self._control_by_s is not None and flying:
-                pacing.on_overtaken()
+            pacing.on_begin(pilot.clock.epoch, frame, flying)
             self._began_s = now_s
             self._control_by_s = now_s + self._longest_wait_s()
         elif pacing.left_out(frame):
@@ -185,6 +184,7 @@ class Agent:
         """Fly one control period; `late` tells that a plan of this frame is missing."""
         parts, pilot = self._parts, self._pilot
         self._control_by_s = None
+        parts.pacing.on_command()
         if late and pilot.guidance.follows:
             pilot.fallbacks["leader_plan_late"] += 1
         plans = parts.plans.plans(pilot.clock, parts.changes.cycles_from)

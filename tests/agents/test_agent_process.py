@@ -192,6 +192,26 @@ def test_a_plan_that_comes_too_late_is_counted(follower: Bench) -> None:
     assert follower.pilot.fallbacks["leader_plan_late"] == late + 1
 
 
+def test_a_pose_that_comes_late_while_its_bridged_frame_waits_for_a_plan_is_no_missed_period(
+    follower: Bench,
+) -> None:
+    follower.start()
+    follower.see()
+    follower.clock.advance(0.005)
+    follower.command_of(follower.frame)
+    missed = follower.agent._parts.pacing.missed_ticks
+    follower.clock.advance(0.0261)
+    bridged = follower.frame + 1
+    follower.step_until(lambda: follower.agent._control_by_s is not None, "the late frame is not bridged")
+    assert follower.pilot.clock.current_frame == bridged
+    follower.clock.advance(-0.0199)
+    follower.see()
+    assert follower.frame == bridged
+    follower.clock.advance(0.005)
+    follower.command_of(bridged)
+    assert follower.agent._parts.pacing.missed_ticks == missed
+
+
 def test_a_follower_of_a_follower_waits_longer(follower: Bench) -> None:
     follower.start()
     follower.see()

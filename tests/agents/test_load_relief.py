@@ -192,9 +192,10 @@ def test_a_vehicle_on_the_floor_has_nothing_planned() -> None:
 
 def test_periods_behind_which_it_lags_count_all_and_those_without_poses_once() -> None:
     lagging, blind = Scene(), Scene()
-    for _ in range(4):
-        for _ in range(5):
-            lagging.pacing.on_overtaken()
+    lagging.pacing.on_begin(1, 0, flying=True)
+    for turn in range(4):
+        for place in range(5):
+            lagging.pacing.on_begin(1, 1 + 5 * turn + place, flying=True)
         blind.pacing.missed_ticks += 5
         for scene in (lagging, blind):
             scene.relief.watch(0.0, flying=True)

@@ -56,10 +56,47 @@ def test_frame_numbers_that_begin_anew_are_due_at_once_and_nothing_is_missed() -
     assert pacing.missed_ticks == 0
 
 
+def begun(pacing: Pacing, *frames: int, epoch: int = 1, flying: bool = True) -> int:
+    """Periods missed so far, after further ones have begun."""
+    for frame in frames:
+        pacing.on_begin(epoch, frame, flying)
+    return pacing.missed_ticks
+
+
 def test_a_command_overtaken_by_the_next_period_is_missed() -> None:
     pacing = Pacing(0.02)
-    pacing.on_overtaken()
-    assert pacing.missed_ticks == 1
+    assert begun(pacing, 4) == 0
+    assert begun(pacing, 8, 12) == 2
+    pacing.on_command()
+    assert begun(pacing, 16) == 2
+    assert pacing.overtaken_ticks == 2
+
+
+def test_a_late_pose_that_begins_the_period_of_its_frame_again_overtakes_nothing() -> None:
+    pacing = Pacing(0.02)
+    begun(pacing, 4)
+    pacing.on_command()
+    # 8 is bridged by prediction, and its pose arrives before the plans that it waits for
+    assert begun(pacing, 8, 8) == 0
+    pacing.on_command()
+    # 12 and 16 are bridged and commanded; then the poses of 12 to 20 arrive at once
+    for frame in (12, 16):
+        begun(pacing, frame)
+        pacing.on_command()
+    assert begun(pacing, 12, 16, 20) == 0
+    assert begun(pacing, 24) == 1
+
+
+def test_a_period_in_a_new_epoch_overtakes_one_without_a_command() -> None:
+    pacing = Pacing(0.02)
+    assert begun(pacing, 5000) == 0
+    assert begun(pacing, 4, epoch=2) == 1
+    pacing.on_command()
+    assert begun(pacing, 8, epoch=2) == 1
+
+
+def test_no_period_is_overtaken_on_the_floor() -> None:
+    assert begun(Pacing(0.02), 4, 8, 12, flying=False) == 0
 
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=60), st.sampled_from([0.02, 0.01, 0.005]))
