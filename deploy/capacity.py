@@ -18,7 +18,7 @@ from rcopterx.deploy.processor_time import Threads, threads_of
 
 MODULE: Final = "rcopterx.deploy.control_time"
 AGENT: Final = "agent"
-USABLE: Final = 0.7
+USABLE: Final = 0.65
 """Share of the processors beyond which control periods are missed."""
 SURE: Final = 3
 """So many vehicles for each processor are flown by any computer."""
