@@ -13,7 +13,7 @@ LATE_PERIODS: Final = 0.9
 WINDOW_S: Final = 1.0
 LATE_SHARE: Final = 0.3
 """More of the control periods of a window than this late, or missed: something is left out."""
-HALF_RATE_SERVES: Final = 1.1
+HALF_RATE_SERVES: Final = 1.3
 """At half rate a computer flies so many times the vehicles that it flies at full rate."""
 EASE_AFTER_S: Final = 10.0
 """Without that for so long: the newest of what is left out is done again."""

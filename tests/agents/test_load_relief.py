@@ -226,7 +226,8 @@ def test_where_more_agents_run_than_the_computer_serves_half_rate_is_planned() -
     [
         (10, 10, Relief.NONE),
         (11, 10, Relief.HALF_RATE),
-        (12, 10, Relief.QUARTER_RATE),
+        (13, 10, Relief.HALF_RATE),
+        (14, 10, Relief.QUARTER_RATE),
         (1, 0, Relief.QUARTER_RATE),
     ],
 )
