@@ -25,7 +25,7 @@ _COUNTERS: Final = (
 
 
 class HeapState(ctypes.Structure):
-    """What mallinfo2(3) tells [bytes]: `fordblks` are free, `keepcost` of them at the end of the heap."""
+    """What mallinfo2(3) tells [bytes]; `keepcost` are free at the end of the heap."""
 
     _fields_ = [(name, ctypes.c_size_t) for name in _COUNTERS]
 
@@ -51,12 +51,6 @@ class HeapGaps:
         self._state.restype = HeapState
         self._end.argtypes, self._end.restype = [ctypes.c_ssize_t], ctypes.c_void_p
         self._blocks = array("Q")
-
-    @property
-    def free_bytes(self) -> int:
-        """How much the gaps take."""
-        state = self._state()
-        return int(state.fordblks - state.keepcost)
 
     def fill(self) -> None:
         """Give back pages in gaps, then fill these until there are none."""

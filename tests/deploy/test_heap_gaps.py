@@ -14,16 +14,21 @@ library = ctypes.CDLL(None)
 library.malloc.restype, library.free.argtypes = ctypes.c_void_p, [ctypes.c_void_p]
 library.malloc.argtypes, library.sbrk.restype = [ctypes.c_size_t], ctypes.c_void_p
 gaps = HeapGaps()
+
+def free_bytes():
+    state = gaps._state()
+    return state.fordblks - state.keepcost
+
 SIZE, COUNT = {size}, {count}
 blocks = array("Q", (library.malloc(SIZE) for _ in range(2 * COUNT)))
 for block in blocks[::2]:
     library.free(block)
-empty = gaps.free_bytes
+empty = free_bytes()
 gaps.fill()
-filled = gaps.free_bytes
+filled = free_bytes()
 beyond = sum(library.malloc(SIZE) > max(blocks) for _ in range(20))
 gaps.open()
-print(empty, filled, gaps.free_bytes, beyond)
+print(empty, filled, free_bytes(), beyond)
 """
 
 

@@ -130,8 +130,7 @@ def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0
         b[2 * m :] = np.diag(1 - parameters.pole)
     q = np.zeros(size)
     q[:m], q[m : 2 * m] = parameters.position_weights, parameters.velocity_weights
-    cost = np.asarray(riccati_solution(a, b, np.diag(q), np.diag(parameters.input_weights)))
-    return np.asarray(0.5 * (cost + cost.T))
+    return riccati_solution(a, b, np.diag(q), np.diag(parameters.input_weights))
 
 
 class HeadingCost:

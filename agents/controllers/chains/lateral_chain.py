@@ -133,10 +133,9 @@ class LateralChain:
         system = self._system
         weights = np.zeros(system.size)
         weights[POSITION], weights[VELOCITY] = self._position_weight, self._velocity_weight
-        cost = riccati_solution(
+        return riccati_solution(
             system.transition, system.demand, np.diag(weights), self._demand_weight * np.eye(AXES)
         )
-        return np.asarray(0.5 * (cost + cost.T))
 
     def _endless_factor(self) -> Array:
         """Feedback of the endless horizon, and the inverse of what a demand costs: what a factor has."""

@@ -187,7 +187,7 @@ class TerminalCost:
                 np.diag(self._state_weights[active]),
                 np.diag(self._input_weights),
             )
-            self._at_heading[yaw_rad] = 0.5 * (cost + cost.T)
+            self._at_heading[yaw_rad] = cost
         return self._at_heading[yaw_rad]
 
 
