@@ -22,6 +22,7 @@ from rcopterx.commands.fleet_option import (
 )
 from rcopterx.commands.ground import page_of
 from rcopterx.deploy.run_directory import run_directory
+from rcopterx.native.cache import compile_all
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -279,7 +280,8 @@ def demo(
         stack.enter_context(user_errors())
         said: deque[str] = deque()
         if browser:
-            # It loads while the fleet comes up.
+            # It loads while the fleet comes up, and would not wait as long as compiling takes.
+            compile_all()
             stack.enter_context(page_of(fleet, said.append))
         running, interrupts = stack.enter_context(interruptible(fleet, None, record=record))
         watch = Watch(running, interrupts, said)

@@ -3,13 +3,17 @@
 import os
 import subprocess
 import sys
+from typing import NoReturn
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from rcopterx.agents.identification.excitation import BASE_HZ
 from rcopterx.agents.references.path_shapes import HEADINGS
 from rcopterx.command_line import app
+from rcopterx.commands import launch
+from rcopterx.deploy.fleet_file.schema import FleetError
 
 NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib", "numba"}
 
@@ -94,3 +98,19 @@ def test_the_version_is_told_with_its_commit(monkeypatch: pytest.MonkeyPatch) ->
     assert (told.exit_code, told.stdout) == (0, "rcopterx 1.2.3 (commit abc123+), Python 3.11.7\n")
     origin["commit"] = ""
     assert CliRunner().invoke(app, ["--version"]).stdout == "rcopterx 1.2.3, Python 3.11.7\n"
+
+
+def test_the_page_of_a_demonstration_starts_when_nothing_is_left_to_compile(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    began: list[str] = []
+
+    def page(*_: object) -> NoReturn:
+        began.append("page")
+        raise FleetError("no page")
+
+    monkeypatch.setattr(launch, "compile_all", lambda: began.append("compiler"))
+    monkeypatch.setattr(launch, "page_of", page)
+    with pytest.raises(typer.Exit):
+        launch.demo()
+    assert began == ["compiler", "page"]
