@@ -13,7 +13,7 @@ RUN pip install --no-cache-dir "$(ls /wheels/*.whl)[ground]" \
 USER lab
 WORKDIR /home/lab
 # For the kind of processor on which the image is built; on others the first start compiles.
-RUN python -m rcopterx.native
+RUN python -m rcopterx.compiling
 # Router, web page.
 EXPOSE 7447 8080
 ENTRYPOINT ["rcopterx"]

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Final
 
-from rcopterx.agents.external_control import ExternalControl
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_changes import LeaderChanges
 from rcopterx.agents.following.leader_plans import LeaderPlans
@@ -12,15 +11,16 @@ from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.formation.limit_scaling import LimitScaling
 from rcopterx.agents.formation.placement import Room
-from rcopterx.agents.handover import Handover
-from rcopterx.agents.lease import ControlLease
-from rcopterx.agents.load_relief import LoadRelief
+from rcopterx.agents.load.load_relief import LoadRelief
+from rcopterx.agents.load.pacing import Pacing, SolveTimer
 from rcopterx.agents.observation import Observation
-from rcopterx.agents.pacing import Pacing, SolveTimer
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.request_handler import RequestHandler
+from rcopterx.agents.requests.external_control import ExternalControl
+from rcopterx.agents.requests.request_handler import RequestHandler
 from rcopterx.agents.separation.traffic import Traffic
 from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.takeover.handover import Handover
+from rcopterx.agents.takeover.lease import ControlLease
 from rcopterx.agents.telemetry import DiagnosticsCollector
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard

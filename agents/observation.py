@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.interfaces import Measurement
-from rcopterx.agents.lease import ControlLease
-from rcopterx.agents.pacing import Pacing
+from rcopterx.agents.load.pacing import Pacing
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.takeover.lease import ControlLease
 from rcopterx.agents.telemetry import prefixed
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.subscription import Inbox, Received
+from rcopterx.control.interfaces import Measurement
 
 OF_ANOTHER_AGENT: Final = -1
 """Sequence of no command of this agent."""

@@ -15,25 +15,25 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rcopterx.agents.controllers.step_guard import StepGuard
-from rcopterx.agents.estimators.estimator_guard import EstimatorGuard
 from rcopterx.agents.flight.bumpless_transfer import BumplessTransfer
 from rcopterx.agents.flight.fleet_clock import FleetClock, InputHistory
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.lift_off import LiftOff
-from rcopterx.agents.flight.prediction import predict
 from rcopterx.agents.flight.self_check import SelfCheck
 from rcopterx.agents.flight.sent_inputs import as_sent
-from rcopterx.agents.flight.time_limit import TimeLimit
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
-from rcopterx.agents.identification.exciter import Exciter
-from rcopterx.agents.interfaces import Controller, Estimate, Estimator, Measurement
+from rcopterx.agents.guards.estimator_guard import EstimatorGuard
+from rcopterx.agents.guards.step_guard import StepGuard
+from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.phases import Event, Phase
-from rcopterx.agents.references.trajectory import Trajectory
-from rcopterx.agents.references.turns import nearest_heading
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from rcopterx.agents.separation.plan_avoidance import PlanAvoidance
+from rcopterx.control.identification.exciter import Exciter
+from rcopterx.control.interfaces import Controller, Estimate, Estimator, Measurement
+from rcopterx.control.models.prediction import predict
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.references.turns import nearest_heading
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
@@ -97,7 +97,7 @@ class Pilot:
     model
         Nominal model of the vehicle.
     controller, estimator
-        Any pair that keeps the promises of `rcopterx.agents.interfaces`.
+        Any pair that keeps the promises of `rcopterx.control.interfaces`.
     guidance
         Phase and task.
     separation

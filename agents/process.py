@@ -5,9 +5,9 @@ import signal
 import time
 from collections.abc import Callable
 
-from rcopterx.agents.alarm import AlarmTimeLimit
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
-from rcopterx.agents.flight.time_limit import NotedTimeLimit, NoTimeLimit, TimeLimit
+from rcopterx.agents.guards.alarm import AlarmTimeLimit
+from rcopterx.agents.guards.time_limit import NotedTimeLimit, NoTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter
 from rcopterx.agents.settings import AgentSettings

@@ -4,7 +4,7 @@ import logging
 from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
-from rcopterx.agents.overload import Relief
+from rcopterx.agents.load.overload import Relief
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.telemetry import status_message

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
 from rcopterx.agents.formation.succession import Succession
-from rcopterx.agents.interfaces import FULL_LIMITS, LimitScale
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
+from rcopterx.control.interfaces import FULL_LIMITS, LimitScale
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Three
 

@@ -10,8 +10,8 @@ import msgspec
 from rcopterx.agents.following.leader_plans import LeaderPlans
 from rcopterx.agents.following.links import present_link, target_link
 from rcopterx.agents.following.plan_arrays import packed
-from rcopterx.agents.load_relief import LoadRelief
-from rcopterx.agents.pacing import Pacing, SolveTimer
+from rcopterx.agents.load.load_relief import LoadRelief
+from rcopterx.agents.load.pacing import Pacing, SolveTimer
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from rcopterx.flight_log.mcap_reading import FlightLogError
+from rcopterx.flights.mcap_reading import FlightLogError
 from rcopterx.ground_station.replay.agent_replay import control_periods
 from rcopterx.ground_station.replay.recorded_agent import RecordedAgent, recorded_agent
 

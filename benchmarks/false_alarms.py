@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.deploy.supervisor import Supervisor
-from rcopterx.ground_station.launched import launched
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.ground_station.scripting.launched import launched
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 BUSY: Final = "while True: pass"
 TOLD_EVERY_S: Final = 60.0

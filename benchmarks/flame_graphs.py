@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from rcopterx.benchmarks.scale import HORIZON, LEGS_M, in_formation
-from rcopterx.deploy.launcher import Launcher
+from rcopterx.deploy.hosts.launcher import Launcher
 
 PRIORITY: Final = 60
 RATE_HZ: Final = 100

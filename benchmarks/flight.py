@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.agents.interfaces import Estimate
-from rcopterx.agents.references.trajectory import Trajectory, hold
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
 from rcopterx.vehicles.state import Array
 

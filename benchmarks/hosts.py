@@ -20,9 +20,9 @@ from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.statistics import percentiles
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 LABORATORY: Final = "main"
 """Host of the simulated laboratory and its gateways."""

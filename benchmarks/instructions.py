@@ -16,7 +16,7 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, Final
 
-from rcopterx.flight_log.mcap_reading import FlightLogError
+from rcopterx.flights.mcap_reading import FlightLogError
 from rcopterx.ground_station.replay.agent_replay import control_periods
 from rcopterx.ground_station.replay.recorded_agent import RecordedAgent, recorded_agent
 

@@ -4,11 +4,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget, ChainSolution
-from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
-from rcopterx.agents.controllers.chains.chain_qp import ChainQP
-from rcopterx.agents.controllers.paper.stage_qp import StageQP, StageSolution
 from rcopterx.benchmarks.peer_piqp import ExactChainQP, ExactStageQP
+from rcopterx.control.controllers.chains.active_set import UNLIMITED, Budget, ChainSolution
+from rcopterx.control.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.control.controllers.chains.chain_qp import ChainQP
+from rcopterx.control.controllers.paper.stage_qp import StageQP, StageSolution
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 

@@ -9,10 +9,10 @@ from typing import Any, Final
 from rcopterx.agents.phases import Phase
 from rcopterx.benchmarks.browser import NEEDED, browser, browser_there, opened, served
 from rcopterx.bus import channels
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.launched import launched
-from rcopterx.ground_station.statistics import percentiles
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, Vehicle
+from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.launched import launched
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, Vehicle
 
 READY_S: Final = 5.0
 LOW_S: Final = 10.0

@@ -20,7 +20,7 @@ from rcopterx.benchmarks.namespaces import Network, network
 from rcopterx.benchmarks.programs import router_words, running
 from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.forking import child_environment
+from rcopterx.deploy.processes.forking import child_environment
 
 HOSTS: Final = ("a", "b")
 FLEET: Final = "bench"

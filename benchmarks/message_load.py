@@ -25,7 +25,7 @@ from rcopterx.benchmarks.scale import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.forking import child_environment
+from rcopterx.deploy.processes.forking import child_environment
 
 FLEET: Final = "load"
 NEAR: Final = 3

@@ -21,7 +21,7 @@ from rcopterx.benchmarks.message_load import BYTES, FLEET, Listening, Stream, li
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.endpoints import client_config, open_session
-from rcopterx.ground_station.statistics import percentiles
+from rcopterx.ground_station.report.statistics import percentiles
 
 PERIOD_S: Final = 0.02
 AGENTS_AFTER_S: Final = 0.004

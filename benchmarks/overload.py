@@ -15,11 +15,11 @@ from typing import Any, Final
 
 from rcopterx.benchmarks.scale import LEFT_OUT, cpu_of_roles, fly_legs, in_formation, started
 from rcopterx.bus import channels
-from rcopterx.deploy.launcher import Launcher
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.deploy.hosts.launcher import Launcher
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 FACTOR: Final = 1.5
 HORIZON: Final = 30

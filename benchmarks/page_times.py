@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from rcopterx.benchmarks.browser import browser, opened, served, started
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.ground_station.launched import launched
-from rcopterx.ground_station.statistics import percentiles
-from rcopterx.native.cache import compile_all
+from rcopterx.compiling.cache import compile_all
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.ground_station.scripting.launched import launched
 
 
 def run(path: Path, runs: int, from_start: bool, tell: Callable[[str], None]) -> dict[str, Any]:

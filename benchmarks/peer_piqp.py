@@ -6,10 +6,10 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
-from rcopterx.agents.controllers.chains.active_set import UNLIMITED, Budget, ChainSolution
-from rcopterx.agents.controllers.chains.chain import ChainParameters, ChainTarget
-from rcopterx.agents.controllers.chains.chain_qp import ChainQP
-from rcopterx.agents.controllers.paper.stage_qp import Indices, Outcome, StageQP, sparse_with_places
+from rcopterx.control.controllers.chains.active_set import UNLIMITED, Budget, ChainSolution
+from rcopterx.control.controllers.chains.chain import ChainParameters, ChainTarget
+from rcopterx.control.controllers.chains.chain_qp import ChainQP
+from rcopterx.control.controllers.paper.stage_qp import Indices, Outcome, StageQP, sparse_with_places
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6

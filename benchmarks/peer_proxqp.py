@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 from scipy import sparse
 
-from rcopterx.agents.controllers.paper.stage_qp import Outcome, StageQP, sparse_with_places
+from rcopterx.control.controllers.paper.stage_qp import Outcome, StageQP, sparse_with_places
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.bus.requests import Recall
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.launched import launched
-from rcopterx.ground_station.statistics import percentiles
+from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.launched import launched
 
 PAUSE_S: Final = 0.031
 """Between two requests; no multiple of the control period, so that they meet every phase of it."""

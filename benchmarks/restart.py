@@ -20,15 +20,15 @@ import numpy as np
 from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, TransmitterStatus
 from rcopterx.bus.session import Session
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.launcher import Launcher
+from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.agent import pilot_of
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.launched import launched
-from rcopterx.ground_station.recorder import Recorder, Recording
-from rcopterx.ground_station.statistics import percentiles
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.launched import launched
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 SETTLE_S = 3.0
 WATCH_S = 4.0

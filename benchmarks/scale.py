@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.bus import channels
-from rcopterx.deploy.launcher import Launcher
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.launched import launched
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.statistics import percentiles
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.deploy.hosts.launcher import Launcher
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.launched import launched
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
 HORIZON: Final = 30

@@ -21,13 +21,13 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from rcopterx.agents.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.agents.controllers.chains.chain_qp import ChainQP
-from rcopterx.agents.controllers.paper.controller import PaperController, PaperSettings
-from rcopterx.agents.controllers.paper.stage_qp import StageQP
-from rcopterx.agents.interfaces import Controller
 from rcopterx.benchmarks.flight import Moment, record_flight
 from rcopterx.benchmarks.judge import judged_chain, judged_stage
+from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
+from rcopterx.control.controllers.chains.chain_qp import ChainQP
+from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
+from rcopterx.control.controllers.paper.stage_qp import StageQP
+from rcopterx.control.interfaces import Controller
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL_LAG
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.fleet_file.snapshot import write_snapshot
-from rcopterx.deploy.forking import ForkServer
+from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.snapshot import write_snapshot
 
 MODULE: Final = "rcopterx.deploy.fleet_check"
 EXIT_WRONG: Final = 3

@@ -7,14 +7,14 @@ import sys
 from pathlib import Path
 
 from rcopterx.deploy.checking import EXIT_WRONG
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.fleet_file.snapshot import read_snapshot
-from rcopterx.deploy.formation_check import check_formation
 from rcopterx.deploy.roles.agent import check_period, pilot_of
-from rcopterx.deploy.roles.arbiter_limits import limits_of
 from rcopterx.deploy.roles.simulator import simulator_settings
 from rcopterx.deploy.roles.tracker import tracker_settings
 from rcopterx.deploy.roles.transmitters import gateway_settings
+from rcopterx.fleet.arbiter_limits import limits_of
+from rcopterx.fleet.formation_check import check_formation
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.snapshot import read_snapshot
 
 
 def check_fleet(fleet: FleetFile, directory: Path) -> None:

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.run_directory import run_directory
+from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError
 
 FOLLOWER_OFFSETS_M = ((-0.5, 0.5, 0.0), (-0.5, -0.5, 0.0))
 """Of the second and the third vehicle; further ones fly another row behind."""

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.statistics import percentiles
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.statistics import percentiles
 
 Tables = dict[str, dict[str, Any]]
 Result = tuple[bool, Any]

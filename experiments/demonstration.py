@@ -10,11 +10,11 @@ from rich.text import Text
 
 from rcopterx.agents.phases import Phase
 from rcopterx.experiments.paper_sequence import fly_paper_sequence, leader_of
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import SETTLED_S, FlightFigures
-from rcopterx.ground_station.statistics import rms_and_max
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
+from rcopterx.ground_station.report.figures import SETTLED_S, FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.statistics import rms_and_max
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000

@@ -6,13 +6,13 @@ from typing import Protocol
 
 import numpy as np
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.following.links import followed_leader
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.references.paths import FlightPath
-from rcopterx.agents.references.set_points import TurnLimits
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.references.paths import FlightPath
+from rcopterx.control.references.set_points import TurnLimits
 from rcopterx.vehicles.tuples import Three
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.agents.references.path_shapes import figure_eight
+from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.family_figure import draw_family
 from rcopterx.experiments.knowledge import Knowledge

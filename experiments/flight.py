@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.shipped import fleet_path
 from rcopterx.experiments.checks import remarks_on_latency
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.paper_sequence import Say, Wait
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.recorder import Recorder, Recording
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.statistics import percentiles
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
-from rcopterx.ground_station.waiting import StoppedError, stopped_by
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.shipped import fleet_path
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.statistics import percentiles
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
+from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
 REPORT_NAME = "report.json"
 SETTLE_S = 2.0

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.ground_station.flight_report.document import (
+from rcopterx.ground_station.report.document import (
     Html,
     document,
     percentile_table,

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.experiments.events import Event, Follow, GoTo
 from rcopterx.experiments.formation_figure import draw_formation
 from rcopterx.experiments.record import FlightRecord, rms, total_fallbacks

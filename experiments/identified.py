@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.identification.excitation import excitation_for
-from rcopterx.agents.identification.exciter import DONE, UNDER_WAY
-from rcopterx.agents.identification.fit import Identification, identify
-from rcopterx.agents.identification.recording import FlightRecording
+from rcopterx.control.identification.excitation import excitation_for
+from rcopterx.control.identification.exciter import DONE, UNDER_WAY
+from rcopterx.control.identification.fit import Identification, identify
+from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.experiments.rig import Rig, RigVehicle
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose

@@ -6,8 +6,8 @@ The same table is acceptance test, demonstration and tutorial: `rcopterx fly NAM
 from types import MappingProxyType
 from typing import Final
 
-from rcopterx.agents.references.path_shapes import figure_eight
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments import steps
 from rcopterx.experiments.checks import (
     agents_started_again,
@@ -35,7 +35,7 @@ from rcopterx.experiments.paper_sequence import (
     fly_paper_sequence,
 )
 from rcopterx.experiments.steps import Step, go_to, in_order, pause
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.tuples import Three
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 Say = Callable[[str], None]
 Wait = Callable[[float], None]

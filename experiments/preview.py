@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.agents.references.path_shapes import figure_eight
+from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.knowledge import flies_helicopters
 from rcopterx.experiments.record import rms

@@ -18,8 +18,6 @@ from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.following.links import target_link
 from rcopterx.agents.formation.limit_scaling import limit_scale_of, turn_limits_of
 from rcopterx.agents.formation.topology import leaders_of, places
-from rcopterx.agents.identification.recording import FlightLog
-from rcopterx.agents.interfaces import LimitScale, Measurement
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from rcopterx.agents.separation.ellipsoid_scales import ellipsoid_scale
@@ -28,6 +26,8 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
+from rcopterx.control.identification.recording import FlightLog
+from rcopterx.control.interfaces import LimitScale, Measurement
 from rcopterx.experiments.events import Event, Scene
 from rcopterx.experiments.record import FlightRecord, Recorder
 from rcopterx.simulator.conditions import Conditions

@@ -4,15 +4,15 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from rcopterx.agents.identification import fit
-from rcopterx.agents.references.paths import FlightPath
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.control.identification import fit
+from rcopterx.control.references.paths import FlightPath
 from rcopterx.experiments.paper_sequence import Say, Wait, leader_of
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.identification import IdentificationError, excited_flight
-from rcopterx.ground_station.vehicle import RefusedError, Vehicle
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.ground_station.identification.identification import IdentificationError, excited_flight
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 from rcopterx.vehicles.tuples import Three
 
 Step = Callable[[Fleet, Say, Wait], None]

@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.paper.model import INPUT_WEIGHTS
-from rcopterx.agents.controllers.pid import PidSettings
+from rcopterx.control.controllers.paper.model import INPUT_WEIGHTS
+from rcopterx.control.controllers.pid import PidSettings
 from rcopterx.experiments.record import rms
 from rcopterx.experiments.rig import Progress, Rig
 from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all

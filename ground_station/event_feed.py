@@ -11,7 +11,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, Kill, TransmitterStatus
 from rcopterx.bus.requests import VERBS
 from rcopterx.ground_station.page.timeline import Event, changes
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.state import VehicleState
 
 HEARD: Final[tuple[Channel[Any], ...]] = (
     channels.AGENT_STATUS, channels.TRANSMITTER_STATUS, channels.ANSWERED, channels.LAUNCHER_EVENT,

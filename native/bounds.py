@@ -1,4 +1,4 @@
-"""Kernels of bounds: checks of plans, and quadratic programs (`rcopterx.agents.controllers`).
+"""Kernels of bounds: checks of plans, and quadratic programs (`rcopterx.control.controllers`).
 
 Arrays of rows have shape (N, r); bounds have it too, or (1, r) where they are the same at every stage. The
 bounds of inputs, columns `first` to `last`, are hard.
@@ -6,7 +6,16 @@ bounds of inputs, columns `first` to `last`, are hard.
 
 import math
 
-from rcopterx.native.compiled import ANY_MATRIX, ANY_VECTOR, ESTIMATE, MATRIX, NUMBER, Array, compiled, part
+from rcopterx.compiling.compiled import (
+    ANY_MATRIX,
+    ANY_VECTOR,
+    ESTIMATE,
+    MATRIX,
+    NUMBER,
+    Array,
+    compiled,
+    part,
+)
 
 COLUMNS = 12
 """Numbers of a stage of a plan."""

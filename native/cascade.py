@@ -1,4 +1,4 @@
-"""Kernels that put the cascade's problems together (`rcopterx.agents.controllers.cascade`).
+"""Kernels that put the cascade's problems together (`rcopterx.control.controllers.cascade`).
 
 Bounds have shape (2, 6): the lower and the upper ones of position, velocity and input of two axes.
 """
@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.bounds import cut_reference
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     BLOCKS,
@@ -22,6 +21,7 @@ from rcopterx.native.compiled import (
     compiled,
     part,
 )
+from rcopterx.native.bounds import cut_reference
 
 STEADY: Final = (
     MATRIX, MATRIX, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER, VECTOR, NUMBER, FLAG, VECTOR, VECTOR, ANY_VECTOR,

@@ -1,10 +1,10 @@
-"""Kernels of the chains of integrators (`rcopterx.agents.controllers.chains.chain`)."""
+"""Kernels of the chains of integrators (`rcopterx.control.controllers.chains.chain`)."""
 
 import math
 
 import numpy as np
 
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     BLOCKS,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from rcopterx.native.compiled import Array, part
+from rcopterx.compiling.compiled import Array, part
 
 
 @part

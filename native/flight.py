@@ -1,6 +1,6 @@
 """Kernels of what nearly every frame of a flying vehicle with a tilt model needs, in one call each.
 
-They put kernels of the Kalman filters together (`rcopterx.agents.estimators.tilt_kalman`); whatever is not
+They put kernels of the Kalman filters together (`rcopterx.control.estimators.tilt_kalman`); whatever is not
 usual is left to who asked.
 """
 
@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_VECTOR,
     BLOCKS,
     COUNT,

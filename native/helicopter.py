@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.compiled import COUNT, FLAG, NUMBER, VECTOR, Array, compiled, part
+from rcopterx.compiling.compiled import COUNT, FLAG, NUMBER, VECTOR, Array, compiled, part
 from rcopterx.native.turbulence import renewed
 
 STATE_SIZE: Final = 20

@@ -1,11 +1,11 @@
-"""Kernels of the interior-point method (`rcopterx.agents.controllers.chains.interior_point`).
+"""Kernels of the interior-point method (`rcopterx.control.controllers.chains.interior_point`).
 
 Rows of a problem have shape (N, r); slacks, multipliers and bounds have shape (2, N, r), upper ones first.
 """
 
 import numpy as np
 
-from rcopterx.native.compiled import BLOCKS, MATRIX, NUMBER, Array, compiled
+from rcopterx.compiling.compiled import BLOCKS, MATRIX, NUMBER, Array, compiled
 
 
 @compiled(MATRIX, BLOCKS, MATRIX, BLOCKS, BLOCKS, BLOCKS)

@@ -1,10 +1,10 @@
-"""Kernels of the Kalman filters (`rcopterx.agents.estimators`)."""
+"""Kernels of the Kalman filters (`rcopterx.control.estimators`)."""
 
 import math
 
 import numpy as np
 
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_VECTOR,
     BLOCKS,
     COUNT,

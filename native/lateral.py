@@ -1,4 +1,4 @@
-"""Kernels of the horizontal problem (`rcopterx.agents.controllers.chains.lateral_chain`).
+"""Kernels of the horizontal problem (`rcopterx.control.controllers.chains.lateral_chain`).
 
 The prediction x[i + 1] = A x[i] + B e[i] is the same at every stage, with n states and two demands. Rows of a
 stage are position (inertial), velocity (body), stick, clearances: shape (N, 6 + K). Weights of rows make the
@@ -8,7 +8,7 @@ feedback, which is the factor of the Hessian, and one pass back and forth for th
 
 import numpy as np
 
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_BLOCKS,
     BLOCKS,
     FLAG,

@@ -5,8 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.cascade import cut_to_bounds, write_turn
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     BLOCKS,
@@ -19,6 +18,7 @@ from rcopterx.native.compiled import (
     compiled,
     part,
 )
+from rcopterx.native.cascade import cut_to_bounds, write_turn
 
 TILTED: Final = MATRIX, MATRIX, VECTOR, NUMBER, NUMBER, FLAG
 """Types of what `lateral_problem` knows of a vehicle, from `bounds` to `feed_forward`."""

@@ -1,10 +1,10 @@
-"""Kernels of the equations of motion (`rcopterx.agents.flight.prediction`)."""
+"""Kernels of the equations of motion (`rcopterx.control.models.prediction`)."""
 
 import math
 
 import numpy as np
 
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     COUNT,

@@ -1,13 +1,13 @@
 """Kernels that tell noise from motion, and a vehicle's tilt from another one.
 
-They are of `rcopterx.agents.estimators.noise_meter` and `rcopterx.agents.estimators.tilt_trust`.
+They are of `rcopterx.control.estimators.noise_meter` and `rcopterx.control.estimators.tilt_trust`.
 """
 
 import math
 
 import numpy as np
 
-from rcopterx.native.compiled import ANY_VECTOR, NUMBER, VECTOR, Array, compiled, part
+from rcopterx.compiling.compiled import ANY_VECTOR, NUMBER, VECTOR, Array, compiled, part
 
 WINDOW_S = 2.0
 """Time constant of the means."""

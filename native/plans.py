@@ -6,8 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.native.bounds import cut_rows
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     COUNT,
@@ -18,6 +17,7 @@ from rcopterx.native.compiled import (
     part,
     read,
 )
+from rcopterx.native.bounds import cut_rows
 
 MOST = 2**31 - 1
 OCTETS = "uint8[:, ::1]"
@@ -177,7 +177,7 @@ def read_plan(
     yaw_offset_rad: float,
     values: Array,
 ) -> None:
-    """Read a trajectory at other instants, displaced (`rcopterx.agents.references.trajectory`).
+    """Read a trajectory at other instants, displaced (`rcopterx.control.references.trajectory`).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Kernels of the active-set method (`rcopterx.agents.controllers.chains.active_set`), for both chains.
+"""Kernels of the active-set method (`rcopterx.control.controllers.chains.active_set`), for both chains.
 
 An attempt begins a solve or goes on with one, factorises if the known factor is of other bounds, takes Newton
 steps until other bounds press or the problem is solved, and writes the plan down: one call for all that a
@@ -9,16 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.bounds import (
-    add_penalties,
-    any_nonzero,
-    differ,
-    press,
-    pull_at,
-    update_multipliers,
-)
-from rcopterx.native.chain import chain_factor, chain_start, chain_step, chain_values
-from rcopterx.native.compiled import (
+from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
     BLOCKS,
@@ -32,6 +23,15 @@ from rcopterx.native.compiled import (
     compiled,
     part,
 )
+from rcopterx.native.bounds import (
+    add_penalties,
+    any_nonzero,
+    differ,
+    press,
+    pull_at,
+    update_multipliers,
+)
+from rcopterx.native.chain import chain_factor, chain_start, chain_step, chain_values
 from rcopterx.native.lateral import lateral_begin, lateral_factor, lateral_rows, lateral_step
 
 CHAIN: Final = (

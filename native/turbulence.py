@@ -1,6 +1,6 @@
 """Kernels of the coloured noise that shakes simulated vehicles (`rcopterx.simulator.disturbance`)."""
 
-from rcopterx.native.compiled import COUNT, NUMBER, VECTOR, Array, compiled, part
+from rcopterx.compiling.compiled import COUNT, NUMBER, VECTOR, Array, compiled, part
 
 
 @part

@@ -6,7 +6,7 @@ asked for with what the vehicle did (`rcopterx.agents.flight.vehicle_watch`).
 
 import math
 
-from rcopterx.native.compiled import ANY_VECTOR, COUNT, MATRIX, NUMBER, VECTOR, Array, compiled, part
+from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, MATRIX, NUMBER, VECTOR, Array, compiled, part
 from rcopterx.native.motion import THRUST, TURN
 
 SHORTEST_HALF_WAVE_S = 0.1

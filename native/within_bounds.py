@@ -1,7 +1,7 @@
 """Kernel of a control step of the cascade in which no bound is active, for vehicles with a tilt model.
 
 It takes the same kernels in the same order as a step that Python leads from problem to problem
-(`rcopterx.agents.controllers.cascade.controller`).
+(`rcopterx.control.controllers.cascade.controller`).
 """
 
 # Arguments that are passed on in one piece cannot be counted.
@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from rcopterx.compiling.compiled import ANY_MATRIX, ESTIMATE, MATRIX, Array, compiled, part, together
 from rcopterx.native.cascade import STEADY, steady_problem
-from rcopterx.native.compiled import ANY_MATRIX, ESTIMATE, MATRIX, Array, compiled, part, together
 from rcopterx.native.lateral_problem import TILTED, lateral_problem
 from rcopterx.native.plans import JOINING, join_plans
 from rcopterx.native.settling import (

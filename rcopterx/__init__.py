@@ -7,14 +7,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rcopterx.agents.references.path_shapes import circle, figure_eight, spiral, through
-    from rcopterx.agents.references.paths import FlightPath, PathError
-    from rcopterx.ground_station.asynchronous import AsyncFleet, AsyncVehicle
-    from rcopterx.ground_station.fleet import Fleet
-    from rcopterx.ground_station.launched import launched
-    from rcopterx.ground_station.state import VehicleState
-    from rcopterx.ground_station.vehicle import RefusedError, Vehicle
-    from rcopterx.ground_station.waiting import NotReachedError
+    from rcopterx.control.references.path_shapes import circle, figure_eight, spiral, through
+    from rcopterx.control.references.paths import FlightPath, PathError
+    from rcopterx.ground_station.scripting.asynchronous import AsyncFleet, AsyncVehicle
+    from rcopterx.ground_station.scripting.fleet import Fleet
+    from rcopterx.ground_station.scripting.launched import launched
+    from rcopterx.ground_station.scripting.state import VehicleState
+    from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
+    from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 __all__ = [
     "AsyncFleet",
@@ -34,20 +34,20 @@ __all__ = [
 ]
 
 _MODULES = {
-    "AsyncFleet": "rcopterx.ground_station.asynchronous",
-    "AsyncVehicle": "rcopterx.ground_station.asynchronous",
-    "Fleet": "rcopterx.ground_station.fleet",
-    "FlightPath": "rcopterx.agents.references.paths",
-    "NotReachedError": "rcopterx.ground_station.waiting",
-    "PathError": "rcopterx.agents.references.paths",
-    "RefusedError": "rcopterx.ground_station.vehicle",
-    "Vehicle": "rcopterx.ground_station.vehicle",
-    "VehicleState": "rcopterx.ground_station.state",
-    "circle": "rcopterx.agents.references.path_shapes",
-    "figure_eight": "rcopterx.agents.references.path_shapes",
-    "launched": "rcopterx.ground_station.launched",
-    "spiral": "rcopterx.agents.references.path_shapes",
-    "through": "rcopterx.agents.references.path_shapes",
+    "AsyncFleet": "rcopterx.ground_station.scripting.asynchronous",
+    "AsyncVehicle": "rcopterx.ground_station.scripting.asynchronous",
+    "Fleet": "rcopterx.ground_station.scripting.fleet",
+    "FlightPath": "rcopterx.control.references.paths",
+    "NotReachedError": "rcopterx.ground_station.scripting.waiting",
+    "PathError": "rcopterx.control.references.paths",
+    "RefusedError": "rcopterx.ground_station.scripting.vehicle",
+    "Vehicle": "rcopterx.ground_station.scripting.vehicle",
+    "VehicleState": "rcopterx.ground_station.scripting.state",
+    "circle": "rcopterx.control.references.path_shapes",
+    "figure_eight": "rcopterx.control.references.path_shapes",
+    "launched": "rcopterx.ground_station.scripting.launched",
+    "spiral": "rcopterx.control.references.path_shapes",
+    "through": "rcopterx.control.references.path_shapes",
 }
 
 

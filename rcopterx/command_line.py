@@ -65,7 +65,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
 def _tell_version(wanted: bool) -> None:
     if not wanted:
         return
-    from rcopterx.flight_log.provenance import provenance
+    from rcopterx.flights.provenance import provenance
 
     origin = provenance()
     known = f" (commit {origin['commit']})" if origin["commit"] else ""

@@ -17,7 +17,7 @@ from zenoh.handlers import Callback
 
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT, KILL_TOPIC, ROOT, TRANSMITTER_TOPIC, key
-from rcopterx.deploy.running import RunningFleet, running_fleets
+from rcopterx.deploy.hosts.running import RunningFleet, running_fleets
 
 SOURCE = "operator"
 SCHEMA_VERSION = 1

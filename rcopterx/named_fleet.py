@@ -1,11 +1,11 @@
 """Where the fleet of a file would be running, for `rcopterx kill -f`."""
 
 from rcopterx.deploy.certificates.files import shown
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.deploy.hosts.running import RunningFleet
 from rcopterx.deploy.roles.addresses import router_endpoints
-from rcopterx.deploy.running import RunningFleet
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.shipped import fleet_path
 
 __all__ = ["FleetError", "fleet_of"]
 

@@ -114,7 +114,7 @@ def main() -> int:
     # A background job of a shell ignores Ctrl-C, and what it starts inherits that; some tests press it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Fleets would wait for unit tests that compile the kernels at the lowest priority.
-    subprocess.run([sys.executable, "-m", "rcopterx.native"], check=True)
+    subprocess.run([sys.executable, "-m", "rcopterx.compiling"], check=True)
     runs = [Run(name, command) for name, command in RUNS.items()]
     passed = {run.name: run.wait() for run in runs}
     for run in runs:

@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from rcopterx import deploy
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.reference import EXAMPLE, meanings_of, reference, sections
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.reference import EXAMPLE, meanings_of, reference, sections
 
 PAGE = Path(deploy.__file__).resolve().parents[1] / "docs" / "fleet_file.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
 
 
 def test_the_page_is_what_the_types_say_now() -> None:
-    command = "python -m rcopterx.deploy.fleet_file.reference > docs/fleet_file.md"
+    command = "python -m rcopterx.fleet.reference > docs/fleet_file.md"
     assert PAGE.read_text(encoding="utf-8") == reference(), f"run: {command}"
 
 

@@ -9,7 +9,7 @@ import pytest
 import tomlkit
 from support.fleets import HARDWARE_PAIR
 
-from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.fleet.reading import parse_fleet
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

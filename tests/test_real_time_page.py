@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.fleet.reading import parse_fleet
 
 TEXT = (Path(__file__).parents[1] / "docs" / "real_time.md").read_text(encoding="utf-8")
 FLEET = parse_fleet('name = "lab"\n[vehicles.h1]\nsubject = "h1"\ntransmitter = { port = "/dev/ttyUSB0" }\n')

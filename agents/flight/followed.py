@@ -7,9 +7,9 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.agents.formation.law import FormationOffset, OffsetTransition
-from rcopterx.agents.interfaces import Estimate
-from rcopterx.agents.references.trajectory import Trajectory
-from rcopterx.agents.references.turns import whole_turns
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.references.turns import whole_turns
 from rcopterx.vehicles.state import YAW
 
 

@@ -14,11 +14,11 @@ from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan, offset_b
 from rcopterx.agents.flight.task import Task
 from rcopterx.agents.flight.touchdown import Touchdown
 from rcopterx.agents.formation.law import combined_reference, follower_reference
-from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
-from rcopterx.agents.references.paths import FlightPath
-from rcopterx.agents.references.quintic import PEAK_TO_MEAN_SPEED
-from rcopterx.agents.references.set_points import (
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.references.paths import FlightPath
+from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
+from rcopterx.control.references.set_points import (
     PathReference,
     ReferenceSource,
     SetPointReference,
@@ -26,8 +26,8 @@ from rcopterx.agents.references.set_points import (
     SmoothTurn,
     TurnLimits,
 )
-from rcopterx.agents.references.trajectory import Trajectory
-from rcopterx.agents.references.turns import on_turn_of
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.references.turns import on_turn_of
 from rcopterx.vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.interfaces import Estimate
+from rcopterx.control.interfaces import Estimate
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, ZD_BODY, Array
 

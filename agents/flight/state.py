@@ -4,7 +4,7 @@ from typing import Protocol
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.interfaces import Estimate
+from rcopterx.control.interfaces import Estimate
 from rcopterx.vehicles.model import Model
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from rcopterx.agents.flight.followed import FollowedLeader
 from rcopterx.agents.phases import Phase
-from rcopterx.agents.references.set_points import ReferenceSource
+from rcopterx.control.references.set_points import ReferenceSource
 
 
 @dataclass(frozen=True, slots=True)

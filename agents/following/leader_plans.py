@@ -7,9 +7,9 @@ from types import MappingProxyType
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.following.plan_arrays import samples_of
-from rcopterx.agents.references.trajectory import Trajectory
 from rcopterx.bus.messages import Plan
 from rcopterx.bus.subscription import Inbox
+from rcopterx.control.references.trajectory import Trajectory
 
 
 def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:

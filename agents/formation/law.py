@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.agents.references.quintic import rest_to_rest
-from rcopterx.agents.references.trajectory import (
+from rcopterx.control.references.quintic import rest_to_rest
+from rcopterx.control.references.trajectory import (
     ACCELERATION,
     POSITION,
     VELOCITY,

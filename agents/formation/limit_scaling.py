@@ -13,8 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from rcopterx.agents.formation.topology import FormationGraph, followers, leaders_of, places
-from rcopterx.agents.interfaces import Controller, LimitScale, ScalesLimits
-from rcopterx.agents.references.set_points import TurnLimits
+from rcopterx.control.interfaces import Controller, LimitScale, ScalesLimits
+from rcopterx.control.references.set_points import TurnLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 

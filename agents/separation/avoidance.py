@@ -9,8 +9,8 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.agents.flight.followed import LeaderPlan
-from rcopterx.agents.interfaces import Obstacle
-from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.control.interfaces import Obstacle
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.native.plans import smallest_gaps
 from rcopterx.vehicles.state import Array
 

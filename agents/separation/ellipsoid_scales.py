@@ -2,7 +2,7 @@
 
 Every vehicle works it out by itself from the statuses of all. Vehicles of different formations
 both avoid each other, as in traffic without right of way; who passes on which side is settled in
-`rcopterx.agents.controllers.cascade.clearance`.
+`rcopterx.control.controllers.cascade.clearance`.
 """
 
 from collections.abc import Mapping

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
-from rcopterx.agents.controllers.step_guard import StepGuard
-from rcopterx.agents.interfaces import AvoidsObstacles, Controller, Obstacle
-from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
+from rcopterx.control.interfaces import AvoidsObstacles, Controller, Obstacle
+from rcopterx.control.references.trajectory import Trajectory
 
 
 class PlanAvoidance:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.agents.interfaces import Controller, Estimate, Estimator, LimitScale, NoSolutionError
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.references.trajectory import hold
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.work_ahead import WorkAhead
+from rcopterx.control.interfaces import Controller, Estimate, Estimator, LimitScale, NoSolutionError
+from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.agents.estimators.registry import ESTIMATORS
-from rcopterx.agents.interfaces import Controller, Estimator, LimitScale, ScalesLimits
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.control.interfaces import Controller, Estimator, LimitScale, ScalesLimits
 from rcopterx.vehicles.model import Model
 
 DEFAULT_CONTROLLER: Final = "cascade"

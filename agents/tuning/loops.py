@@ -5,13 +5,13 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.controllers.cascade.controller import CascadeSettings
-from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
-from rcopterx.agents.estimators.lag_kalman import ExtendedKalmanSettings
-from rcopterx.agents.margins.axes import lag_loop, tilt_loop
-from rcopterx.agents.margins.loop import FeedbackLoop
-from rcopterx.agents.plugins.plain_settings import parse_settings
 from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.control.controllers.cascade.controller import CascadeSettings
+from rcopterx.control.controllers.cascade.weights import default_input_weights, default_state_weights
+from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.control.margins.axes import lag_loop, tilt_loop
+from rcopterx.control.margins.loop import FeedbackLoop
+from rcopterx.control.plugins.plain_settings import parse_settings
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
 

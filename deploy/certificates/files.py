@@ -7,7 +7,7 @@ from typing import Final
 
 from rcopterx.bus.endpoints import Credentials
 from rcopterx.deploy.certificates.names import host_name, people
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile
 
 AUTHORITY: Final = "authority"
 CHOICE: Final = "RCOPTERX_CERTIFICATE"

@@ -6,7 +6,7 @@ from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, key_path
 from rcopterx.deploy.certificates.issuing import due, issue, read_authority
 from rcopterx.deploy.certificates.issuing import new_authority as made_authority
 from rcopterx.deploy.certificates.names import certificate_names, host_name
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile
 
 LOCAL_NAMES = ("127.0.0.1", "localhost")
 """By which processes of a host reach its router, too."""

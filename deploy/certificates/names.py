@@ -2,7 +2,7 @@
 
 from rcopterx.bus.access import Seat, Subject
 from rcopterx.bus.channels import EXTERNAL_INPUT, KILL
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.fleet.schema import FleetFile
 
 
 def host_name(host: str) -> str:

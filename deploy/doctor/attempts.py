@@ -23,7 +23,7 @@ from rcopterx.deploy.certificates.files import credentials, readable
 from rcopterx.deploy.certificates.issuing import issue, new_authority
 from rcopterx.deploy.certificates.names import host_seats, operator_seats, subjects
 from rcopterx.deploy.doctor.examination import Result
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.fleet.schema import FleetFile
 
 REFUSED_S: Final = 0.5
 """For a connection that must not come about."""

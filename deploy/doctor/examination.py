@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 
 from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, readable
 from rcopterx.deploy.certificates.names import certificate_names, host_name
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.deploy.run_directory import run_directory
+from rcopterx.fleet.schema import FleetFile
 
 CAP_SYS_NICE: Final = 23
 """Number of the capability to raise priorities."""

@@ -9,7 +9,7 @@ from typing import Final
 
 from rcopterx.deploy.certificates.files import AUTHORITY, directory_of
 from rcopterx.deploy.certificates.names import host_name
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.fleet.schema import FleetFile
 
 DIRECTORY: Final = "rcopterx"
 """In the home of the user on the host."""

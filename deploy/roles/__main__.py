@@ -6,8 +6,8 @@
 import sys
 from pathlib import Path
 
-from rcopterx.deploy.prepared import fleet_of
-from rcopterx.deploy.processes import TAKE_OVER
+from rcopterx.deploy.processes.prepared import fleet_of
+from rcopterx.deploy.processes.table import TAKE_OVER
 from rcopterx.deploy.roles.run import ROLES, end_with_parent, run_reporting, run_role
 
 

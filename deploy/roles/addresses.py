@@ -2,8 +2,8 @@
 
 from rcopterx.bus.session import BusAddress
 from rcopterx.deploy.certificates.files import own_credentials
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.deploy.run_directory import router_socket, run_directory
+from rcopterx.deploy.hosts.run_directory import router_socket, run_directory
+from rcopterx.fleet.schema import FleetFile
 
 
 def bus_address(fleet: FleetFile, host: str) -> BusAddress:

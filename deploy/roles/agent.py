@@ -12,14 +12,14 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import run_agent
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.formation_check import links_of
-from rcopterx.deploy.prepared import prepared_pilot
-from rcopterx.deploy.processes import EXIT_ELSEWHERE
+from rcopterx.deploy.processes.prepared import prepared_pilot
+from rcopterx.deploy.processes.table import EXIT_ELSEWHERE
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.deploy.roles.arbiter_limits import limits_of
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.fleet.arbiter_limits import limits_of
+from rcopterx.fleet.formation_check import links_of
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.vehicle_models import model_of
 
 
 def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: bool = False) -> None:

@@ -2,7 +2,7 @@
 
 from enum import IntEnum
 
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.fleet.schema import FleetFile
 
 
 class Priority(IntEnum):

@@ -8,15 +8,15 @@ from typing import Final
 
 import msgspec
 
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.deploy.fleet_file.snapshot import digest_of
+from rcopterx.deploy.hosts.run_directory import flight_path, run_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.deploy.run_directory import flight_path, run_directory
-from rcopterx.flight_log.flight_writing import FlightSettings
-from rcopterx.flight_log.flights import default_directory, flight_name
-from rcopterx.flight_log.provenance import provenance
-from rcopterx.flight_log.recorder import NANO, RecorderSettings, run_recorder, schemas
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.snapshot import digest_of
+from rcopterx.flights.flight_writing import FlightSettings
+from rcopterx.flights.flights import default_directory, flight_name
+from rcopterx.flights.provenance import provenance
+from rcopterx.flights.recorder import NANO, RecorderSettings, run_recorder, schemas
 
 MB: Final = 1_000_000
 GB: Final = 1_000_000_000

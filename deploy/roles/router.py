@@ -8,12 +8,12 @@ from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.router import run_router
 from rcopterx.deploy.certificates.files import credentials, directory_of, shown
 from rcopterx.deploy.certificates.names import host_name, subjects
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.deploy.fleet_file.snapshot import digest_of, write_snapshot
+from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
+from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.deploy.roles.addresses import router_endpoints
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.deploy.run_directory import run_directory, snapshot_path
-from rcopterx.deploy.running import RunningFleet, recorded
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.snapshot import digest_of, write_snapshot
 
 
 def run(fleet: FleetFile, host: str) -> None:

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from setproctitle import setproctitle, setthreadtitle
 
 from rcopterx.bus.session import BusUnreachableError
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.process_log import set_up
+from rcopterx.deploy.processes.process_log import set_up
+from rcopterx.fleet.schema import FleetError, FleetFile
 
 ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
 PR_SET_PDEATHSIG = 1

@@ -4,13 +4,13 @@ from pathlib import Path
 from typing import Any
 
 from rcopterx.bus.message import Four
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
+from rcopterx.deploy.hosts.run_directory import run_directory, serial_path
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.tracker import tracker_address
-from rcopterx.deploy.roles.transmitters import calibration_of, protocol_of
-from rcopterx.deploy.roles.vehicle_models import model_of
-from rcopterx.deploy.run_directory import run_directory, serial_path
+from rcopterx.fleet.radios import calibration_of, protocol_of
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.simulator.conditions import Conditions, conditions_from
 from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.process import run_simulator

@@ -4,9 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.vicon_gateway.brands import LibraryMissingError, check_brand, check_library
 from rcopterx.vicon_gateway.process import run_tracker_gateway
 from rcopterx.vicon_gateway.recording_file import RecordingFileError, check_creatable

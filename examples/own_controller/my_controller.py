@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rcopterx.agents.controllers.base import BaseController, Solution
-from rcopterx.agents.controllers.roll_out import predict
-from rcopterx.agents.controllers.settings import ControllerSettings, PositiveFloat
+from rcopterx.control.controllers.base import BaseController, Solution
+from rcopterx.control.controllers.settings import ControllerSettings, PositiveFloat
+from rcopterx.control.models.roll_out import predict
 from rcopterx.vehicles.state import U_THRUST, heading_matrix
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from rcopterx.deploy.supervisor import Supervisor
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 POLL_S = 0.01
 

@@ -12,9 +12,9 @@ from rcopterx.experiments.zoo.fault_flight import FaultFlight
 from rcopterx.experiments.zoo.flying import FaultRange
 from rcopterx.experiments.zoo.promise import Seen
 from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
-from rcopterx.ground_station.scenario import FaultRefusedError
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, lines_of
-from rcopterx.ground_station.waiting import NotReachedError, StoppedError
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
+from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
+from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 
 PAUSE_S: Final = (2.0, 4.0)
 """From the beginning of one fault to that of the next one, at least and at most."""

@@ -8,15 +8,15 @@ from typing import Any, Final
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LaboratoryVehicle
-from rcopterx.deploy.supervisor import STABLE_AFTER_S
+from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
 from rcopterx.experiments.paper_sequence import leader_of
 from rcopterx.experiments.zoo.bench import Bench
 from rcopterx.experiments.zoo.fault_flight import FaultFlight
 from rcopterx.experiments.zoo.observation import WATCHED, seen_of
 from rcopterx.experiments.zoo.promise import Promise, Seen, judged, outcome
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, RefusedError, lines_of
-from rcopterx.ground_station.waiting import NotReachedError, StoppedError
+from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, lines_of
+from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.vehicles.tuples import Three
 
 HOME_M: Final = (0.0, 0.0, 1.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rcopterx.experiments.zoo.bench import Bench
 from rcopterx.experiments.zoo.orders import give_order
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 NONSENSE = "name = [\n"
 

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.experiments.zoo.bench import Bench
-from rcopterx.ground_station.scenario import fault_from, inject_faults
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.ground_station.terminal.scenario import fault_from, inject_faults
 from rcopterx.simulator.faults import BreakVehicle, Fault, Recover, TimedFault, fault_text
 
 Value = str | int | float | tuple[float, ...]

@@ -16,7 +16,7 @@ from typing import Any, Final
 from rcopterx.experiments.flight_page import PAGE_NAME
 from rcopterx.experiments.zoo.flying import not_flown
 from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
-from rcopterx.ground_station.flight_report.document import Html, document, table
+from rcopterx.ground_station.report.document import Html, document, table
 
 REPORT_NAME: Final = "faults.json"
 BEGIN: Final = "<!-- fault flights: begin -->\n"

@@ -10,7 +10,7 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import LaboratoryVehicle
 from rcopterx.experiments.zoo.promise import Seen
-from rcopterx.ground_station.recorder import Recording
+from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
 
 WATCHED: tuple[Channel[Message], ...] = (channels.LABORATORY, channels.APPLIED)  # type: ignore[assignment]

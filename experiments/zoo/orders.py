@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 VARIABLE: Final = "RCOPTERX_FAULT_ORDERS"
 """Environment variable with the directory in which processes find their orders."""

@@ -8,9 +8,9 @@ from typing import Final
 
 import tomlkit
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.fleet_file.shipped import fleet_path
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.shipped import fleet_path
 
 ENDURANCE_S: Final = 36_000.0
 """Of the simulated batteries: one fleet flies many faults."""

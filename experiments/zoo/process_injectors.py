@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
-from rcopterx.deploy.supervisor import Supervisor
+from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.experiments.zoo.bench import Bench
 from rcopterx.experiments.zoo.orders import give_order
 

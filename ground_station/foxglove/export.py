@@ -7,7 +7,7 @@ from typing import Final
 
 import foxglove
 
-from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.ground_station.foxglove.layout import layout_of
 from rcopterx.ground_station.foxglove.view import FoxgloveView
 from rcopterx.ground_station.replay.republishing import fleet_of

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rcopterx.ground_station.foxglove.drawing import ROOM
-from rcopterx.ground_station.latency import STAGES
+from rcopterx.ground_station.report.latency import STAGES
 
 
 def layout_of(vehicles: Sequence[str]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Final
 import foxglove
 
 from rcopterx.bus.session import Heard, Session
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.foxglove.view import FoxgloveView
 
 HOST: Final = "127.0.0.1"

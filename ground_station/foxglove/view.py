@@ -13,11 +13,11 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.messages import AgentStatus, Applied, Plan, Pose
-from rcopterx.deploy.fleet_file.schema import FleetFile
+from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.event_feed import HEARD, EventFeed
 from rcopterx.ground_station.foxglove import drawing
-from rcopterx.ground_station.latency import clock_offset, stage_times_ms
-from rcopterx.ground_station.state import error_of
+from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
+from rcopterx.ground_station.scripting.state import error_of
 
 NANO: Final = 1e9
 SCENE_NS: Final = 100_000_000

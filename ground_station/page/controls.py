@@ -7,8 +7,7 @@ from typing import Any, Final
 
 import viser
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.geometry import on_level
 from rcopterx.ground_station.page.kill_button import add_kill_button
@@ -16,7 +15,8 @@ from rcopterx.ground_station.page.saved_formations import SavedFormations, Saved
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.weights import GROUPS, weights_of
 from rcopterx.ground_station.page.words import vehicle_table
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.state import VehicleState
 
 NOBODY: Final = "(nobody)"
 NONE_SAVED: Final = "(none yet)"
@@ -251,7 +251,7 @@ class Waypoints:
     def fly(self) -> None:
         """Let the vehicle fly through the waypoints, from where it is."""
         # Numerical libraries take longer to import than the rest of the page.
-        from rcopterx.agents.references.path_shapes import through
+        from rcopterx.control.references.path_shapes import through
 
         name = self.vehicle.value
         state = self._fleet[name].state

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.state import VehicleState
 
 Array = NDArray[np.float64]
 

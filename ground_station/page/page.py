@@ -6,7 +6,6 @@ from typing import Final
 import viser
 
 from rcopterx.bus import channels
-from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.browser_script import run_in_browsers
 from rcopterx.ground_station.page.controls import (
     SavedFormationControls,
@@ -22,7 +21,8 @@ from rcopterx.ground_station.page.scene import FleetScene
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.timeline import Timeline
 from rcopterx.ground_station.page.words import banner, event_list
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.state import VehicleState
 
 TEXT_S: Final = 0.25
 PLOT_S: Final = 0.5

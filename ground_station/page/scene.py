@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 import viser
 
-from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.geometry import (
     NOWHERE,
     Array,
@@ -21,7 +20,8 @@ from rcopterx.ground_station.page.geometry import (
 )
 from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.steering import Steering
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.state import VehicleState
 
 COLOURS: Final = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75),

@@ -6,7 +6,6 @@ from typing import Final, Protocol
 
 from rcopterx.bus.message import Setting
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.formations import formation_links
 from rcopterx.ground_station.page.saved_formations import (
     SavedFormations,
@@ -14,7 +13,8 @@ from rcopterx.ground_station.page.saved_formations import (
     in_order,
     in_words,
 )
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
 KILL_REASON: Final = "ground station"
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.state import VehicleState
 
 KEPT: Final = 200
 MERGED_S: Final = 30.0

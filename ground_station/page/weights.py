@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Final
 
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.vehicle_models import model_of
 
 _STATES: Final[Mapping[str, tuple[int, ...]]] = {
     "position": (0, 1, 2),
@@ -31,7 +31,7 @@ def weights_of(
         Of 2, by the names of `GROUPS`: the factors of the default weights.
     """
     # Compiled kernels take longer to import than the rest of the page.
-    from rcopterx.agents.controllers.cascade.weights import default_input_weights, default_state_weights
+    from rcopterx.control.controllers.cascade.weights import default_input_weights, default_state_weights
 
     model = model_of(fleet, name)
     states = list(default_state_weights(model))

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 from typing import Final
 
-from rcopterx.ground_station.latency import STAGES, TOTAL
 from rcopterx.ground_station.page.timeline import Event
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.report.latency import STAGES, TOTAL
+from rcopterx.ground_station.scripting.state import VehicleState
 
 EVENTS_SHOWN: Final = 30
 SILENT_S: Final = 0.5

@@ -9,15 +9,15 @@ import msgspec
 import numpy as np
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
-from rcopterx.agents.flight.time_limit import RepeatedTimeLimit
+from rcopterx.agents.guards.time_limit import RepeatedTimeLimit
 from rcopterx.agents.process import Agent
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.log_messages import RoundedEstimate
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Plan
-from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.agent import pilot_of
+from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
 from rcopterx.ground_station.replay.replay_bus import ReplayBus
 

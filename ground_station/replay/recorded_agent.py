@@ -5,15 +5,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rcopterx.agents.flight.time_limit import Overtime
+from rcopterx.agents.guards.time_limit import Overtime
 from rcopterx.bus import channels
 from rcopterx.bus.codec import RejectedError, decode, encode
 from rcopterx.bus.log_messages import AgentSteps, AnsweredRequest, RoundedEstimate
 from rcopterx.bus.messages import Command, Lease, Plan
 from rcopterx.bus.stepping import REQUEST
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.flight_log.flight_writing import METADATA
-from rcopterx.flight_log.mcap_reading import Contents, FlightLogError, messages_of
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.flights.flight_writing import METADATA
+from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
 from rcopterx.ground_station.replay.republishing import fleet_of
 
 Frame = tuple[int, int]

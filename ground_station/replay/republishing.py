@@ -9,16 +9,16 @@ from typing import Final
 import msgspec
 
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.deploy.fleet_file.snapshot import write_snapshot
-from rcopterx.deploy.forking import ForkServer
-from rcopterx.deploy.launcher import check_free
-from rcopterx.deploy.processes import ProcessSpec
+from rcopterx.deploy.hosts.launcher import check_free
+from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
+from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.deploy.processes.table import ProcessSpec
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.deploy.run_directory import run_directory, snapshot_path
-from rcopterx.deploy.supervisor import Supervisor
-from rcopterx.flight_log.flight_writing import FLEET_ATTACHMENT
-from rcopterx.flight_log.mcap_reading import FlightLogError, contents_of, messages_of
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.snapshot import write_snapshot
+from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
+from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
 
 ROUTER_S: Final = 15.0
 """How long the router may take to start."""

@@ -69,7 +69,7 @@ def restart(
 ) -> None:
     """Kill agents, router and Vicon gateway in flight; how long until the vehicles are flown again?"""
     from rcopterx.benchmarks.restart import run
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
+    from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
         document = run(fleet_path(fleet), rounds, lambda text: typer.echo(f"bench restart: {text}", err=True))
@@ -119,7 +119,7 @@ def requests(
 ) -> None:
     """Round trips of requests to agents in flight, on the trio."""
     from rcopterx.benchmarks.request_times import run
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
+    from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
         path = fleet_path("trio")
@@ -303,7 +303,7 @@ def kill(
 ) -> None:
     """KILL by a script and by the space bar of the page; how long until every radio gets throttle low?"""
     from rcopterx.benchmarks.kill_times import run
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
+    from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
         document = run(fleet_path(fleet), presses, lambda text: typer.echo(f"bench kill: {text}", err=True))
@@ -327,7 +327,7 @@ def page(
     """From the start of the web page of a fleet that is up until it can be used in a browser."""
     from rcopterx.benchmarks.browser import NEEDED, browser_there
     from rcopterx.benchmarks.page_times import run
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
+    from rcopterx.fleet.shipped import fleet_path
 
     if not browser_there():
         typer.echo(f"error: this needs {NEEDED}", err=True)
@@ -352,7 +352,7 @@ def alarms(
 ) -> None:
     """A long hover beside busy processes; does the watchdog end what does not hang? Exit code 1 if so."""
     from rcopterx.benchmarks.false_alarms import run
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
+    from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
         document = run(

@@ -31,9 +31,9 @@ def deploy(
     Daemons that run are not restarted: that ends flights. Needs keys for ssh, and sudo without a password for
     the unit of systemd.
     """
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
     from rcopterx.deploy.remote.plan import steps, unit_name
     from rcopterx.deploy.remote.ssh import RemoteError, login, on, take
+    from rcopterx.fleet.shipped import fleet_path
 
     failed = False
     with user_errors():
@@ -58,7 +58,7 @@ def deploy(
 
 
 def _chosen(hosts: Mapping[str, object], only: Sequence[str]) -> list[str]:
-    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.fleet.schema import FleetError
 
     for host in only:
         if host not in hosts:

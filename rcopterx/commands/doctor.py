@@ -16,7 +16,7 @@ from rcopterx.commands.fleet_option import (
 
 if TYPE_CHECKING:
     from rcopterx.deploy.doctor.examination import Result
-    from rcopterx.deploy.fleet_file.schema import FleetFile
+    from rcopterx.fleet.schema import FleetFile
 
 
 def doctor(fleet: FleetArgument, host: HostOption = None) -> None:
@@ -41,7 +41,7 @@ def _results(file: "FleetFile", host: str) -> Iterator["Result"]:
 
     from rcopterx.deploy.certificates.files import directory_of
     from rcopterx.deploy.doctor.examination import Result, examine
-    from rcopterx.deploy.running import running_fleets
+    from rcopterx.deploy.hosts.running import running_fleets
 
     now = datetime.now(UTC)
     yield from examine(file, host, now)

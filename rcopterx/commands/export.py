@@ -40,7 +40,7 @@ def export(
 
     Tables are a file for every unit and channel with a row for every message.
     """
-    from rcopterx.flight_log.mcap_reading import FlightLogError
+    from rcopterx.flights.mcap_reading import FlightLogError
 
     library = LIBRARIES.get(to)
     if library is not None and find_spec(library) is None:
@@ -59,11 +59,11 @@ def export(
 def _write(to: Format, parts: tuple[Path, ...], directory: Path) -> list[Path]:
     match to:
         case Format.CSV:
-            from rcopterx.flight_log.csv_export import export_csv
+            from rcopterx.flights.csv_export import export_csv
 
             return export_csv(parts, directory)
         case Format.PARQUET:
-            from rcopterx.flight_log.parquet_export import export_parquet
+            from rcopterx.flights.parquet_export import export_parquet
 
             return export_parquet(parts, directory)
         case Format.FOXGLOVE:

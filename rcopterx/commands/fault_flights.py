@@ -15,7 +15,7 @@ from rcopterx.commands.launch import Interrupts, interruptible
 if TYPE_CHECKING:
     from rcopterx.experiments.zoo.fault_flight import FaultFlight
     from rcopterx.experiments.zoo.flying import FaultRange
-    from rcopterx.ground_station.fleet import Fleet
+    from rcopterx.ground_station.scripting.fleet import Fleet
 
 READY_S = 30.0
 """For a fleet that has just been started."""
@@ -93,7 +93,7 @@ class Hangar:
         StoppedError
             The user has asked to stop.
         """
-        from rcopterx.ground_station.waiting import StoppedError
+        from rcopterx.ground_station.scripting.waiting import StoppedError
 
         if self.interrupts.wait(seconds):
             raise StoppedError("interrupted")
@@ -162,7 +162,7 @@ def fly_chaos(
 ) -> None:
     """Let one thing after the other go wrong that all shall survive; exit code 1 if somebody did not."""
     from rcopterx.experiments.zoo.chaos import Chaos
-    from rcopterx.ground_station.waiting import NotReachedError, StoppedError, stopped_by
+    from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
     def say(text: str) -> None:
         typer.echo(f"chaos {seed}: {text}", err=True)
@@ -195,7 +195,7 @@ def _chaos_lines(result: dict[str, Any]) -> str:
 
 def _fly_row(row: "FaultFlight", holder: Hangar, head: str) -> dict[str, Any]:
     from rcopterx.experiments.zoo.flying import not_flown
-    from rcopterx.ground_station.waiting import NotReachedError, StoppedError, stopped_by
+    from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
     started_s = time.monotonic()
 

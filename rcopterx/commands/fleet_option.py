@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.deploy.running import running_fleets
+from rcopterx.deploy.hosts.running import running_fleets
 
 if TYPE_CHECKING:
-    from rcopterx.deploy.fleet_file.schema import FleetFile
-    from rcopterx.ground_station.fleet import Fleet
+    from rcopterx.fleet.schema import FleetFile
+    from rcopterx.ground_station.scripting.fleet import Fleet
 
 DEFAULT_FLEET = "trio"
 EXIT_FAILED = 1
@@ -26,7 +26,7 @@ ROUTER_S = 3.0
 
 def fleets_beginning(incomplete: str) -> list[str]:
     """Shipped fleets and fleet files whose names begin like this, for completion."""
-    from rcopterx.deploy.fleet_file.shipped import shipped_fleets
+    from rcopterx.fleet.shipped import shipped_fleets
 
     files = [name for name in glob(f"{escape(incomplete)}*") if name.endswith(".toml") or Path(name).is_dir()]
     return [name for name in shipped_fleets() if name.startswith(incomplete)] + sorted(files)
@@ -77,7 +77,7 @@ def chosen_host(fleet: "FleetFile", host: str | None) -> str:
     FleetError
         Several hosts and none was named, or an unknown one.
     """
-    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.fleet.schema import FleetError
 
     if host is None and len(fleet.hosts) == 1:
         return next(iter(fleet.hosts))
@@ -96,8 +96,8 @@ def fleet_file(name: str) -> "FleetFile":
     FleetError
         There is none, or it cannot be used.
     """
-    from rcopterx.deploy.fleet_file.reading import load_fleet
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
+    from rcopterx.fleet.reading import load_fleet
+    from rcopterx.fleet.shipped import fleet_path
 
     return load_fleet(fleet_path(name))
 
@@ -106,8 +106,8 @@ def fleet_file(name: str) -> "FleetFile":
 def user_errors() -> Iterator[None]:
     """Errors that are somebody's to mend become a line on standard error, never a traceback."""
     from rcopterx.bus.session import BusUnreachableError
-    from rcopterx.deploy.fleet_file.schema import FleetError
-    from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
+    from rcopterx.fleet.schema import FleetError
+    from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
     try:
         yield
@@ -120,7 +120,7 @@ def user_errors() -> Iterator[None]:
 
 
 def _say(error: Exception) -> None:
-    from rcopterx.ground_station.vehicle import lines_of
+    from rcopterx.ground_station.scripting.vehicle import lines_of
 
     for line in lines_of(error):
         typer.echo(f"error: {line}", err=True)
@@ -134,7 +134,7 @@ def wanted_fleet(name: str | None) -> tuple["FleetFile", str | None]:
     FleetError
         There is none, or it cannot be used.
     """
-    from rcopterx.ground_station.joining import fleet_that_is_up
+    from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 
     return fleet_that_is_up() if name is None else (fleet_file(name), None)
 
@@ -145,7 +145,7 @@ def joined_fleet(
 ) -> Iterator["Fleet"]:
     """Join a `wanted_fleet`, whose router answers within a time."""
     from rcopterx.bus.session import BusUnreachableError
-    from rcopterx.ground_station.fleet import Fleet
+    from rcopterx.ground_station.scripting.fleet import Fleet
 
     try:
         fleet = Fleet(file, host, router_within_s)

@@ -20,8 +20,8 @@ def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> N
     from rich.console import Console
     from rich.table import Table
 
-    from rcopterx.flight_log.flights import default_directory, flights_in
-    from rcopterx.flight_log.listing import summary_of
+    from rcopterx.flights.flights import default_directory, flights_in
+    from rcopterx.flights.listing import summary_of
 
     where = directory or default_directory()
     found = [summary_of(flight) for flight in flights_in(where)]
@@ -50,9 +50,9 @@ def recover(
     ] = None,
 ) -> None:
     """Mend a flight log that was cut off when its recorder was killed, so that every program can read it."""
-    from rcopterx.flight_log.listing import mend
-    from rcopterx.flight_log.mcap_reading import FlightLogError, contents_of
-    from rcopterx.flight_log.recorder import schemas
+    from rcopterx.flights.listing import mend
+    from rcopterx.flights.mcap_reading import FlightLogError, contents_of
+    from rcopterx.flights.recorder import schemas
 
     try:
         if output is None and contents_of(file).complete:

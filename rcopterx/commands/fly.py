@@ -17,7 +17,7 @@ from rcopterx.commands.launch import RecordOption, interruptible
 
 if TYPE_CHECKING:
     from rcopterx.experiments.manoeuvre import Manoeuvre
-    from rcopterx.ground_station.fleet import Fleet
+    from rcopterx.ground_station.scripting.fleet import Fleet
 
 CHAOS = "chaos"
 SLICE_S = 0.25
@@ -162,8 +162,8 @@ def _fly_row(
 ) -> None:
     from rcopterx.experiments.flight import fly as fly_manoeuvre
     from rcopterx.experiments.flight import not_flown, reason_not_to_fly, report_of
-    from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
-    from rcopterx.ground_station.waiting import NotReachedError, StoppedError, stopped_by
+    from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
+    from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
     reason = reason_not_to_fly(row, fleet)
     if reason is not None:
@@ -216,7 +216,7 @@ class Progress:
         StoppedError
             The user has asked to stop.
         """
-        from rcopterx.ground_station.waiting import StoppedError
+        from rcopterx.ground_station.scripting.waiting import StoppedError
 
         end_s = time.monotonic() + seconds
         while (left_s := end_s - time.monotonic()) > 0:
@@ -271,7 +271,7 @@ class Results:
         where = self._directory / report["manoeuvre"] if self._several else self._directory
         typer.echo(f"report: {write_report(report, where)}", err=True)
         if self._draws:
-            from rcopterx.ground_station.flight_report.picture import flight_svg
+            from rcopterx.ground_station.report.picture import flight_svg
 
             self._pictures[report["manoeuvre"]] = flight_svg(
                 report["manoeuvre"], list(report["vehicles"]), figures

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 import typer
 
-from rcopterx.agents.identification import fit
-from rcopterx.agents.identification.fit import AHEAD_S, Identification, predicted_ahead
-from rcopterx.agents.identification.parameters import Candidate
-from rcopterx.agents.identification.recording import FlightRecording, RecordingError, load_recording
 from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.steer import known_vehicles
-from rcopterx.deploy.fleet_edit import check_own, write_model
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.fleet_file.shipped import fleet_path
-from rcopterx.deploy.roles.vehicle_models import model_of
-from rcopterx.ground_station.identification import IdentificationError, excited_flight
-from rcopterx.ground_station.joining import fleet_that_is_up
+from rcopterx.control.identification import fit
+from rcopterx.control.identification.fit import AHEAD_S, Identification, predicted_ahead
+from rcopterx.control.identification.parameters import Candidate
+from rcopterx.control.identification.recording import FlightRecording, RecordingError, load_recording
+from rcopterx.fleet.editing import check_own, write_model
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.shipped import fleet_path
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.ground_station.identification.identification import IdentificationError, excited_flight
+from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.vehicles.model import Model
 
 PICTURED_S = 10.0

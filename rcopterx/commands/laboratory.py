@@ -17,7 +17,7 @@ from rcopterx.commands.fleet_option import (
 )
 
 if TYPE_CHECKING:
-    from rcopterx.deploy.fleet_file.schema import FleetFile
+    from rcopterx.fleet.schema import FleetFile
     from rcopterx.simulator.faults import TimedFault
     from rcopterx.simulator.tracker_replay import ReplayProgress, TrackerReplay
     from rcopterx.vicon_gateway.recording import RecordedConnection
@@ -53,7 +53,7 @@ def replay_tracker(
 
 
 def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay":
-    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.fleet.schema import FleetError
     from rcopterx.simulator.tracker_replay import TrackerReplay
 
     try:
@@ -123,9 +123,9 @@ def inject(
     if show_list:
         _show_faults()
         return
-    from rcopterx.deploy.fleet_file.schema import FleetError
-    from rcopterx.ground_station.joining import fleet_that_is_up
-    from rcopterx.ground_station.scenario import FaultRefusedError, ScenarioError, inject_faults
+    from rcopterx.fleet.schema import FleetError
+    from rcopterx.ground_station.scripting.joining import fleet_that_is_up
+    from rcopterx.ground_station.terminal.scenario import FaultRefusedError, ScenarioError, inject_faults
     from rcopterx.simulator.faults import fault_text
 
     with user_errors():
@@ -155,7 +155,7 @@ def _wanted(
     scenario: Path | None,
 ) -> tuple["TimedFault", ...]:
     """Faults of the command line; vehicles may stand for their subjects."""
-    from rcopterx.ground_station.scenario import ScenarioError, fault_from, field_from, read_scenario
+    from rcopterx.ground_station.terminal.scenario import ScenarioError, fault_from, field_from, read_scenario
     from rcopterx.simulator.faults import TimedFault
 
     if scenario is not None:
@@ -182,7 +182,7 @@ def _show_faults() -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from rcopterx.ground_station.scenario import fault_list
+    from rcopterx.ground_station.terminal.scenario import fault_list
 
     table = Table(box=None, pad_edge=False)
     for heading in ("fault", "fields", "what happens"):

@@ -21,13 +21,13 @@ from rcopterx.commands.fleet_option import (
     user_errors,
 )
 from rcopterx.commands.ground import page_of
-from rcopterx.deploy.run_directory import run_directory
-from rcopterx.native.cache import compile_all
+from rcopterx.compiling.cache import compile_all
+from rcopterx.deploy.hosts.run_directory import run_directory
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rcopterx.ground_station.fleet import Fleet
+    from rcopterx.ground_station.scripting.fleet import Fleet
 
 REFRESH_S = 0.2
 PLAIN_REFRESH_S = 5.0
@@ -67,7 +67,7 @@ def interruptible(
     name: str, host: str | None, without: Sequence[str] = (), *, watchdog: bool = True, record: bool = True
 ) -> Iterator[tuple["Fleet", Interrupts]]:
     """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
-    from rcopterx.ground_station.launched import processes_up
+    from rcopterx.ground_station.scripting.launched import processes_up
 
     file = fleet_file(name)
     this_host = chosen_host(file, host)
@@ -81,7 +81,7 @@ def interruptible(
 
 def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
     """Land what flies; a second Ctrl-C cuts the motors."""
-    from rcopterx.ground_station.waiting import NotReachedError
+    from rcopterx.ground_station.scripting.waiting import NotReachedError
 
     if not any(vehicle.state.airborne for vehicle in fleet):
         return
@@ -132,7 +132,7 @@ class Watch:
         """Show until a condition holds or the user asks to stop."""
         from rich.live import Live
 
-        from rcopterx.ground_station.live_table import fleet_table
+        from rcopterx.ground_station.terminal.live_table import fleet_table
 
         live = self._console.is_terminal
         if live:
@@ -181,7 +181,7 @@ def up(
     Where the daemons of its hosts run (rcopterx host), it is started through them, from any computer; without
     --host it then goes on if this program dies.
     """
-    from rcopterx.ground_station.margin_warnings import warnings_apart
+    from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 
     with user_errors():
         if host is None and _by_daemons(fleet, without or ()):
@@ -203,9 +203,9 @@ def up(
 
 def _by_daemons(name: str, without: Sequence[str]) -> bool:
     """Start a fleet through the daemons of its hosts and show it; False if there are none."""
-    from rcopterx.deploy.fleet_file.schema import FleetError
-    from rcopterx.deploy.running import running_fleets
-    from rcopterx.ground_station.daemons import Daemons, joined_fleet
+    from rcopterx.deploy.hosts.running import running_fleets
+    from rcopterx.fleet.schema import FleetError
+    from rcopterx.ground_station.scripting.daemons import Daemons, joined_fleet
 
     file = fleet_file(name)
     here = any(running.fleet == file.name for running in running_fleets())
@@ -247,7 +247,7 @@ def host(
 
     Ends by Ctrl-C or SIGTERM; what flies from here is brought down by the transmitter gateways.
     """
-    from rcopterx.deploy.launcher import Launcher
+    from rcopterx.deploy.hosts.launcher import Launcher
 
     with user_errors():
         file = fleet_file(fleet)

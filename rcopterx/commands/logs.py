@@ -9,8 +9,8 @@ import typer
 from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, user_errors
 
 if TYPE_CHECKING:
-    from rcopterx.deploy.fleet_file.schema import FleetFile
-    from rcopterx.ground_station.fleet_logs import FleetLogs
+    from rcopterx.fleet.schema import FleetFile
+    from rcopterx.ground_station.terminal.fleet_logs import FleetLogs
 
 FOLLOW_S = 0.2
 
@@ -28,7 +28,7 @@ def logs(
     Hosts that are up are asked over the bus; the logs of this computer are read also when nothing is up.
     """
     from rcopterx.commands.fleet_option import fleet_file
-    from rcopterx.ground_station.joining import fleet_that_is_up
+    from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 
     with ExitStack() as stack:
         with user_errors():
@@ -57,8 +57,8 @@ def logs(
 
 def _opened(file: "FleetFile", names: list[str], stack: ExitStack) -> "FleetLogs":
     """The logs of a fleet, those of other computers included if the fleet is up."""
-    from rcopterx.ground_station.daemons import joined_fleet
-    from rcopterx.ground_station.fleet_logs import FleetLogs, hosts_here
+    from rcopterx.ground_station.scripting.daemons import joined_fleet
+    from rcopterx.ground_station.terminal.fleet_logs import FleetLogs, hosts_here
 
     joined = joined_fleet(file) if file.hosts.keys() - hosts_here(file) else None
     if joined is not None:

@@ -22,7 +22,7 @@ def margins(
     from rich.table import Table
     from rich.text import Text
 
-    from rcopterx.ground_station.margins import COLUMNS, fleet_margins, rows_of
+    from rcopterx.ground_station.terminal.margins import COLUMNS, fleet_margins, rows_of
 
     with user_errors():
         file = fleet_file(fleet)

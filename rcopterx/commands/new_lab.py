@@ -39,8 +39,8 @@ def new_lab(
     ] = "multi",
 ) -> None:
     """Write the fleet file of a laboratory with hardware; ask for what no option tells."""
-    from rcopterx.deploy.fleet_file.schema import FleetError
     from rcopterx.deploy.new_laboratory import NewLaboratory, write_fleet_file
+    from rcopterx.fleet.schema import FleetError
 
     with user_errors():
         if file.exists():
@@ -129,7 +129,7 @@ def _asked(question: str, default: str | None, read: Callable[[str], T]) -> T:
     FleetError
         Nobody answers.
     """
-    from rcopterx.deploy.fleet_file.schema import FleetError
+    from rcopterx.fleet.schema import FleetError
 
     try:
         answer: T = typer.prompt(question, default=default, err=True, value_proc=read)

@@ -111,9 +111,9 @@ def calibrate(
         trim_hover,
         workbench,
     )
-    from rcopterx.deploy.fleet_edit import check_own
-    from rcopterx.deploy.fleet_file.shipped import fleet_path
-    from rcopterx.deploy.roles.transmitters import calibration_of
+    from rcopterx.fleet.editing import check_own
+    from rcopterx.fleet.radios import calibration_of
+    from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
         check_own(fleet_path(fleet))

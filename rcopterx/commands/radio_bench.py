@@ -14,13 +14,14 @@ import typer
 
 from rcopterx.commands.fleet_option import running_fleet, user_errors
 from rcopterx.commands.steer import known_vehicles
-from rcopterx.deploy.fleet_edit import write_calibration
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.fleet_file.shipped import fleet_path
-from rcopterx.deploy.roles.transmitters import calibration_of, gateway_settings
-from rcopterx.deploy.run_directory import run_directory
-from rcopterx.ground_station.hover_trim import STEADY, HoverError, measured_hover
+from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.deploy.roles.transmitters import gateway_settings
+from rcopterx.fleet.editing import write_calibration
+from rcopterx.fleet.radios import calibration_of
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.shipped import fleet_path
+from rcopterx.ground_station.identification.hover_trim import STEADY, HoverError, measured_hover
 from rcopterx.transmitter_gateway.calibration import Calibration, CalibrationError
 from rcopterx.transmitter_gateway.workbench import Workbench, WorkbenchError
 

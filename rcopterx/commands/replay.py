@@ -13,7 +13,7 @@ from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.fleet_option import EXIT_FAILED, user_errors
 
 if TYPE_CHECKING:
-    from rcopterx.flight_log.flights import Flight
+    from rcopterx.flights.flights import Flight
     from rcopterx.ground_station.replay.agent_replay import Comparison
 
 FlightArgument = Annotated[
@@ -56,7 +56,7 @@ def replay(
 
 def chosen_flight(name: str) -> "Flight":
     """Flight that is meant; says what there is if it is not found."""
-    from rcopterx.flight_log.flights import NoFlightError, default_directory, found_flight
+    from rcopterx.flights.flights import NoFlightError, default_directory, found_flight
 
     try:
         return found_flight(name, default_directory())
@@ -91,8 +91,8 @@ def _republish(flight: "Flight", speed: float) -> None:
 
 
 def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: bool) -> None:
-    from rcopterx.flight_log.mcap_reading import FlightLogError
-    from rcopterx.flight_log.provenance import arithmetic, provenance
+    from rcopterx.flights.mcap_reading import FlightLogError
+    from rcopterx.flights.provenance import arithmetic, provenance
     from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, replay
     from rcopterx.ground_station.replay.recorded_agent import recorded_agent
 

@@ -29,9 +29,9 @@ def report(
     if find_spec("matplotlib") is None:
         typer.echo(f"error: a report needs matplotlib: {INSTALL}", err=True)
         raise typer.Exit(EXIT_FAILED)
-    from rcopterx.flight_log.mcap_reading import FlightLogError
-    from rcopterx.ground_station.flight_report.logged_flight import logged_flight
-    from rcopterx.ground_station.flight_report.page import comparison_page, report_page
+    from rcopterx.flights.mcap_reading import FlightLogError
+    from rcopterx.ground_station.report.logged_flight import logged_flight
+    from rcopterx.ground_station.report.page import comparison_page, report_page
 
     with user_errors():
         chosen = [chosen_flight(name) for name in (flight, compare) if name is not None]

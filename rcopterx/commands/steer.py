@@ -37,7 +37,7 @@ def disarm(
     """Keep the throttle low until armed again; refused in the air, for that there are land and kill."""
     if bool(vehicles) == everybody:
         raise typer.BadParameter("name the vehicles, or give --all", param_hint="[VEHICLE]...")
-    from rcopterx.ground_station.vehicle import RefusedError
+    from rcopterx.ground_station.scripting.vehicle import RefusedError
 
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)

@@ -11,7 +11,7 @@ from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
 from rcopterx.commands.steer import Vehicle, known_vehicles, three
 
 if TYPE_CHECKING:
-    from rcopterx.agents.references.paths import FlightPath
+    from rcopterx.control.references.paths import FlightPath
 
 SHAPES = ("circle", "figure-eight", "spiral", "waypoints")
 
@@ -39,8 +39,8 @@ def trajectory(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Fly a trajectory with a vehicle that follows nobody; its followers come along."""
-    from rcopterx.agents.references.path_shapes import circle, figure_eight, spiral, through
-    from rcopterx.agents.references.paths import PathError
+    from rcopterx.control.references.path_shapes import circle, figure_eight, spiral, through
+    from rcopterx.control.references.paths import PathError
 
     middle = three(center)
     try:

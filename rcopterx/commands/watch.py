@@ -37,7 +37,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.
 
 def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> None:
     """Tell once what every vehicle does. Exit code 1 if the fleet is not up."""
-    from rcopterx.ground_station.status import fleet_status, readable
+    from rcopterx.ground_station.terminal.status import fleet_status, readable
 
     with running_fleet(fleet) as running:
         running.wait_for_status()
@@ -54,8 +54,8 @@ def check(
     fleet: RunningFleetOption = None,
 ) -> None:
     """List what blocks take-off. Exit code 0 if nothing does, 1 otherwise."""
-    from rcopterx.ground_station.status import fleet_check, readable
-    from rcopterx.ground_station.waiting import NotReachedError
+    from rcopterx.ground_station.scripting.waiting import NotReachedError
+    from rcopterx.ground_station.terminal.status import fleet_check, readable
 
     with running_fleet(fleet, router_within_s=max(ROUTER_S, wait)) as running:
         known_vehicles(running.file.vehicles, vehicles)
@@ -87,7 +87,7 @@ def top(
     from rich.console import Console
     from rich.live import Live
 
-    from rcopterx.ground_station.live_table import COLUMNS, columns_named, fleet_view, table_width
+    from rcopterx.ground_station.terminal.live_table import COLUMNS, columns_named, fleet_view, table_width
 
     try:
         chosen = COLUMNS if wide else columns and columns_named(columns.split(","))

@@ -3,13 +3,13 @@
 import numpy as np
 from support.flight import ExactEstimator, NotedController
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.agents.estimators.registry import ESTIMATORS
 from rcopterx.agents.flight.followed import FollowedLeader
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.interfaces import Measurement
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.types import COAXIAL_LAG
 

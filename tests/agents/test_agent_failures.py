@@ -6,8 +6,8 @@ from support.failing import FailingController
 from support.flight import ExactEstimator, NotedController
 
 from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
-from rcopterx.agents.interfaces import Measurement
 from rcopterx.bus.session import BusAddress
+from rcopterx.control.interfaces import Measurement
 
 
 class RaisingEstimator(ExactEstimator):

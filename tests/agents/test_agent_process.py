@@ -12,10 +12,8 @@ from support.waiting import DEADLINE_S
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
-from rcopterx.agents.interfaces import LimitScale
 from rcopterx.agents.pilot import BLIND_LIMIT_S
 from rcopterx.agents.process import Agent
-from rcopterx.agents.references.trajectory import hold
 from rcopterx.agents.telemetry import status_message
 from rcopterx.bus import channels
 from rcopterx.bus.calm import BUSY_SHARE
@@ -24,6 +22,8 @@ from rcopterx.bus.messages import Plan
 from rcopterx.bus.requests import TakeOff
 from rcopterx.bus.session import BusAddress, RequestFailedError
 from rcopterx.bus.stepping import SteppedSession
+from rcopterx.control.interfaces import LimitScale
+from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 

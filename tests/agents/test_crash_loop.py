@@ -10,9 +10,9 @@ from agent_bench import HOVER, settings_of
 from pilot_bench import seen
 
 from rcopterx.agents.assembly import build_pilot
-from rcopterx.agents.handover import Handover
-from rcopterx.agents.lease import ControlLease
 from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.takeover.handover import Handover
+from rcopterx.agents.takeover.lease import ControlLease
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode

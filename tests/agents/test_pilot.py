@@ -10,9 +10,9 @@ from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.lift_off import SPOOL_UP_S
 from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
 from rcopterx.agents.formation.law import FormationOffset
-from rcopterx.agents.identification.excitation import Excitation
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import BRIDGED_S, Pilot
+from rcopterx.control.identification.excitation import Excitation
 from rcopterx.vehicles.state import U_THRUST
 from rcopterx.vehicles.types import COAXIAL_LAG
 

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from pilot_bench import HOVER, real, seen
 from support.flight import Lab, Plant, assert_sound, measured, still
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.agents.estimators.registry import ESTIMATORS
 from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
 from rcopterx.agents.formation.law import FormationOffset
-from rcopterx.agents.interfaces import Measurement
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import StampedMeasurement
-from rcopterx.agents.references.trajectory import hold
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.control.interfaces import Measurement
+from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import YAW
 
 PAIRS = [

@@ -11,9 +11,9 @@ from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen, unseen
 from support.flight import ExactEstimator, NotedController, Plant, measured, still
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.interfaces import Measurement
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
+from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 

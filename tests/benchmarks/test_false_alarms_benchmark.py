@@ -6,9 +6,9 @@ from pathlib import Path
 from support.waiting import wait_for
 
 from rcopterx.benchmarks import false_alarms
-from rcopterx.deploy.forking import ForkServer
-from rcopterx.deploy.processes import ProcessSpec
-from rcopterx.deploy.supervisor import Supervisor
+from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.deploy.processes.table import ProcessSpec
 
 
 def test_what_the_watchdog_ended_is_counted_by_process(tmp_path: Path) -> None:

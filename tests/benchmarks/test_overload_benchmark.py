@@ -11,9 +11,9 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle
-from rcopterx.ground_station.recorder import Record, Recording
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
 Flown = list[int]
 

@@ -8,8 +8,8 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle, Pose
-from rcopterx.ground_station.recorder import Record, Recording
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 
 def record(unit: str, topic: str, message: Message, arrived_s: float) -> Record:

@@ -9,9 +9,9 @@ import pytest
 
 from rcopterx.benchmarks import scale
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
-from rcopterx.deploy.fleet_file.shipped import fleet_path
-from rcopterx.ground_station.vehicle import RefusedError
+from rcopterx.fleet.reading import load_fleet, parse_fleet
+from rcopterx.fleet.shipped import fleet_path
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 
 def row(vehicles: int, missed: int, p99_ms: float = 5.0, left_out: int = 0) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from support.fleets import PAIR
 
 from rcopterx.deploy import checking
 from rcopterx.deploy.checking import check_apart
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.forking import ForkServer
+from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError
 
 
 @pytest.fixture
@@ -40,6 +40,8 @@ def test_a_check_that_fails_for_another_reason_says_why(
 
 
 def test_who_launches_needs_none_of_the_libraries_of_agents() -> None:
-    script = "import sys, rcopterx.deploy.launcher; print(*{'numba', 'scipy', 'osqp'} & set(sys.modules))"
+    script = (
+        "import sys, rcopterx.deploy.hosts.launcher; print(*{'numba', 'scipy', 'osqp'} & set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

@@ -6,8 +6,8 @@ import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError
 
 
 @pytest.fixture(autouse=True)

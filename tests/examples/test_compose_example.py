@@ -19,7 +19,7 @@ from support.waiting import wait_for
 
 from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.fleet.reading import load_fleet
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_hosts"
 COMPOSE = (EXAMPLE / "compose.yaml").read_text(encoding="utf-8")

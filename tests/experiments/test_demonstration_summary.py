@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from rcopterx.experiments.demonstration import CAPTION, HEADINGS, summary_table
-from rcopterx.ground_station.flight_report.logged_flight import logged_flight
+from rcopterx.ground_station.report.logged_flight import logged_flight
 
 REFERENCE = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
 

@@ -26,7 +26,7 @@ from rcopterx.experiments.zoo.host_injectors import (
 )
 from rcopterx.experiments.zoo.orders import VARIABLE, give_order, obedient_processes
 from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Halting, Killed, Slow, Spinning, Stopped
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 LOOP = """
 import sys, time

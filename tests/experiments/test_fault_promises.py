@@ -10,7 +10,7 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle
 from rcopterx.experiments.zoo.observation import seen_of
 from rcopterx.experiments.zoo.promise import LIMITS, Limits, Promise, Seen, judged, outcome
-from rcopterx.ground_station.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Record, Recording
 
 FLEW = Seen(100, 20.0, None, None, 40.0, ("armed",))
 LANDED = Seen(100, 1000.0, 100.0, 0.4, 2000.0, ("armed", "hold", "land", "cut"))

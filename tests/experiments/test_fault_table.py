@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.shipped import fleet_path
-from rcopterx.deploy.processes import processes_of
+from rcopterx.deploy.processes.table import processes_of
 from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
 from rcopterx.experiments.zoo.fault_flight import FaultFlight
 from rcopterx.experiments.zoo.laboratory_injectors import Inject
 from rcopterx.experiments.zoo.promise import LIMITS, Promise
 from rcopterx.experiments.zoo.table import FAULT_FLIGHTS, PROCESSES, ROWS
-from rcopterx.ground_station.scenario import ScenarioError
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.shipped import fleet_path
+from rcopterx.ground_station.terminal.scenario import ScenarioError
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
 ENDINGS = (

@@ -17,17 +17,17 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.requests import GoTo
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.experiments.checks import Check, always, in_time, remarks_on_latency
 from rcopterx.experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.manoeuvres import MANOEUVRES
 from rcopterx.experiments.paper_sequence import PAPER_SET_POINTS, Say, Wait
 from rcopterx.experiments.steps import in_order, land, take_off
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.recorder import Record, Recording
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.waiting import NotReachedError, StoppedError
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 
 NAMES = ["h1", "h2"]
 Lab = tuple[Fleet, dict[str, ScriptedVehicle]]

@@ -13,8 +13,8 @@ from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle, L
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.experiments import checks
 from rcopterx.experiments.checks import Check
-from rcopterx.ground_station.recorder import Record, Recording
-from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Record, Recording
 from rcopterx.vehicles.tuples import Three
 
 NAMES = ("h1", "h2")

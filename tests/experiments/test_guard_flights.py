@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcopterx.agents.references.path_shapes import figure_eight
 from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, OSCILLATION, effort_factors
+from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.record import VehicleRecord
 from rcopterx.experiments.rig import GUARDED, Rig, RigVehicle

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcopterx.agents.flight.prediction import predict
-from rcopterx.agents.interfaces import Estimate
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.models.prediction import predict
 from rcopterx.experiments.knowledge import LATE_S, exact_model, known_model
 from rcopterx.experiments.rig import Rig
 from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rcopterx.agents.controllers.pid import PidSettings
+from rcopterx.control.controllers.pid import PidSettings
 from rcopterx.experiments import tuning
 from rcopterx.experiments.catalogue import save_figure
 from rcopterx.experiments.runner import Options

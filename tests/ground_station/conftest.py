@@ -8,14 +8,14 @@ from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet, sc
 from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 
 @pytest.fixture(autouse=True)
 def _patience_with_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who answers shares the processor with all that runs beside."""
-    monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", DEADLINE_S)
+    monkeypatch.setattr("rcopterx.ground_station.scripting.vehicle.ANSWER_S", DEADLINE_S)
 
 
 @pytest.fixture

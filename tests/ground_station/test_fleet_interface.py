@@ -21,12 +21,12 @@ from rcopterx.bus.session import (
     RequestFailedError,
     Session,
 )
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.live_table import COLUMNS, fleet_table
-from rcopterx.ground_station.status import fleet_status
-from rcopterx.ground_station.vehicle import RefusedError, lines_of
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import RefusedError, lines_of
+from rcopterx.ground_station.scripting.waiting import NotReachedError
+from rcopterx.ground_station.terminal.live_table import COLUMNS, fleet_table
+from rcopterx.ground_station.terminal.status import fleet_status
 
 Vehicles = dict[str, ScriptedVehicle]
 
@@ -233,7 +233,7 @@ def test_a_vehicle_that_cannot_be_landed_does_not_keep_the_others_up(
 ) -> None:
     put(vehicles, fleet, "flying")
     if fault == "silent":
-        monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", 2.0)
+        monkeypatch.setattr("rcopterx.ground_station.scripting.vehicle.ANSWER_S", 2.0)
         vehicles["h1"].silent.add("land")
     else:
         vehicles["h1"].refusals["land"] = "no"

@@ -12,10 +12,10 @@ from support.waiting import wait_for
 
 from rcopterx.bus.messages import LauncherStatus, LeaderLink, SubjectState, TrackerStatus
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.state import error_of, launcher_notes, tracker_notes, tracker_problems
-from rcopterx.ground_station.status import fleet_check, fleet_status, readable
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.state import error_of, launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.terminal.status import fleet_check, fleet_status, readable
 
 Vehicles = dict[str, ScriptedVehicle]
 

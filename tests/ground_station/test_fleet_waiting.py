@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from rcopterx.ground_station.waiting import Notifier, StoppedError, stopped_by
+from rcopterx.ground_station.scripting.waiting import Notifier, StoppedError, stopped_by
 
 
 def test_what_holds_already_is_not_waited_for() -> None:

@@ -12,8 +12,8 @@ from support.waiting import wait_for
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LauncherStatus, LeaderLink
 from rcopterx.bus.session import Session
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
 LINK = LeaderLink(leader="h1", offset_m=(-0.4, 0.5, 0.0))
@@ -126,7 +126,7 @@ def test_a_take_off_waits_until_hosts_know_how_many_vehicles_they_serve(
 def test_a_take_off_does_not_wait_forever_for_a_host_that_does_not_find_out(
     fleet: Fleet, join: Callable[..., Session], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rcopterx.ground_station.fleet.MEASURING_S", 0.05)
+    monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.MEASURING_S", 0.05)
     host = join()
     measuring = LauncherStatus(running=("h1", "h2"), absent=(), measuring=True)
 

@@ -4,8 +4,8 @@ from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.recorder import Recorder
+from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 
 def test_a_recording_holds_what_travelled_between_start_and_stop(

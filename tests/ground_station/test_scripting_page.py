@@ -9,10 +9,10 @@ import pytest
 from support.scripted import fleet_file_text, scripted
 
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.ground_station.asynchronous import AsyncFleet
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.scripting_reference import PAGE, reference, with_reference
-from rcopterx.ground_station.vehicle import Vehicle
+from rcopterx.ground_station.scripting.asynchronous import AsyncFleet
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.reference import PAGE, reference, with_reference
+from rcopterx.ground_station.scripting.vehicle import Vehicle
 
 PAGES = (PAGE.parents[1] / "README.md", *sorted(PAGE.parent.glob("*.md")))
 EXAMPLES = [
@@ -32,7 +32,7 @@ def trio(
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     path = tmp_path / "trio.toml"
     path.write_text(fleet_file_text(bus_address, ("h1", "h2", "h3")))
-    monkeypatch.setattr("rcopterx.ground_station.fleet.fleet_path", lambda name: path)
+    monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.fleet_path", lambda name: path)
     monkeypatch.setattr("rcopterx.launched", Fleet.connect)
     monkeypatch.setattr(AsyncFleet, "launched", AsyncFleet.connect)
     with scripted(join(), "h1", "h2", "h3"):
@@ -46,7 +46,7 @@ def test_an_example_runs(example: str, trio: None) -> None:
 
 def test_the_list_of_calls_is_that_of_the_classes() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    assert text == with_reference(text), "run: python -m rcopterx.ground_station.scripting_reference"
+    assert text == with_reference(text), "run: python -m rcopterx.ground_station.scripting.reference"
 
 
 @pytest.mark.parametrize("kind", [Fleet, Vehicle])

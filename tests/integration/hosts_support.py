@@ -23,9 +23,9 @@ from rcopterx.bus.messages import Applied
 from rcopterx.bus.session import Heard, Session
 from rcopterx.bus.subscription import Received
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.ground_station.daemons import Daemons
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.scripting.daemons import Daemons
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010

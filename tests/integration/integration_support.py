@@ -18,10 +18,10 @@ from support.bus import free_port
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LaboratoryVehicle
 from rcopterx.bus.session import RequestFailedError
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.launcher import Launcher
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.vehicle import FLIGHT_ERRORS, RefusedError
+from rcopterx.deploy.hosts.launcher import Launcher
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError
 
 NAMES = ("h1", "h2", "h3")
 GENTLE_M_S = 1.7

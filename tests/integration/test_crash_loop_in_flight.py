@@ -14,7 +14,7 @@ MODULE = """
 import os
 from pathlib import Path
 
-from rcopterx.agents.controllers.lqr import LqrController
+from rcopterx.control.controllers.lqr import LqrController
 
 
 class Crashing(LqrController):

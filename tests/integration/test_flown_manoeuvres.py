@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 import pytest
 from integration_support import fleet_text, free_port
 
-from rcopterx.deploy.fleet_file.shipped import fleet_path
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.fleet.shipped import fleet_path
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -13,9 +13,9 @@ import pytest
 from integration_support import fleet_text
 from support.bus import free_port
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.ground_station.daemons import Daemons
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.scripting.daemons import Daemons
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 pytestmark = pytest.mark.campaign
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.vehicles.model import IDENTIFIED
 from rcopterx.vehicles.types import COAXIAL
 

@@ -8,7 +8,7 @@ from integration_support import NAMES, Flying, Truth, at
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Plan
-from rcopterx.ground_station.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import Recorder, Recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

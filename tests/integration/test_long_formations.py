@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from integration_support import Flying, fleet_text, free_port
 
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(240)]
 

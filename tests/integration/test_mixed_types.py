@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from integration_support import Flying, fleet_text, free_port
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.roles.vehicle_models import model_of
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 

@@ -17,8 +17,8 @@ from support.waiting import wait_for
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.session import BusUnreachableError, Session
-from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.fleet.reading import load_fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 

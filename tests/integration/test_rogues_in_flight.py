@@ -22,8 +22,8 @@ from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import Received
 from rcopterx.deploy.certificates.files import credentials, directory_of
 from rcopterx.deploy.certificates.issuing import issue, read_authority
-from rcopterx.deploy.log_reading import LogLine, ProcessLogs
-from rcopterx.deploy.run_directory import router_socket, run_directory
+from rcopterx.deploy.hosts.run_directory import router_socket, run_directory
+from rcopterx.deploy.processes.log_reading import LogLine, ProcessLogs
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

@@ -7,8 +7,8 @@ import pytest
 from integration_support import Flying, fleet_text, free_port
 
 from rcopterx.bus import channels
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
 

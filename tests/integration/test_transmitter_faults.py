@@ -23,9 +23,9 @@ from integration_support import (
     transmitter_state,
 )
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.roles.transmitters import calibration_of
-from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.fleet.radios import calibration_of
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.chains import PERIOD_S, coaxial_lateral
 
-from rcopterx.agents.controllers.chains.chain import Chain, ChainTarget
-from rcopterx.agents.controllers.chains.lateral_chain import LateralChain
-from rcopterx.agents.flight.lateral import POSITION, VELOCITY, LateralSystem
+from rcopterx.control.controllers.chains.chain import Chain, ChainTarget
+from rcopterx.control.controllers.chains.lateral_chain import LateralChain
+from rcopterx.control.models.lateral import POSITION, VELOCITY, LateralSystem
 from rcopterx.native.bounds import move_bounds_on
 from rcopterx.native.settling import AFRESH, GO_ON, SHIFTED
 from rcopterx.vehicles.state import Array, heading_matrix

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.estimators.noise_meter import NoiseMeter
-from rcopterx.agents.estimators.tilt_trust import TiltTrust
+from rcopterx.control.estimators.noise_meter import NoiseMeter
+from rcopterx.control.estimators.tilt_trust import TiltTrust
 from rcopterx.native.flight import (
     AT_LIMIT,
     INDEFINITE_TILT,

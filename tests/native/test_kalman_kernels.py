@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rcopterx.agents.estimators.noise_meter import NoiseMeter
+from rcopterx.control.estimators.noise_meter import NoiseMeter
 from rcopterx.native.kalman import (
     FAR,
     INDEFINITE,

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from rcopterx.native.cache import MODULES
-from rcopterx.native.compiled import ANY_MATRIX, VECTOR, compiled
+from rcopterx.compiling.cache import MODULES
+from rcopterx.compiling.compiled import ANY_MATRIX, VECTOR, compiled
 
 ROOT = Path(__file__).parents[2]
-NO_KERNELS = {"__init__", "__main__", "cache", "compiled", "filtering", "numba_memory"}
+NO_KERNELS = {"__init__", "__main__", "cache", "compiled", "filtering"}
 
 
 @compiled(VECTOR, ANY_MATRIX)
@@ -25,11 +25,12 @@ def weighted(weights: np.ndarray, matrix: np.ndarray) -> float:
 
 
 def kernel_modules() -> list[ModuleType]:
-    return [importlib.import_module(f"rcopterx.native.{name}") for name in MODULES]
+    return [importlib.import_module(f"rcopterx.{name}") for name in MODULES]
 
 
 def test_all_modules_of_kernels_are_named() -> None:
-    assert set(MODULES) == {path.stem for path in (ROOT / "native").glob("*.py")} - NO_KERNELS
+    modules = {path.stem for path in (ROOT / "native").glob("*.py")} - NO_KERNELS
+    assert set(MODULES) == {f"native.{name}" for name in modules}
 
 
 def test_no_kernel_can_be_compiled_again() -> None:

@@ -37,8 +37,8 @@ def up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> str:
     """Fleet file of a fleet whose vehicles speak and can be asked."""
-    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", patient_fleet)
-    monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", DEADLINE_S)
+    monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.Fleet", patient_fleet)
+    monkeypatch.setattr("rcopterx.ground_station.scripting.vehicle.ANSWER_S", DEADLINE_S)
     path = tmp_path / "up.toml"
     path.write_text(fleet_file_text(bus_address, tuple(vehicles)))
     statuses = join().subscribe_all(channels.AGENT_STATUS)

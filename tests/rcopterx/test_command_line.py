@@ -17,11 +17,11 @@ from typer.testing import CliRunner
 from rcopterx.bus.requests import Follow, GoTo, TakeOff
 from rcopterx.command_line import COMMANDS, app
 from rcopterx.commands.fleet_option import chosen_host
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.fleet_file.shipped import fleet_path, shipped_fleets
 from rcopterx.experiments.manoeuvres import MANOEUVRES
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.shipped import fleet_path, shipped_fleets
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 NAMES = [command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands]
 UNITS = {
@@ -132,7 +132,7 @@ def test_wrong_arguments_are_usage_errors_that_say_what_is_allowed(
 def test_a_fleet_that_is_not_up_is_said_so(
     arguments: tuple[str, ...], down: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", quick_fleet())
+    monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.Fleet", quick_fleet())
     result = run(*arguments, "--fleet", down)
     assert result.exit_code == 1
     assert "error: no router at" in result.stderr
@@ -294,7 +294,7 @@ def test_landing_at_once_after_joining_lands_what_has_not_spoken_yet(up: str, ve
 def test_a_vehicle_whose_agent_is_gone_is_not_said_to_have_landed(
     up: str, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rcopterx.ground_station.vehicle.ANSWER_S", 1.0)
+    monkeypatch.setattr("rcopterx.ground_station.scripting.vehicle.ANSWER_S", 1.0)
     vehicles["h1"].speaks = False
     vehicles["h1"].silent.add("land")
     result = run("land", "-f", up)

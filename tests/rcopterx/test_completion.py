@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.deploy.running import RunningFleet, recorded
+from rcopterx.deploy.hosts.running import RunningFleet, recorded
 
 LAB = RunningFleet("lab", "d1", None, "main", ["tcp/127.0.0.1:7447"], [], ["h1", "h2", "quad"], "")
 

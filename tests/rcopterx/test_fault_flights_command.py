@@ -6,9 +6,9 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.experiments.zoo.own_fleet import ENDURANCE_S, copied_fleet
 from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+from rcopterx.fleet.reading import load_fleet
 
 
 def run(*arguments: str) -> tuple[int, str]:

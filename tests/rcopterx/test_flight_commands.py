@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.flight_log.flight_writing import FlightSettings, FlightWriter
-from rcopterx.flight_log.flights import part_path
-from rcopterx.flight_log.mcap_reading import contents_of
-from rcopterx.flight_log.mcap_writing import LoggedMessage
+from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
+from rcopterx.flights.flights import part_path
+from rcopterx.flights.mcap_reading import contents_of
+from rcopterx.flights.mcap_writing import LoggedMessage
 
 FLIGHT = "lab-20261122-141500"
 

@@ -16,8 +16,8 @@ from rcopterx.experiments.checks import Check
 from rcopterx.experiments.flight_page import page
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.steps import Step, in_order, refused
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
 NAMES = ("h1", "h2", "h3")

@@ -9,12 +9,12 @@ import pytest
 from support.fleets import PAIR
 from typer.testing import CliRunner
 
-from rcopterx.agents.flight.lateral import LateralSystem, demand_matrix
-from rcopterx.agents.identification.excitation import excitation_for
-from rcopterx.agents.identification.recording import FlightRecording
 from rcopterx.command_line import app
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.roles.vehicle_models import model_of
+from rcopterx.control.identification.excitation import excitation_for
+from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.control.models.lateral import LateralSystem, demand_matrix
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.vehicles.model import IDENTIFIED
 from rcopterx.vehicles.types import COAXIAL
 

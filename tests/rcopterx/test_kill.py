@@ -21,7 +21,7 @@ from rcopterx.bus.codec import decode
 from rcopterx.bus.messages import Kill
 from rcopterx.bus.session import BusAddress
 from rcopterx.command_line import app
-from rcopterx.deploy.running import RunningFleet, recorded
+from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.kill import Verdict, kill, parsed, report, run
 
 Vehicles = dict[str, ScriptedVehicle]

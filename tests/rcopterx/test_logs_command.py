@@ -8,7 +8,7 @@ from support.fleets import PAIR
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.deploy.run_directory import run_directory
+from rcopterx.deploy.hosts.run_directory import run_directory
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ from support.scripted import ScriptedVehicle, fleet_file_text
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.ground_station.margin_warnings import warnings_apart
-from rcopterx.ground_station.margins import configured_warnings
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
+from rcopterx.ground_station.terminal.margins import configured_warnings
 
 LOOSE = "[vehicles.h2.control.settings]\ninput_weights = [0.002, 0.002, 33.75, 100.0]\n"
 
@@ -89,7 +89,7 @@ def test_a_fleet_within_the_rule_is_not_warned_of(tmp_path: Path) -> None:
 def test_margins_that_cannot_be_told_are_not_passed_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rcopterx.ground_station.margin_warnings.encoded", lambda _: b"no snapshot")
+    monkeypatch.setattr("rcopterx.ground_station.terminal.margin_warnings.encoded", lambda _: b"no snapshot")
     (warning,) = warnings_apart(load_fleet(Path(fleet(tmp_path))))
     assert warning.startswith("margins are not known: ")
 
@@ -100,7 +100,7 @@ def test_margins_are_not_known_where_no_process_can_be_started(
     def refused(_: list[str]) -> None:
         raise OSError("Too many open files")
 
-    monkeypatch.setattr("rcopterx.ground_station.margin_warnings.begun_behind_others", refused)
+    monkeypatch.setattr("rcopterx.ground_station.terminal.margin_warnings.begun_behind_others", refused)
     assert warnings_apart(load_fleet(Path(fleet(tmp_path)))) == ["margins are not known: Too many open files"]
 
 

@@ -8,9 +8,9 @@ import pytest
 from support.fleets import HARDWARE_PAIR
 
 from rcopterx import ground_station
-from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.roles.tracker import BRAND_NAMES, brand_of
-from rcopterx.ground_station.scenario import fault_from, field_from, read_scenario
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.ground_station.terminal.scenario import fault_from, field_from, read_scenario
 from rcopterx.simulator.faults import FAULTS
 
 PAGE = (Path(ground_station.__file__).resolve().parents[1] / "docs" / "motion_capture.md").read_text(

@@ -14,8 +14,8 @@ from support.waiting import DEADLINE_S
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.deploy.fleet_file.reading import load_fleet, parse_fleet
 from rcopterx.deploy.new_laboratory import NewLaboratory, NewVehicle, fleet_file_text
+from rcopterx.fleet.reading import load_fleet, parse_fleet
 from rcopterx.transmitter_gateway import adapters
 from rcopterx.transmitter_gateway.adapters import Adapter, plugged_in
 

@@ -17,11 +17,11 @@ from typer.testing import CliRunner
 
 from rcopterx.bus.messages import SubjectState, TrackerStatus
 from rcopterx.command_line import app
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.launcher import check_resources
-from rcopterx.deploy.run_directory import run_directory
-from rcopterx.deploy.running import RunningFleet, recorded
-from rcopterx.ground_station.state import tracker_problems
+from rcopterx.deploy.hosts.launcher import check_resources
+from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.deploy.hosts.running import RunningFleet, recorded
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.ground_station.scripting.state import tracker_problems
 
 Vehicles = dict[str, ScriptedVehicle]
 
@@ -122,7 +122,7 @@ def test_a_second_fleet_on_the_same_port(lab: Path) -> None:
 def test_no_rights_for_the_serial_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device = tmp_path / "ttyUSB0"
     device.touch()
-    monkeypatch.setattr("rcopterx.deploy.launcher.os.access", lambda *_: False)
+    monkeypatch.setattr("rcopterx.deploy.hosts.launcher.os.access", lambda *_: False)
     port = own_address().endpoints[0].rpartition(":")[2]
     text = HARDWARE_PAIR.replace("radio-h1", str(device)) + f"\n[hosts.main]\nrouter_port = {port}\n"
     with pytest.raises(ValueError, match=r"h1\.transmitter\.port: no permission for .*usermod -aG dialout"):

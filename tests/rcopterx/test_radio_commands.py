@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from support.waiting import DEADLINE_S, wait_for
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.roles.transmitters import calibration_of, protocol_of
-from rcopterx.deploy.run_directory import run_directory, serial_path
+from rcopterx.deploy.hosts.run_directory import run_directory, serial_path
+from rcopterx.fleet.radios import calibration_of, protocol_of
+from rcopterx.fleet.reading import load_fleet
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_kinds import module_of
 from rcopterx.simulator.radio_module import SerialFrame

@@ -14,7 +14,7 @@ FLIGHT = str(Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap")
 
 def test_an_agent_that_does_the_same_again_ends_well(monkeypatch: pytest.MonkeyPatch) -> None:
     # The libraries of this process may use several threads, which changes last bits.
-    monkeypatch.setattr("rcopterx.flight_log.provenance.provenance", dict)
+    monkeypatch.setattr("rcopterx.flights.provenance.provenance", dict)
     result = CliRunner().invoke(app, ["replay", FLIGHT, "--agent", "h1", "--json"])
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["first"] is None

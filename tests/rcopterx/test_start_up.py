@@ -9,11 +9,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from rcopterx.agents.identification.excitation import BASE_HZ
-from rcopterx.agents.references.path_shapes import HEADINGS
 from rcopterx.command_line import app
 from rcopterx.commands import launch
-from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.control.identification.excitation import BASE_HZ
+from rcopterx.control.references.path_shapes import HEADINGS
+from rcopterx.fleet.schema import FleetError
 
 NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib", "numba"}
 
@@ -35,8 +35,8 @@ def test_declarations_of_all_commands_need_neither_the_bus_nor_numerical_librari
     "statement",
     [
         "from rcopterx import Fleet",
-        "import rcopterx.ground_station.status",
-        "import rcopterx.ground_station.live_table",
+        "import rcopterx.ground_station.terminal.status",
+        "import rcopterx.ground_station.terminal.live_table",
     ],
 )
 def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statement: str) -> None:
@@ -55,7 +55,12 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
 
 
 @pytest.mark.parametrize(
-    "module", ["experiments.demonstration", "ground_station.launched", "ground_station.margin_warnings"]
+    "module",
+    [
+        "experiments.demonstration",
+        "ground_station.scripting.launched",
+        "ground_station.terminal.margin_warnings",
+    ],
 )
 def test_launching_a_fleet_and_the_demonstration_need_no_scipy_and_no_compiler(module: str) -> None:
     loaded = imported_by(f"import rcopterx.{module}")
@@ -93,7 +98,7 @@ def test_help_texts_that_are_not_computed_agree_with_the_code() -> None:
 
 def test_the_version_is_told_with_its_commit(monkeypatch: pytest.MonkeyPatch) -> None:
     origin = {"rcopterx": "1.2.3", "commit": "abc123+", "python": "3.11.7"}
-    monkeypatch.setattr("rcopterx.flight_log.provenance.provenance", lambda: origin)
+    monkeypatch.setattr("rcopterx.flights.provenance.provenance", lambda: origin)
     told = CliRunner().invoke(app, ["--version"])
     assert (told.exit_code, told.stdout) == (0, "rcopterx 1.2.3 (commit abc123+), Python 3.11.7\n")
     origin["commit"] = ""

@@ -20,8 +20,8 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.commands.ground import page_of
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 Vehicles = dict[str, ScriptedVehicle]
 
@@ -37,7 +37,8 @@ def test_without_a_fleet_the_error_says_how_to_start_one(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "rcopterx.ground_station.fleet.Fleet", lambda file, host, _: Fleet(file, host, timeout_s=0.05)
+        "rcopterx.ground_station.scripting.fleet.Fleet",
+        lambda file, host, _: Fleet(file, host, timeout_s=0.05),
     )
     path = tmp_path / "down.toml"
     path.write_text(fleet_file_text(own_address()))
@@ -78,7 +79,7 @@ def test_check_that_waits_also_waits_for_the_router(
         patience.append(router_within_s)
         return patient_fleet(file, host)
 
-    monkeypatch.setattr("rcopterx.ground_station.fleet.Fleet", joined)
+    monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.Fleet", joined)
     for wait in ("1.5", "20"):
         assert run("check", "--wait", wait, "-f", up).exit_code == 0
     assert patience == [3.0, 20.0]

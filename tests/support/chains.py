@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rcopterx.agents.controllers.chains.chain import ChainParameters
+from rcopterx.control.controllers.chains.chain import ChainParameters
 from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02

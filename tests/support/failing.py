@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.agents.interfaces import Controller, ControlStep, Estimate
-from rcopterx.agents.references.trajectory import Trajectory
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array
 
 

@@ -5,10 +5,10 @@ from collections import deque
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.agents.flight.prediction import predict
-from rcopterx.agents.interfaces import ControlStep, Estimate, Measurement
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
-from rcopterx.agents.references.trajectory import Trajectory, hold
+from rcopterx.control.interfaces import ControlStep, Estimate, Measurement
+from rcopterx.control.models.prediction import predict
+from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 from rcopterx.vehicles.types import COAXIAL_LAG

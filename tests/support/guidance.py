@@ -5,9 +5,9 @@ import numpy as np
 from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.formation.law import FormationOffset
-from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.phases import Event
-from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from support.flight import still
 
 PERIOD_S = 0.02

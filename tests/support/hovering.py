@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.interfaces import FULL_LIMITS, Measurement
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.control.interfaces import FULL_LIMITS, Measurement
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose

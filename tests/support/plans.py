@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from rcopterx.agents.references.trajectory import COLUMNS
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.bus.trajectory_array import TrajectoryArray
+from rcopterx.control.references.trajectory import COLUMNS
 
 
 class PlanInbox(Inbox[Plan]):

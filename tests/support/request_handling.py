@@ -4,16 +4,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rcopterx.agents.external_control import ExternalControl
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_changes import LeaderChanges
 from rcopterx.agents.following.leader_plans import LeaderPlans
 from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.formation.placement import Room
-from rcopterx.agents.interfaces import FULL_LIMITS, Measurement
 from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
-from rcopterx.agents.request_handler import RequestHandler
+from rcopterx.agents.requests.external_control import ExternalControl
+from rcopterx.agents.requests.request_handler import RequestHandler
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.bus import channels
@@ -22,6 +21,7 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import Follow, GoTo, Reply, Request
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
+from rcopterx.control.interfaces import FULL_LIMITS, Measurement
 from rcopterx.vehicles.types import COAXIAL_LAG
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of

@@ -19,8 +19,8 @@ from rcopterx.bus.messages import (
 )
 from rcopterx.bus.requests import Fly, Follow, GoTo, Lead, Reply
 from rcopterx.bus.session import BusAddress, Incoming, Session
-from rcopterx.deploy.fleet_file.schema import FleetFile
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.ground_station.scripting.fleet import Fleet
 from support.plans import plan_of
 from support.statuses import flying_status
 from support.waiting import DEADLINE_S, PatientClock

@@ -14,9 +14,9 @@ from rcopterx.bus.channels import LAUNCHER_EVENT, key, request_key
 from rcopterx.bus.endpoints import Credentials, client_config, router_config
 from rcopterx.deploy.certificates.files import credentials
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetFile
 from rcopterx.deploy.roles.router import protection_of
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetFile
 from support.bus import free_port, patient_links
 from support.waiting import DEADLINE_S, wait_for
 

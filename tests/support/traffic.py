@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from rcopterx.agents.references.trajectory import COLUMNS
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.session import Session
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.control.references.trajectory import COLUMNS
+from rcopterx.flights.mcap_reading import messages_of
 
 FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
 HORIZON, PERIOD_S = 50, 0.02

@@ -22,10 +22,10 @@ from support.guidance import (
 from rcopterx.agents.flight.followed import FollowedLeader
 from rcopterx.agents.flight.guidance import LANDING_SPEED_M_S, TAKE_OFF_SPEED_M_S, Guidance
 from rcopterx.agents.flight.touchdown import FLOOR_TIME_S
-from rcopterx.agents.interfaces import Estimate
 from rcopterx.agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
-from rcopterx.agents.references.paths import FlightPath
-from rcopterx.agents.references.set_points import SetPointReference
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.references.paths import FlightPath
+from rcopterx.control.references.set_points import SetPointReference
 
 events = st.sampled_from(list(Event))
 

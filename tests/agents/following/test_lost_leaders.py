@@ -15,7 +15,6 @@ from rcopterx.agents.following.links import followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.formation.succession import FollowingMode
-from rcopterx.agents.interfaces import Measurement
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.settings import AgentSettings, Succession
@@ -24,6 +23,7 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
+from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02

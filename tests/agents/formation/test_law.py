@@ -13,7 +13,7 @@ from rcopterx.agents.formation.law import (
     combined_reference,
     follower_reference,
 )
-from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.state import Array, heading_matrix
 from rcopterx.vehicles.types import COAXIAL_LAG
 

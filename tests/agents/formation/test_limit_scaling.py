@@ -16,8 +16,8 @@ from rcopterx.agents.formation.limit_scaling import (
     turn_limits_of,
 )
 from rcopterx.agents.formation.topology import exchanged, places
-from rcopterx.agents.interfaces import LimitScale
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.control.interfaces import LimitScale
 from rcopterx.vehicles.quadrotor import QUADROTOR
 from rcopterx.vehicles.types import COAXIAL_LAG
 

@@ -5,18 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.controllers.registry import CONTROLLERS
-from rcopterx.agents.estimators.registry import ESTIMATORS
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.formation.topology import places
-from rcopterx.agents.interfaces import AvoidsObstacles, Measurement
 from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
-from rcopterx.agents.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
 from rcopterx.agents.separation.ellipsoid_scales import FORMATION_SCALE, ellipsoid_scale
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.control.interfaces import AvoidsObstacles, Measurement
+from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 CLEARANCE = SeparationEllipsoid()

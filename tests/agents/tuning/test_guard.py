@@ -8,7 +8,6 @@ import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
 from rcopterx.agents.flight.oscillation import Loop
-from rcopterx.agents.identification.excitation import Excitation
 from rcopterx.agents.pilot import ControlOutput
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.guard import (
@@ -21,6 +20,7 @@ from rcopterx.agents.tuning.guard import (
     effort_factors,
     without_guard,
 )
+from rcopterx.control.identification.excitation import Excitation
 from rcopterx.vehicles.state import YAW
 
 

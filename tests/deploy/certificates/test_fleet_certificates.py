@@ -11,9 +11,9 @@ from support.fleets import PAIR
 from rcopterx.deploy.certificates.files import CHOICE, own_credentials, own_name
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.deploy.certificates.inspection import expiry_warning, problem
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError, FleetFile
-from rcopterx.deploy.launcher import check_certificate
+from rcopterx.deploy.hosts.launcher import check_certificate
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError, FleetFile
 
 NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
 NAMES = ["host.main", "host.second", "agent.h1", "agent.h2", "operator.ann", "watcher.lab"]

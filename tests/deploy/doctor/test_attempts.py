@@ -15,7 +15,7 @@ from rcopterx.bus.keys import probe_key
 from rcopterx.bus.probe import Probe
 from rcopterx.bus.session import BusAddress, opened
 from rcopterx.deploy.doctor import attempts
-from rcopterx.deploy.fleet_file.schema import HostConfig
+from rcopterx.fleet.schema import HostConfig
 
 
 @pytest.fixture(scope="module")

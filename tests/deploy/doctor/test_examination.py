@@ -8,7 +8,7 @@ from support.fleets import PAIR
 
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.deploy.doctor.examination import CAP_SYS_NICE, certificates, real_time
-from rcopterx.deploy.fleet_file.reading import parse_fleet
+from rcopterx.fleet.reading import parse_fleet
 
 NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.fleet.reading import load_fleet
 
 PROGRAMS = {
     "ssh": 'for last; do :; done; case "$*" in *192.0.2.9*) echo "no route" >&2; exit 255;; esac\n'

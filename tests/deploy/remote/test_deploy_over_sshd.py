@@ -16,7 +16,7 @@ from support.waiting import wait_for
 
 from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.fleet_file.reading import load_fleet
+from rcopterx.fleet.reading import load_fleet
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

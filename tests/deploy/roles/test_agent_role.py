@@ -7,11 +7,11 @@ from support.fleets import PAIR
 
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
 from rcopterx.agents.formation.limit_scaling import LEADER_LIMIT_SCALE
-from rcopterx.agents.interfaces import FULL_LIMITS
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
+from rcopterx.control.interfaces import FULL_LIMITS
 from rcopterx.deploy.roles.agent import agent_settings
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError
 
 
 @pytest.fixture(autouse=True)

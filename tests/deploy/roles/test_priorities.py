@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from support.fleets import PAIR
 
-from rcopterx.deploy.fleet_file.reading import parse_fleet
 from rcopterx.deploy.roles.agent import agent_settings
 from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.fleet.reading import parse_fleet
 
 
 @pytest.fixture(autouse=True)

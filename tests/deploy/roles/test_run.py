@@ -9,9 +9,9 @@ import pytest
 from support.bus import free_port
 from support.fleets import PAIR
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
 from rcopterx.deploy.roles.run import EXIT_UNREACHABLE, EXIT_USAGE, run_role
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
 from rcopterx.deploy.roles.simulator import conditions_of, simulator_settings
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError
 
 
 @pytest.fixture(autouse=True)

@@ -3,9 +3,9 @@
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
 from rcopterx.deploy.roles.tracker import brand_of, tracker_address, tracker_settings
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError
 from rcopterx.vicon_gateway.settings import BrandSettings
 
 

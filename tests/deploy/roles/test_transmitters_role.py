@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from rcopterx.deploy.fleet_file.reading import parse_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.roles.arbiter_limits import landing_of, limits_of
-from rcopterx.deploy.roles.transmitters import gateway_settings, protocol_of
+from rcopterx.deploy.roles.transmitters import gateway_settings
+from rcopterx.fleet.arbiter_limits import landing_of, limits_of
+from rcopterx.fleet.radios import protocol_of
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.schema import FleetError
 from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
 from rcopterx.vehicles.types import COAXIAL
 

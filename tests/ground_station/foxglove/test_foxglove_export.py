@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from rcopterx.bus.codec import decode
 from rcopterx.bus.messages import Pose
-from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.flights.mcap_reading import messages_of
 
 pytest.importorskip("foxglove")
 decoding = pytest.importorskip("mcap_protobuf.decoder")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from support.bus import free_port
 
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")

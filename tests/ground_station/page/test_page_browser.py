@@ -15,8 +15,8 @@ from support.bus import free_port
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
-from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 NEEDED = "pip install playwright pillow"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")

@@ -9,7 +9,7 @@ from support.plans import plan_of
 from support.statuses import flying_status
 
 from rcopterx.ground_station.page.history import KEPT_S, SAMPLE_S, History
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.state import VehicleState
 
 SEEN = VehicleState("h1", flying_status(position_m=(1.0, 2.0, 3.0)), None, 0.1, None, 0.01)
 

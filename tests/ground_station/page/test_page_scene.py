@@ -14,8 +14,8 @@ from support.waiting import wait_for
 
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import Follow, GoTo, Tune
-from rcopterx.ground_station.fleet import Fleet
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 Vehicles = dict[str, ScriptedVehicle]
 BY_HAND = SimpleNamespace(client=object())

@@ -5,7 +5,7 @@ import threading
 from support.waiting import wait_for
 
 from rcopterx.ground_station.page.steering import Steering
-from rcopterx.ground_station.waiting import NotReachedError
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 
 class Kills:

@@ -6,7 +6,7 @@ from support.statuses import flying_status
 
 from rcopterx.bus.messages import LeaderLink, TransmitterStatus
 from rcopterx.ground_station.page.timeline import KEPT, Timeline, changes
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="ready", ready=True)
 FLYING = VehicleState("h1", flying_status(), ARMED, 0.1, 0.1, 0.01)

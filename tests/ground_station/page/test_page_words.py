@@ -7,7 +7,7 @@ from support.statuses import flying_status
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.ground_station.page.timeline import Event
 from rcopterx.ground_station.page.words import banner, event_list, vehicle_table
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="<b>", ready=True)
 AGENT = flying_status(position_m=(1.0, 2.0, 0.5), yaw_rad=3.14159265, solve_ms_p50=1.5, client="fly.m",

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED
-from rcopterx.agents.flight.time_limit import TimeLimit
+from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.process import Agent
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.log_messages import AgentSteps
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Plan, Pose
 from rcopterx.deploy.roles.agent import pilot_of
-from rcopterx.flight_log.mcap_reading import FlightLogError, messages_of
-from rcopterx.flight_log.mcap_writing import LoggedMessage
+from rcopterx.flights.mcap_reading import FlightLogError, messages_of
+from rcopterx.flights.mcap_writing import LoggedMessage
 from rcopterx.ground_station.replay import recorded_agent as recorded_agent_module
 from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, control_periods
 from rcopterx.ground_station.replay.agent_replay import replay as replayed

@@ -6,7 +6,7 @@ from pathlib import Path
 from support.waiting import FakeClock, wait_for
 
 from rcopterx.bus.session import Heard, Session
-from rcopterx.flight_log.mcap_reading import messages_of
+from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.ground_station.replay.republishing import fleet_of, republish
 
 Join = Callable[..., Session]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from integration_support import NAMES, Flying, Truth, fleets, not_killed, transmitter_state
 
-from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import Recover
 
 HEIGHT_M = 0.8

@@ -8,8 +8,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from rcopterx.deploy.fleet_file.reading import load_fleet
 from rcopterx.deploy.roles.run import run_role
+from rcopterx.fleet.reading import load_fleet
 from rcopterx.transmitter_gateway.station import Station
 
 FAULT = "a fault on request"

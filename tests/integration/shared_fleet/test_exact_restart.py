@@ -5,8 +5,8 @@ import math
 import pytest
 from integration_support import Flying, Truth, counter, wait_for_successor
 
-from rcopterx.agents.references.path_shapes import circle
-from rcopterx.ground_station.state import VehicleState
+from rcopterx.control.references.path_shapes import circle
+from rcopterx.ground_station.scripting.state import VehicleState
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -14,7 +14,7 @@ from integration_support import Flying, Truth, at, fallbacks, free_port
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
-from rcopterx.ground_station.vehicle import RefusedError
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -4,13 +4,13 @@ import pytest
 from integration_support import NAMES, Flying, Truth, fly_to, land_gently, not_killed, transmitter_state
 
 from rcopterx.bus.messages import Plan
-from rcopterx.deploy.fleet_file.reading import load_fleet
-from rcopterx.deploy.fleet_file.schema import FleetError
-from rcopterx.deploy.launcher import Launcher
-from rcopterx.ground_station.fleet import Fleet
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.vehicle import RefusedError
+from rcopterx.deploy.hosts.launcher import Launcher
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

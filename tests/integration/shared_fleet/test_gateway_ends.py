@@ -27,8 +27,8 @@ from integration_support import (
     on_floor,
 )
 
-import rcopterx.deploy.supervisor
-from rcopterx.ground_station.vehicle import RefusedError
+import rcopterx.deploy.processes.supervisor
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
@@ -60,7 +60,7 @@ def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(flying: Flying
 def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
     flying: Flying, truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rcopterx.deploy.supervisor, "restart_pause_s", lambda _: 1.5)
+    monkeypatch.setattr(rcopterx.deploy.processes.supervisor, "restart_pause_s", lambda _: 1.5)
     flying.kill("transmitters")
     flying.fleet.wait_until(
         lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "disarmed"),
@@ -195,7 +195,7 @@ def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
     pid, restarts = flying.pid("router"), router.restarts
     gateway, simulator = flying.pid("transmitters"), flying.pid("simulator")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rcopterx.deploy.supervisor, "restart_pause_s", lambda _: 4.0)
+        patch.setattr(rcopterx.deploy.processes.supervisor, "restart_pause_s", lambda _: 4.0)
         if how is signal.SIGSTOP:
             with flying.unwatched():
                 os.kill(pid, how)

@@ -3,7 +3,7 @@
 import pytest
 from integration_support import Flying, Truth
 
-from rcopterx.ground_station.vehicle import RefusedError
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -5,7 +5,7 @@ import time
 import pytest
 from integration_support import NAMES, Flying, Truth, flown_by, fly_to, transmitter_state
 
-from rcopterx.ground_station.fleet import Fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -5,7 +5,7 @@ import threading
 import pytest
 from integration_support import Flying, Truth, counter
 
-from rcopterx.ground_station.scenario import inject_faults
+from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import Silence
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from integration_support import NAMES, Flying, Truth
 
-from rcopterx.agents.references.path_shapes import circle, figure_eight
-from rcopterx.ground_station.recorder import Recorder
-from rcopterx.ground_station.report import FlightFigures
-from rcopterx.ground_station.vehicle import RefusedError
+from rcopterx.control.references.path_shapes import circle, figure_eight
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 

@@ -1,0 +1,143 @@
+"""Has an agent leave out what its overload decides, at a step that a replay knows of.
+
+Where more agents run on a computer than it serves, control periods are left out from take-off on: to find out
+in flight would take agents all processors for a while, and starve what is below them.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Final
+
+from rcopterx.agents.load.overload import Overload, Relief, planned_relief
+from rcopterx.agents.load.pacing import Pacing
+from rcopterx.agents.separation.traffic import MOST, Traffic
+from rcopterx.bus.channels import LAUNCHER
+from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.stepping import StepBus
+from rcopterx.bus.subscription import Inbox, Received
+
+FLOOR_EVERY: Final = 2
+"""Largest number of control periods of which one is computed on the floor."""
+NEAREST: Final = 3
+"""Plans heard for avoidance while those of far vehicles are left out."""
+RELIEF: Final = "relief_"
+"""Notes begin with it; the number of the relief follows."""
+TOO_SLOW: Final = "this computer is too slow for its fleet"
+_WORDS: Final = {relief: f"{RELIEF}{int(relief)}" for relief in Relief}
+
+
+class LoadRelief:
+    """Watches how late one agent's commands are, and lets its parts do less.
+
+    What is decided by measured times takes effect by a note on the bus, so that a replay does the same.
+
+    Parameters
+    ----------
+    bus
+        The agent's seat on it.
+    period_s
+        Control period.
+    pacing, traffic
+        The agent's own.
+    launcher
+        Filled by the bus with what the launcher of this host tells; None without one.
+    processor_clock
+        Processor time of this process [s].
+    """
+
+    rejected: Mapping[str, int] = MappingProxyType({})
+
+    def __init__(
+        self,
+        bus: StepBus,
+        period_s: float,
+        pacing: Pacing,
+        traffic: Traffic,
+        launcher: Inbox[LauncherStatus] | None = None,
+        processor_clock: Callable[[], float] = time.process_time,
+    ) -> None:
+        self._bus, self._pacing, self._traffic = bus, pacing, traffic
+        self._overload = Overload(period_s)
+        self._processor_clock = processor_clock
+        self._used_s, self._since_s = processor_clock(), bus.clock()
+        self._seen = 0, 0
+        self.launcher = Inbox(LAUNCHER) if launcher is None else launcher
+        self._heard: Received[LauncherStatus] | None = None
+        self._planned = self._noted = Relief.NONE
+        self.relief = Relief.NONE
+        """What is left out at present."""
+        self.events: dict[str, int] = {}
+
+    @property
+    def remark(self) -> str:
+        """What people should know; empty while nothing is left out."""
+        if not self.relief:
+            return ""
+        reason = "more agents run on this computer than it serves" if self._planned else TOO_SLOW
+        return f"{reason}: {self.relief.words}"
+
+    def watch(self, late_s: float, flying: bool) -> None:
+        """Take in a control period: from the arrival of its pose until its command was sent."""
+        pacing, (missed_before, overtaken_before) = self._pacing, self._seen
+        self._seen = pacing.missed_ticks, pacing.overtaken_ticks
+        # Missed for want of poses, however many, are one event; those behind which it lags are time.
+        missed = max(pacing.missed_ticks > missed_before, pacing.overtaken_ticks - overtaken_before)
+        if self.relief:
+            self._pace(flying)
+        overload = self._overload
+        if overload.observe(late_s, missed) if flying else overload.forget():
+            self._bus.note(_WORDS[overload.relief])
+
+    def settle(self) -> bool:
+        """Leave out what was decided before this step, or do it again; True if that is news.
+
+        To be asked in steps that take in notes or what the launcher tells.
+        """
+        news = [self._hear(), self._take_note()]
+        relief = max(self._planned, self._noted)
+        if relief is not self.relief:
+            self._change(relief)
+        return any(news)
+
+    def _hear(self) -> bool:
+        """Plan by what the launcher tells of this computer; True if that is news."""
+        heard = self.launcher.latest()
+        if heard is None or heard is self._heard:
+            return False
+        self._heard = heard
+        planned = planned_relief(heard.message.crowding)
+        if planned is self._planned:
+            return False
+        # What was decided before belongs to another load.
+        self._planned, self._noted = planned, Relief.NONE
+        self._overload.plan(planned)
+        return True
+
+    def _take_note(self) -> bool:
+        words = self._bus.words
+        decided = next((relief for relief, word in _WORDS.items() if word in words), None)
+        if decided is None:
+            return False
+        self._noted = decided
+        return True
+
+    def _change(self, relief: Relief) -> None:
+        if relief > self.relief:
+            name = f"left_out_{relief.name.lower()}"
+            self.events[name] = self.events.get(name, 0) + 1
+        self.relief = relief
+        self._bus.tell_steps(relief < Relief.TELEMETRY)
+        self._traffic.most = NEAREST if relief >= Relief.FAR_PLANS else MOST
+        self._pace(flying=False)
+
+    def _pace(self, flying: bool) -> None:
+        # On the floor no planned inputs bridge what is left out, and arming asks for fresh commands.
+        self._pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
+
+    def processor_share(self) -> float:
+        """Share of one processor that this process has used since the last call."""
+        used_s, now_s = self._processor_clock(), self._bus.clock()
+        share = (used_s - self._used_s) / (now_s - self._since_s) if now_s > self._since_s else 0.0
+        self._used_s, self._since_s = used_s, now_s
+        return max(0.0, share)

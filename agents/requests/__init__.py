@@ -1,0 +1,1 @@
+"""Requests to an agent and their answers, and programs outside that fly its vehicle."""

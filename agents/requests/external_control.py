@@ -1,0 +1,123 @@
+"""Control of a vehicle by an external program: given by request, lost by silence, landing or release."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from rcopterx.agents.phases import Phase
+from rcopterx.agents.pilot import Pilot
+from rcopterx.bus.message import FloatArray
+from rcopterx.bus.messages import ControlTask, ExternalInput
+from rcopterx.bus.requests import TakeControl
+from rcopterx.bus.subscription import Inbox
+from rcopterx.control.controllers.external import ExternalController
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import four
+
+
+class ExternalControl:
+    """Who flies a vehicle from outside, if anybody.
+
+    Parameters
+    ----------
+    vehicle
+        Name of the vehicle.
+    pilot
+        Its pilot.
+    answers
+        Inbox of inputs from outside.
+    publish
+        Sends a task.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        pilot: Pilot,
+        answers: Inbox[ExternalInput],
+        publish: Callable[[ControlTask], None],
+    ) -> None:
+        self.client = ""
+        self.events: Counter[str] = Counter()
+        self._vehicle = vehicle
+        self._pilot = pilot
+        self.answers = answers
+        self._publish = publish
+        self._controller: ExternalController | None = None
+
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """Refused inputs by reason."""
+        return {f"external_input.{kind}": count for kind, count in self.answers.rejected.items()}
+
+    def take(self, request: TakeControl) -> str | None:
+        """Give control to a client; a refusal is returned as its reason."""
+        phase = self._pilot.guidance.phase
+        if phase is not Phase.FLYING:
+            return f"a vehicle is handed over in flight, the phase is {phase}"
+        if self.client not in ("", request.source):
+            return f"{self.client} flies it already"
+        self._give_back()
+        self.answers.drain()
+        self.client = request.source
+        self._controller = ExternalController(self._pilot.controller, self._pilot.model, request.patience_s)
+        self._pilot.use_controller(self._controller)
+        return None
+
+    def release(self, source: str) -> str | None:
+        """Let a client give control back; a refusal is returned as its reason."""
+        if self.client != source:
+            return f"{self.client or 'nobody'} flies it from outside, not {source}"
+        self._give_back()
+        return None
+
+    def before_control(self) -> None:
+        """Take answers in; end control that is not used any more."""
+        controller = self._controller
+        for received in self.answers.drain():
+            message = received.message
+            if controller is None or message.source != self.client:
+                self.answers.reject("source", f"{message.source} does not control {self._vehicle}")
+                continue
+            problem = controller.answer(message.number, message.inputs.to_numpy())
+            if problem is not None:
+                self.answers.reject("value", problem)
+        if controller is None:
+            return
+        if controller.silent or self._pilot.guidance.phase is not Phase.FLYING:
+            self.events["external_silent" if controller.silent else "external_ended"] += 1
+            self._give_back()
+
+    def after_control(self) -> None:
+        """Give out the next task."""
+        if self._controller is None or self._controller.task is None:
+            return
+        task, model, clock = self._controller.task, self._pilot.model, self._pilot.clock
+        estimate = task.estimate
+        self._publish(
+            ControlTask(
+                epoch=clock.epoch,
+                frame=clock.current_frame,
+                client=self.client,
+                number=task.number,
+                period_s=self._controller.period_s,
+                motion=_eight(estimate.motion),
+                actuator=four(estimate.actuator),
+                disturbance=four(estimate.disturbance),
+                reference=FloatArray.of(task.reference.samples),
+                last_input=four(task.last_input),
+                hover_input=four(model.hover_input),
+                input_gain=four(model.b),
+                input_min=four(model.u_min),
+                input_max=four(model.u_max),
+            )
+        )
+
+    def _give_back(self) -> None:
+        if self._controller is not None:
+            self._pilot.use_controller(self._controller.own)
+        self._controller, self.client = None, ""
+
+
+def _eight(values: Array) -> tuple[float, float, float, float, float, float, float, float]:
+    a, b, c, d, e, f, g, h = values.tolist()
+    return (a, b, c, d, e, f, g, h)

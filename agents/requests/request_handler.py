@@ -1,0 +1,275 @@
+"""Answers requests to one agent: checks what is asked, hands it to the pilot, says why not."""
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from rcopterx.agents.following.leader_changes import LeaderChanges, reply_of
+from rcopterx.agents.following.links import target_link
+from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.formation.limit_scaling import turn_limits_of
+from rcopterx.agents.formation.placement import Room, move_problem, take_off_problem
+from rcopterx.agents.formation.present import formation_of
+from rcopterx.agents.formation.topology import FormationGraph, followers, places
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.requests.external_control import ExternalControl
+from rcopterx.agents.requests.trajectory_requests import FormationCheck, TrajectoryRequests
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.guard import without_guard
+from rcopterx.bus.requests import (
+    CommitLeaders,
+    Excite,
+    Fly,
+    Follow,
+    GoTo,
+    Land,
+    Lead,
+    PrepareLeaders,
+    ReleaseControl,
+    Request,
+    TakeControl,
+    TakeOff,
+    Tune,
+    WithdrawLeaders,
+    verb_of,
+)
+from rcopterx.bus.session import Incoming
+from rcopterx.control.identification.excitation import Excitation
+from rcopterx.control.interfaces import AvoidsObstacles
+from rcopterx.vehicles.state import Array
+
+Decision = tuple[str | None, str]
+"""Why a request is refused, or None and what happens."""
+
+MOST_IN_A_STEP: Final = 2
+"""Requests that are handled in one step; control comes in between."""
+DEFERRED: Final = "request_deferred"
+"""Counted for every request that had to wait for a later step."""
+
+_NEEDS_POSE = (TakeOff, Land, GoTo, Fly, Excite)
+_SAYS_WHERE_TO_GO = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
+
+
+class RequestHandler:
+    """Requests of one agent.
+
+    Parameters
+    ----------
+    settings, pilot, room, changes, peers, tuning, external
+        The agent's own.
+    wake
+        Called from another thread when there is something to `settle_trajectory`.
+
+    Attributes
+    ----------
+    verbs
+        Requests that an agent serves.
+    trajectories
+        What is being checked.
+    events
+        What happened to requests, by kind.
+    waiting
+        Requests that wait for the next step.
+    """
+
+    rejected: Mapping[str, int] = MappingProxyType({})
+
+    def __init__(
+        self,
+        settings: AgentSettings,
+        pilot: Pilot,
+        room: Room,
+        changes: LeaderChanges,
+        peers: PeerStatuses,
+        tuning: Tuning,
+        external: ExternalControl,
+        wake: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._settings = settings
+        self._pilot = pilot
+        self._tuning = tuning
+        self._external = external
+        self._tuned_by: Incoming | None = None
+        self._room = room
+        self._changes = changes
+        self._peers = peers
+        self._at_once: dict[type[Request], Callable[[Any], Decision]] = {
+            TakeOff: self._take_off,
+            Land: self._land,
+            GoTo: self._go_to,
+            Lead: self._lead,
+            Excite: self._excite,
+            TakeControl: self._take_control,
+            ReleaseControl: lambda request: (self._external.release(request.source), ""),
+            CommitLeaders: lambda request: (self._changes.commit(request), ""),
+            WithdrawLeaders: self._withdraw,
+        }
+        self._later: dict[type[Request], Callable[[Incoming, Any], None]] = {
+            Follow: self._changes.wait,
+            PrepareLeaders: self._changes.wait,
+            Tune: self._tune,
+            Fly: self._fly,
+        }
+        self.trajectories = TrajectoryRequests(
+            settings, pilot, self._no_trajectory, self._formation_check, wake
+        )
+        self.events: Counter[str] = Counter()
+        self.waiting: deque[Incoming] = deque()
+        self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
+
+    def take(self, incoming: Iterable[Incoming]) -> bool:
+        """Handle so many requests as fit into one step, the oldest first; True if there was one."""
+        before = len(self.waiting)
+        self.waiting.extend(incoming)
+        if not self.waiting:
+            return False
+        for _ in range(min(MOST_IN_A_STEP, len(self.waiting))):
+            self.handle(self.waiting.popleft())
+        self.events[DEFERRED] += max(0, len(self.waiting) - max(0, before - MOST_IN_A_STEP))
+        return True
+
+    def handle(self, incoming: Incoming) -> None:
+        """Answer a request, now or as soon as what it depends on is known."""
+        request = incoming.request
+        kind = type(request)
+        if kind in _NEEDS_POSE and not self._pilot.ready:
+            incoming.answer(reply_of("the motion capture has not seen the vehicle", ""))
+        elif kind in self._later:
+            self._later[kind](incoming, request)
+        elif kind in self._at_once:
+            refusal, accepted = self._at_once[kind](request)
+            if refusal is None and kind in _SAYS_WHERE_TO_GO:
+                self.trajectories.withdraw(incoming.verb)
+            incoming.answer(reply_of(refusal, accepted))
+        else:
+            incoming.answer(reply_of(f"an agent does not serve {incoming.verb}", ""))
+
+    def settle_tuning(self) -> bool:
+        """Let what was prepared take over, and answer who asked for it; True if there was something."""
+        outcome = self._tuning.finish()
+        if outcome is None:
+            return False
+        if self._tuned_by is not None:
+            refused = isinstance(outcome, ValueError)
+            self._tuned_by.answer(
+                reply_of(str(outcome) if refused else None, "" if refused else str(outcome))
+            )
+            self._tuned_by = None
+        return True
+
+    def _tune(self, incoming: Incoming, request: Tune) -> None:
+        refusal = self._tuning_problem(request)
+        if refusal is not None:
+            incoming.answer(reply_of(refusal, ""))
+        else:
+            self._tuned_by = incoming
+
+    def _tuning_problem(self, request: Tune) -> str | None:
+        if self._tuning.busy:
+            return "another change is being prepared"
+        if self._external.client:
+            return f"{self._external.client} flies it from outside"
+        present = self._tuning.configuration
+        # Who tunes a vehicle ends what the guard against oscillation did to it.
+        wanted = without_guard(present).changed(
+            request.controller, request.controller_settings, request.estimator, request.estimator_settings
+        )
+        if wanted == present:
+            return f"nothing changes: it flies with {present.controller} and {present.estimator} like this"
+        self._tuning.begin(wanted)
+        return None
+
+    def _take_off(self, request: TakeOff) -> Decision:
+        floor_m = float(self._pilot.estimate.motion[2])
+        top_m = self._settings.volume_max_m[2]
+        if floor_m + request.height_m > top_m:
+            return (
+                f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m",
+                "",
+            )
+        guidance = self._pilot.guidance
+        problem = guidance.take_off_problem() or take_off_problem(
+            self._settings.vehicle,
+            self._pilot.estimate.motion[:3],
+            request.height_m,
+            tuple(target_link(link) for link in guidance.assigned),
+            self._peers.statuses(),
+            self._room,
+        )
+        return problem or self._pilot.take_off(request.height_m), ""
+
+    def _land(self, _: Land) -> Decision:
+        return self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s), ""
+
+    def _go_to(self, request: GoTo) -> Decision:
+        position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
+        problem = (
+            self._changes.promised()
+            or self._room.outside(position_m)
+            or self._formation_check()(np.array([[*position_m, yaw_rad]]))
+        )
+        if problem is not None:
+            return problem, ""
+        vehicle, models = self._settings.vehicle, self._settings.models
+        turn = turn_limits_of(self._formation()[0], {vehicle: self._pilot.model, **models}, vehicle)
+        return self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, turn), ""
+
+    def _fly(self, incoming: Incoming, request: Fly) -> None:
+        self.trajectories.begin(incoming, request)
+
+    def _no_trajectory(self) -> str | None:
+        return self._changes.promised() or self._pilot.guidance.flight_problem()
+
+    def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
+        """Who follows whom, and where those are that follow nobody, by the statuses of the others."""
+        return formation_of(self._peers.statuses(), flying=(self._settings.vehicle,))
+
+    def _formation_check(self) -> FormationCheck:
+        """Whether those that follow now would leave the volume, or come close to somebody not avoided."""
+        own = self._settings.vehicle
+        links, heads = self._formation()
+        others = {}
+        if self._settings.separation is None or not isinstance(self._pilot.controller, AvoidsObstacles):
+            moved = {own, *followers(links, own)}
+            others = {name: at for name, at in places(links, heads).items() if name not in moved}
+        return partial(move_problem, own, links=links, room=self._room, unrelated=others)
+
+    def _lead(self, _: Lead) -> Decision:
+        self._changes.lead()
+        return None, f"{self._settings.vehicle} follows nobody"
+
+    def _withdraw(self, request: WithdrawLeaders) -> Decision:
+        self._changes.withdraw(request)
+        return None, ""
+
+    def _excite(self, request: Excite) -> Decision:
+        exciter, guidance, clock = self._pilot.exciter, self._pilot.guidance, self._pilot.clock
+        if request.duration_s == 0.0:
+            exciter.end("ended by request")
+            return None, ""
+        problem = guidance.flight_problem() or self._changes.promised()
+        if self._external.client:
+            problem = f"{self._external.client} flies it from outside"
+        if guidance.path_left_s(clock.time_s) > 0.0:
+            problem = "it flies a trajectory"
+        place_m, _ = guidance.set_point()
+        for corner_m in (place_m - request.reach_m, place_m + request.reach_m):
+            problem = problem or self._room.outside(corner_m)
+        try:
+            excitation = Excitation(request.amplitude, request.duration_s)
+        except ValueError as error:
+            problem = problem or str(error)
+        if problem is not None:
+            return problem, ""
+        exciter.begin(excitation, place_m, request.reach_m, clock.time_s)
+        return None, f"for {request.duration_s:g} s within {request.reach_m:g} m of its set point"
+
+    def _take_control(self, request: TakeControl) -> Decision:
+        if self._tuning.busy:
+            return "another controller is being prepared", ""
+        return self._external.take(request), f"{request.source} flies {self._settings.vehicle}"

@@ -1,0 +1,107 @@
+"""Requests to fly a trajectory, which is checked ahead: that takes longer than a control period may wait."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from rcopterx.agents.following.leader_changes import reply_of
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.work_ahead import WorkAhead
+from rcopterx.bus.requests import Fly
+from rcopterx.bus.session import Incoming
+from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
+from rcopterx.vehicles.state import Array
+
+CHECKED_EVERY_S: Final = 0.1
+"""Time between the moments of a trajectory at which the places of followers are checked."""
+
+FormationCheck = Callable[[Array], str | None]
+"""What is wrong with a way, shape (k, 4 or more), for those that follow; None for nothing."""
+
+
+class TrajectoryRequests:
+    """At most one trajectory that is being checked; the way to its beginning is checked when it begins.
+
+    Parameters
+    ----------
+    settings, pilot
+        The agent's own.
+    refusal
+        Why no trajectory is taken now, None if one is.
+    formation_check
+        Check of the formation as it is now.
+    wake
+        Called from another thread when there is something to `settle`.
+    """
+
+    def __init__(
+        self,
+        settings: AgentSettings,
+        pilot: Pilot,
+        refusal: Callable[[], str | None],
+        formation_check: Callable[[], FormationCheck],
+        wake: Callable[[], None],
+    ) -> None:
+        self._settings, self._pilot = settings, pilot
+        self._refusal, self._formation_check = refusal, formation_check
+        self._work: WorkAhead[str | None] = WorkAhead("trajectory", wake)
+        self._asked: Incoming | None = None
+        self._path: FlightPath | None = None
+
+    def begin(self, incoming: Incoming, request: Fly) -> None:
+        """Begin to check a trajectory, or refuse it at once."""
+        problem = self._refusal()
+        if problem is None and self._work.busy:
+            problem = "another trajectory is being checked"
+        if problem is not None:
+            incoming.answer(reply_of(problem, ""))
+            return
+        path, formation = FlightPath(request.knots.to_numpy()), self._formation_check()
+        self._asked, self._path = incoming, path
+        self._work.begin(lambda: self._problem(path, path.duration_s, formation))
+
+    def wait(self) -> None:
+        """Wait until what is being checked has been, where no control loop must go on meanwhile."""
+        self._work.wait()
+
+    def withdraw(self, verb: str) -> None:
+        """Refuse what is being checked, because a later request has been granted."""
+        if self._asked is not None:
+            self._asked.answer(reply_of(f"overtaken by a later request: {verb}", ""))
+            self._asked = None
+
+    def settle(self) -> bool:
+        """Begin to fly what has been checked, and answer who asked for it; True if there was something."""
+        result = self._work.finish()
+        asked, path = self._asked, self._path
+        if result is None or asked is None or path is None:
+            return False
+        self._asked = self._path = None
+        problem = result[0] or self._refusal()
+        if problem is not None:
+            asked.answer(reply_of(problem, ""))
+            return True
+        guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
+        present = guidance.source.sample(time_s, 1.0, 1).samples[0]
+        run_in_s = run_in_time_s(path, present)
+        whole = begun_from(path, present, run_in_s)
+        problem = self._problem(whole, run_in_s, self._formation_check())
+        if problem is None:
+            guidance.fly(whole, time_s)
+        else:
+            problem = f"on the way to its beginning, {problem}"
+        asked.answer(
+            reply_of(
+                problem, f"{whole.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
+            )
+        )
+        return True
+
+    def _problem(self, path: FlightPath, until_s: float, formation: FormationCheck) -> str | None:
+        """Why the first part of a path cannot be flown, None if it can."""
+        settings = self._settings
+        return path_problem(
+            path, self._pilot.model, settings.volume_min_m, settings.volume_max_m, until_s
+        ) or formation(path.sample(np.arange(0.0, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S)))

@@ -1,0 +1,156 @@
+"""Handover between an agent and its successor: telling the intent, and taking up that of a predecessor.
+
+A successor asks the launcher of its host what its predecessor meant to do. If the predecessor still flies,
+its successor hears its intent from then on, and for a moment after it has taken over: what was asked of the
+predecessor last is not lost.
+"""
+
+from typing import Final
+
+from msgspec.structs import replace
+
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.takeover.intent import configuration_of, intent_of, passed_s, task_of
+from rcopterx.agents.takeover.lease import ControlLease
+from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.bus import channels
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.requests import Recall, RecallReply
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.bus.stepping import StepBus
+from rcopterx.vehicles.state import YAW
+
+LATE_INTENT_S: Final = 0.5
+"""How long after a handover words of the predecessor still count."""
+LONG_PERIOD_S: Final = 1.0
+"""An intent with a path is long: as long as nothing changes it is told only so often."""
+RECALL_TIMEOUT_S: Final = 0.2
+PREVIOUS_AFTER: Final = 1
+"""Quick deaths after which what flew before the last change takes the place of what flew last."""
+DEFAULTS_AFTER: Final = 2
+"""Quick deaths after which the default controller and the default estimator fly."""
+
+
+class Handover:
+    """Intent of one agent.
+
+    Parameters
+    ----------
+    bus
+        The bus.
+    settings
+        The vehicle's.
+    lease
+        The agent's own.
+    pilot, tuning
+        The agent's own.
+
+    Attributes
+    ----------
+    intents
+        Filled by the bus.
+    predecessor
+        What the previous process of this agent meant to do; None if nobody remembers one.
+    """
+
+    def __init__(
+        self, bus: StepBus, settings: AgentSettings, lease: ControlLease, pilot: Pilot, tuning: Tuning
+    ) -> None:
+        self._bus = bus
+        self._vehicle, self._host = settings.vehicle, settings.bus.host
+        self._lease = lease
+        self.intents = bus.subscribe(channels.INTENT, self._vehicle, depth=4, waking=False)
+        self._resumed_s: float | None = None
+        self._pilot = pilot
+        self._tuning = tuning
+        self._told: Intent | None = None
+        self._told_s = 0.0
+        self.predecessor: Intent | None = None
+        self._predecessor_s = 0.0
+        self._quick_deaths = 0
+        self._recall()
+        if self._quick_deaths >= DEFAULTS_AFTER:
+            # Before the first step: what the fleet file says may be what ends the process.
+            tuning.use_defaults(
+                f"the agent died {self._quick_deaths + 1} times in a row; the default controller flies until "
+                "one is chosen"
+            )
+        if self.predecessor is not None and self.predecessor.yaw_rad is not None:
+            pilot.expect_heading(self.predecessor.yaw_rad)
+
+    def _recall(self) -> None:
+        """Learn what the predecessor meant to do, when it told that, and how its predecessors ended."""
+        try:
+            reply = self._bus.request(
+                self._host, Recall(vehicle=self._vehicle), timeout_s=RECALL_TIMEOUT_S, patience_s=0.0
+            )
+        except RequestFailedError:
+            return
+        if isinstance(reply, RecallReply):
+            self.predecessor, self._predecessor_s = reply.intent, self._bus.clock() - reply.age_s
+            self._quick_deaths = reply.quick_deaths
+
+    def hear(self) -> bool:
+        """Take in what a predecessor that still flies means to do; True if that is to be resumed again."""
+        again = False
+        for received in self.intents.drain():
+            intent = received.message
+            if intent.lease == self._lease.number:
+                continue  # Its own words.
+            late = self._resumed_s is not None
+            if late and received.arrived_s - (self._resumed_s or 0.0) > LATE_INTENT_S:
+                continue
+            before, self.predecessor = self.predecessor, intent
+            self._predecessor_s = received.arrived_s
+            if not self._lease.held:
+                self._restore_configuration(intent)
+            again = again or (late and before is not None and _meant(before) != _meant(intent))
+        return again
+
+    def resume(self) -> bool:
+        """Go on with the task of the predecessor, in flight; False without one."""
+        intent, clock = self.predecessor, self._pilot.clock
+        self._resumed_s = self._bus.clock()
+        if intent is None:
+            return False
+        self._restore_configuration(intent)
+        age_s = self._bus.clock() - self._predecessor_s
+        since_s = passed_s(intent, age_s, clock.epoch, clock.current_frame, clock.period_s)
+        task = task_of(intent, clock.time_s, since_s)
+        self._pilot.guidance.restore(task, self._pilot.estimate, clock.time_s)
+        return True
+
+    def _restore_configuration(self, intent: Intent) -> None:
+        """Fly with what the predecessor flew with, unless that is what ends the process."""
+        if self._quick_deaths >= DEFAULTS_AFTER:
+            return
+        wanted = configuration_of(intent)
+        if self._quick_deaths >= PREVIOUS_AFTER and intent.previous is not None:
+            wanted = configuration_of(intent.previous)
+            self._tuning.remark = (
+                f"the agent died {self._quick_deaths + 1} times in a row; the last change of controller or "
+                "settings is withdrawn"
+            )
+        elif intent.previous is not None:
+            self._tuning.previous = configuration_of(intent.previous)
+        self._tuning.restore(wanted)
+
+    def publish(self) -> None:
+        """Tell the present intent; to be called with every status."""
+        clock, now_s = self._pilot.clock, self._bus.clock()
+        yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
+        intent = intent_of(
+            self._lease.number, self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous,
+            clock.epoch, clock.current_frame, clock.time_s, yaw_rad,
+        )  # fmt: skip
+        meant = _meant(intent)
+        if intent.path is not None and meant == self._told and now_s - self._told_s < LONG_PERIOD_S:
+            return
+        self._told, self._told_s = meant, now_s
+        self._bus.publish(channels.INTENT, self._vehicle, intent)
+
+
+def _meant(intent: Intent) -> Intent:
+    """What is the same in two intents if nothing was asked for and nothing happened between them."""
+    return replace(intent, lease=0, epoch=0, frame=0, yaw_rad=None, path_elapsed_s=0.0, moves=())

@@ -1,0 +1,1 @@
+"""Control mathematics: problems, solver, controllers, estimators, models, references, margins."""

@@ -1,0 +1,172 @@
+"""Separation constraints: half-spaces between a vehicle's previous plan and the plans of others.
+
+Around every vehicle there is an ellipsoid nobody else is to enter, taller than wide because of the rotor
+wash. At each stage the direction from the other to the own previous plan gives the normal of a half-space
+that touches the ellipsoid; it is split into a bound on the height and a row on the horizontal position, so
+that each of the cascade's problems stays a convex problem of its own: together they imply the ellipsoid.
+
+Whoever flies straight towards the other turns the normal, always anticlockwise seen from above: everybody
+passes on the right of everybody else, and two vehicles head-on do not mirror each other for ever.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rcopterx.control.controllers.chains.chain import ChainTarget
+from rcopterx.control.interfaces import Obstacle
+from rcopterx.vehicles.state import Array
+
+SLOTS: Final = 6
+"""Vehicles that are avoided at the same time; the nearest ones."""
+REACH: Final = 2.0
+"""Stages that are farther apart than this, in ellipsoids, get no constraint."""
+TURN_RAD: Final = 0.5
+"""How far the normal is turned when a vehicle flies straight towards another."""
+SETTLED_M: Final = 0.3
+"""Nearer to where it wants to be than this, the turn fades out."""
+LEVEL: Final = 0.3
+"""Normals that rise less than this leave the height alone."""
+NARROWEST_M: Final = 0.01
+"""Range of heights that bounds leave at least."""
+FAR_M: Final = 20.0
+"""Beyond what is in the way nothing is."""
+_TINY: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Clearances:
+    """Constraints of all stages; K slots.
+
+    Attributes
+    ----------
+    directions
+        Horizontal unit normals, shape (N, `SLOTS`, 2); zeros where there is no constraint.
+    centres_m
+        Of the ellipsoids, shape (N, K, 3).
+    horizontal_m, vertical_m
+        Their half axes, shape (K,).
+    aside_m
+        How far to the side at least, whatever the height: the way out from below or above; shape (N, K).
+    lowest_m, highest_m
+        Bounds of the height, shape (N,); infinite where there is none.
+    """
+
+    directions: Array
+    centres_m: Array
+    horizontal_m: Array
+    vertical_m: Array
+    aside_m: Array
+    lowest_m: Array
+    highest_m: Array
+
+    def least(self, height_m: Array) -> Array:
+        """Smallest product of direction and position at planned heights, shape (N,); returns (N, K)."""
+        count = self.centres_m.shape[1]
+        rise = np.clip((height_m[:, None] - self.centres_m[:, :, 2]) / self.vertical_m, -1.0, 1.0)
+        needed = np.maximum(self.horizontal_m * np.sqrt(1.0 - rise**2), self.aside_m)
+        return np.asarray(
+            needed + np.einsum("ska,ska->sk", self.directions[:, :count], self.centres_m[:, :, :2])
+        )
+
+    def bound_heights(self, target: ChainTarget) -> ChainTarget:
+        """Narrow the bounds of the height, which is the chain's first position.
+
+        Where somebody above and somebody below leave no room, the middle is aimed at.
+        """
+        lower, upper = target.bounds_of_stages()
+        low = np.minimum(np.maximum(lower[:, 0], self.lowest_m), upper[:, 0] - NARROWEST_M)
+        high = np.maximum(np.minimum(upper[:, 0], self.highest_m), lower[:, 0] + NARROWEST_M)
+        middle, none = 0.5 * (low + high), high - low < NARROWEST_M
+        lower[:, 0] = np.where(none, middle - 0.5 * NARROWEST_M, low)
+        upper[:, 0] = np.where(none, middle + 0.5 * NARROWEST_M, high)
+        return target._replace(lower=lower, upper=upper)
+
+    def add_rows(self, height_m: Array, target: ChainTarget) -> ChainTarget:
+        """Add the horizontal rows at planned heights, shape (N,), to a chain of two positions."""
+        stages, least = len(target.rows), self.least(height_m)
+        slots = np.zeros((stages, SLOTS))
+        slots[:, : least.shape[1]] = least
+        lower, upper = target.bounds_of_stages()
+        return target._replace(
+            rows=np.hstack((target.rows, np.zeros((stages, SLOTS)))),
+            lower=np.hstack((lower, slots)),
+            upper=np.hstack((upper, slots + FAR_M)),
+        )
+
+
+def clearances(previous_m: Array, wanted_m: Array, obstacles: Sequence[Obstacle]) -> Clearances:
+    """Linearise the ellipsoids around a plan.
+
+    Parameters
+    ----------
+    previous_m
+        Positions of the previous plan at the present stages, shape (N, 3).
+    wanted_m
+        Positions of the reference, shape (N, 3).
+    obstacles
+        At least one; beyond `SLOTS` only the nearest count.
+
+    Returns
+    -------
+    Clearances
+        Constraints for the present step.
+    """
+    axes = np.array([(other.horizontal_m, other.horizontal_m, other.vertical_m) for other in obstacles])
+    centres = np.stack([other.positions_m for other in obstacles], axis=1)
+    gap = (previous_m[:, None, :] - centres) / axes
+    distance = np.sqrt(np.einsum("ska,ska->sk", gap, gap))
+    if len(obstacles) > SLOTS:
+        chosen = np.sort(np.argsort(distance.min(axis=0), kind="stable")[:SLOTS])
+        axes, centres, gap, distance = axes[chosen], centres[:, chosen], gap[:, chosen], distance[:, chosen]
+    straight, turned = normals(gap, (wanted_m - previous_m)[:, None, :] / axes, SETTLED_M / axes[:, 0])
+    near = (distance < REACH)[:, :, None]
+    straight, turned = straight * near, turned * near
+    across = np.hypot(turned[:, :, 0], turned[:, :, 1])
+    directions = np.zeros((len(turned), SLOTS, 2))
+    directions[:, : len(axes)] = turned[:, :, :2] / np.maximum(across, _TINY)[:, :, None]
+    directions[:, : len(axes)] *= (across > LEVEL / 10)[:, :, None]
+    steep = straight[:, :, 2]
+    tangent = centres[:, :, 2] + axes[:, 2] * steep
+    return Clearances(
+        directions,
+        centres,
+        axes[:, 0],
+        axes[:, 2],
+        axes[:, 0] * np.maximum(across - np.hypot(straight[:, :, 0], straight[:, :, 1]), 0.0),
+        np.where(steep > LEVEL, tangent, -np.inf).max(axis=1),
+        np.where(steep < -LEVEL, tangent, np.inf).min(axis=1),
+    )
+
+
+def normals(gap: Array, way: Array, settled: Array) -> tuple[Array, Array]:
+    """Unit normals that point away from the others, and turned where a vehicle flies towards one of them.
+
+    Parameters
+    ----------
+    gap
+        From the other's to the own position, in its half axes, shape (N, K, 3).
+    way
+        From the own position to where it shall be, in the same half axes, shape (N, K, 3).
+    settled
+        Length of a way below which the turn fades out, shape (K,).
+
+    Returns
+    -------
+    tuple[Array, Array]
+        Straight and turned, shape (N, K, 3) each.
+    """
+    distance = np.sqrt(np.einsum("ska,ska->sk", gap, gap))
+    far = distance > _TINY
+    normal = np.where(far[:, :, None], gap, [1.0, 0.0, 0.0]) / np.where(far, distance, 1.0)[:, :, None]
+    length = np.sqrt(np.einsum("ska,ska->sk", way, way))
+    towards = -np.einsum("ska,ska->sk", normal, way) / np.maximum(length, settled)
+    turn = TURN_RAD * np.clip(towards, 0.0, 1.0)
+    aside = np.zeros_like(normal)
+    aside[:, :, 0], aside[:, :, 1] = -normal[:, :, 1], normal[:, :, 0]
+    across = np.hypot(aside[:, :, 0], aside[:, :, 1])
+    level = across > _TINY
+    aside = np.where(level[:, :, None], aside, [1.0, 0.0, 0.0]) / np.where(level, across, 1.0)[:, :, None]
+    return normal, np.cos(turn)[:, :, None] * normal + np.sin(turn)[:, :, None] * aside

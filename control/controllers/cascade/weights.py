@@ -1,0 +1,84 @@
+"""Weights that follow from a vehicle's model and from how far the true vehicle may be from it.
+
+The rule: the weight of a stick is the least one of a geometric row with which filter and regulator together
+bear every departure of the model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): gain larger and
+smaller, more delay, frequency higher and lower, each alone. The row begins with a floor; of a vehicle with a
+tilt model floors and weights of velocities go with what the gain may be wrong, because a true vehicle departs
+in everything at once. So does the process noise of its filter (`rcopterx.control.estimators.model_noise`).
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Final
+
+from rcopterx.control.margins.axes import lag_loop, tilt_loop
+from rcopterx.control.margins.loop import FeedbackLoop
+from rcopterx.control.margins.search import bears
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_THRUST, U_YAW
+from rcopterx.vehicles.tuples import Four
+
+_LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
+_TILT_POSITIONS: Final = (100.0, 100.0, 100.0, 10.0)
+LAG_FLOORS: Final = (1.5, 1.5, 15.0, 5.0)
+"""Least weights of pitch, roll, thrust and yaw of a vehicle without a tilt model."""
+
+
+Grades = tuple[float, float]
+"""Of an identified vehicle and of one of which only the type is known (`Uncertainty.graded`); with a tilt
+model."""
+
+DEMAND_FLOOR: Final[Grades] = (0.24, 1.5)
+"""Least weight of the acceleration [1 per (m/s^2)^2] that pitch and roll demand; 100 is the position's."""
+THRUST_FLOOR: Final[Grades] = (15.0, 40.0)
+YAW_FLOOR: Final[Grades] = (150.0, 60.0)
+"""Of a yaw stick that asks rotors with a lag for a torque. The loop of a vehicle that is less known is slow
+because its filter believes the model less, not because of this weight."""
+SPEED: Final[Grades] = (1.0, 40.0)
+"""Weight of the horizontal velocity. A tilt that is damped less than the model's swings with it."""
+CLIMB: Final[Grades] = (1.0, 10.0)
+YAW_RATE: Final[Grades] = (1.0, 0.2)
+STEP: Final = 1.5
+"""Ratio of the weights of the row."""
+STEPS: Final = 24
+
+Eight = tuple[float, float, float, float, float, float, float, float]
+
+
+def default_state_weights(model: Model) -> Eight:
+    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid."""
+    if model.tilt is None:
+        return _LAG_STATES
+    speed, climb, yaw_rate = (model.uncertainty.graded(*grades) for grades in (SPEED, CLIMB, YAW_RATE))
+    return (*_TILT_POSITIONS, speed, speed, climb, yaw_rate)
+
+
+@lru_cache(maxsize=64)
+def default_input_weights(model: Model, period_s: float) -> Four:
+    """Diagonal of R: pitch, roll, thrust, yaw."""
+    states = default_state_weights(model)
+
+    def behind_lag(axis: int, floor: float) -> float:
+        position, velocity = states[axis], states[4 + axis]
+        return _least(
+            floor, model, lambda effort: lag_loop(model, period_s, axis, (position, velocity, effort))
+        )
+
+    if model.tilt is None:
+        pitch, roll, thrust, yaw = (behind_lag(axis, floor) for axis, floor in enumerate(LAG_FLOORS))
+        return pitch, roll, thrust, yaw
+    demand = _least(
+        model.uncertainty.graded(*DEMAND_FLOOR),
+        model,
+        lambda effort: tilt_loop(model, period_s, (states[0], states[4], effort)),
+    )
+    pitch, roll = (demand * gain**2 for gain in model.input_gain[:2])
+    thrust = behind_lag(U_THRUST, model.uncertainty.graded(*THRUST_FLOOR))
+    yaw = behind_lag(U_YAW, model.uncertainty.graded(*YAW_FLOOR))
+    return pitch, roll, thrust, yaw
+
+
+def _least(floor: float, model: Model, loop_with: Callable[[float], FeedbackLoop]) -> float:
+    """Least weight of the row whose loop bears the uncertainty; the last one if none does."""
+    row = [floor * STEP**step for step in range(STEPS)]
+    return next((weight for weight in row if bears(loop_with(weight), model.uncertainty)), row[-1])

@@ -1,0 +1,126 @@
+"""Control by a program outside the agent (control.md section 8): its inputs, the agent's estimate and plan.
+
+At every period the program gets a task: the state in which the vehicle will be when the answer acts, and the
+reference from then on. So the way to the program and back costs one period of prediction and no waiting.
+While there is no answer, the vehicle's own controller flies.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.models.prediction import predict
+from rcopterx.control.models.roll_out import predict as roll_out
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What an external controller is to solve.
+
+    Attributes
+    ----------
+    number
+        Counts up; the answer names it.
+    estimate
+        State at the instant the answer begins to act.
+    reference
+        N stages from that instant on.
+    last_input
+        Input that acts until then, shape (4,).
+    """
+
+    number: int
+    estimate: Estimate
+    reference: Trajectory
+    last_input: Array
+
+
+class ExternalController:
+    """A `Controller` that flies by answers from outside.
+
+    Parameters
+    ----------
+    own
+        The vehicle's own controller, which flies until the first answer has come.
+    model
+        The vehicle.
+    patience_s
+        Silence after which the external controller counts as gone.
+    """
+
+    def __init__(self, own: Controller, model: Model, patience_s: float) -> None:
+        self.own = own
+        self.task: Task | None = None
+        self.late = 0
+        """Periods flown by an older answer than the newest task's."""
+        self._model = model
+        self._patience = max(1, round(patience_s / own.period_s))
+        self._number = 0
+        self._answered = 0
+        self._inputs: Array | None = None
+
+    @property
+    def horizon(self) -> int:
+        """Number of stages N."""
+        return self.own.horizon
+
+    @property
+    def period_s(self) -> float:
+        """Control period T_s."""
+        return self.own.period_s
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has come for longer than the patience."""
+        return self._number - self._answered > self._patience
+
+    def answer(self, number: int, inputs: Array) -> str | None:
+        """Take an answer in; what is wrong with it is returned.
+
+        Parameters
+        ----------
+        number
+            Task it belongs to.
+        inputs
+            Planned inputs from the instant of the task on, shape (k, 4), k at least 1.
+        """
+        if number > self._number:
+            return f"task {number} has not been given out yet, the newest is {self._number}"
+        if number <= self._answered:
+            return f"task {number} has been answered or is older than one that has"
+        low, high = self._model.u_min, self._model.u_max
+        if not ((inputs >= low - 1e-9) & (inputs <= high + 1e-9)).all():
+            return f"inputs must be within {low.tolist()} and {high.tolist()}"
+        self._answered, self._inputs = number, np.clip(inputs, low, high)
+        return None
+
+    def reset(self, estimate: Estimate, last_input: Array) -> None:
+        """Start from a flying vehicle."""
+        self.own.reset(estimate, last_input)
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        """Fly by the newest answer, its later inputs if the task has moved on, and give out the next task."""
+        if self._inputs is None:
+            step = self.own.step(estimate, reference, last_input)
+        else:
+            step = self._step_by(self._inputs, estimate)
+        self._number += 1
+        self.task = Task(
+            self._number,
+            predict(self._model, estimate, step.inputs[0], self.period_s),
+            reference.resampled(self.period_s, self.period_s, self.horizon),
+            step.inputs[0],
+        )
+        return step
+
+    def _step_by(self, answer: Array, estimate: Estimate) -> ControlStep:
+        behind = self._number - self._answered
+        self.late += behind > 0
+        stages = np.minimum(np.arange(self.horizon - 1) + behind, len(answer) - 1)
+        inputs = answer[stages]
+        plan = roll_out(self._model, estimate, inputs, self.period_s)
+        return ControlStep(inputs, plan, "external_late" if behind else None, 0)

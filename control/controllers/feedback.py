@@ -1,0 +1,117 @@
+"""State feedback with integral action, and its plan: the closed loop of law and model over the horizon.
+
+What linear-quadratic regulator and PID have in common. Errors are turned into the body frame, so one set of
+gains serves every heading; the plan lets other vehicles follow one that is flown by simple feedback.
+"""
+
+from abc import abstractmethod
+from typing import Final
+
+import numpy as np
+
+from rcopterx.control.controllers.base import BaseController, Solution
+from rcopterx.control.controllers.settings import Limits
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.models.roll_out import lag_poles, predict
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
+from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array, heading_matrix
+
+TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
+"""An input further than this from hovering is a manoeuvre and not a trim."""
+
+
+class FeedbackController(BaseController):
+    """Control law u = u_hover + trim - feedback(error).
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    period_s
+        Control period T_s.
+    horizon
+        Number of stages N of the plan.
+    limits
+        Input limits.
+    """
+
+    def __init__(self, model: Model, period_s: float, horizon: int, limits: Limits) -> None:
+        super().__init__(model, period_s, horizon, limits)
+        self._pole = lag_poles(model, period_s)
+        self._trim = np.zeros(3)
+
+    @abstractmethod
+    def _feedback(self, error: Array) -> Array:
+        """Input against an error, shape (4,).
+
+        Parameters
+        ----------
+        error
+            Motion state minus reference, shape (8,): position (body frame), yaw, body velocity, yaw rate.
+        """
+
+    @abstractmethod
+    def _trim_rate(self, error_m: Array) -> Array:
+        """Change of the pitch, roll and thrust trim [1/s] under a body-frame position error, shape (3,)."""
+
+    def _start(self, estimate: Estimate, last_input: Array) -> None:
+        trim = np.clip((last_input - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
+        self._trim = self._to_room(trim, float(estimate.motion[YAW]))
+
+    def _compute(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
+    ) -> Solution:
+        inputs = self._closed_loop(estimate, reference)
+        self._trim = self._integrated(self._trim, estimate.motion, reference.samples[0], inputs[0])
+        return Solution(inputs, predict(self._model, estimate, inputs, self._period_s), iterations=0)
+
+    def _closed_loop(self, estimate: Estimate, reference: Trajectory) -> Array:
+        """Inputs of law and model over the horizon, shape (N - 1, 4)."""
+        motion, actuator, trim = estimate.motion, estimate.actuator, self._trim
+        inputs = np.empty((self._horizon - 1, 4))
+        for command, sample in zip(inputs, reference.samples, strict=False):
+            command[:] = self._law(motion, sample, trim)
+            trim = self._integrated(trim, motion, sample, command)
+            rate = motion_derivative(self._model, motion, actuator, estimate.disturbance)
+            followed = input_behind_gyro(self._model, motion, actuator, command)
+            actuator = self._pole * actuator + (1.0 - self._pole) * followed
+            motion = motion + self._period_s * rate
+        return inputs
+
+    def _law(self, motion: Array, sample: Array, trim: Array) -> Array:
+        command = self._model.hover_input - self._feedback(self._error(motion, sample))
+        command[:3] += self._to_body(trim, float(motion[YAW]))
+        return np.clip(command, self._limits.input_min, self._limits.input_max)
+
+    def _integrated(self, trim: Array, motion: Array, sample: Array, command: Array) -> Array:
+        """Trim one period later; an input at its limit integrates no further into it (anti-windup)."""
+        error = self._error(motion, sample)
+        rate = self._trim_rate(error[:3])
+        low = (command <= self._limits.input_min)[:3] & (rate < 0)
+        high = (command >= self._limits.input_max)[:3] & (rate > 0)
+        rate[low | high] = 0.0
+        moved = trim + self._period_s * self._to_room(rate, float(motion[YAW]))
+        return np.asarray(np.clip(moved, -TRIM_CAP, TRIM_CAP))
+
+    def _error(self, motion: Array, sample: Array) -> Array:
+        to_body = heading_matrix(float(motion[YAW])).T
+        error = motion - sample[:MOTION_SIZE]
+        error[:2] = to_body @ error[:2]
+        error[XD_BODY : XD_BODY + 2] = motion[XD_BODY : XD_BODY + 2] - to_body @ sample[4:6]
+        return error
+
+    @staticmethod
+    def _to_body(room: Array, yaw_rad: float) -> Array:
+        body = room.copy()
+        body[:2] = heading_matrix(yaw_rad).T @ room[:2]
+        return body
+
+    @staticmethod
+    def _to_room(body: Array, yaw_rad: float) -> Array:
+        room = body.copy()
+        room[:2] = heading_matrix(yaw_rad) @ body[:2]
+        return room

@@ -1,0 +1,70 @@
+"""Linear-quadratic regulator with integral states: the gain that belongs to the paper's terminal cost."""
+
+import numpy as np
+
+from rcopterx.control.controllers.feedback import FeedbackController
+from rcopterx.control.controllers.paper.model import (
+    INPUT_WEIGHTS,
+    INTEGRAL_STATES,
+    STATE_WEIGHTS,
+    PaperModel,
+    TerminalCost,
+)
+from rcopterx.control.controllers.settings import (
+    ControllerSettings,
+    ElevenWeights,
+    FourWeights,
+    PositiveFloat,
+)
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import MOTION_SIZE, Array
+
+
+class LqrSettings(ControllerSettings, frozen=True, kw_only=True):
+    """Settings of the regulator."""
+
+    state_weights: ElevenWeights = STATE_WEIGHTS
+    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid x_int y_int z_int; x and y along the body axes."""
+    input_weights: FourWeights = INPUT_WEIGHTS
+    """Diagonal of R: pitch, roll, thrust, yaw."""
+    error_limit_m: PositiveFloat = 0.5
+    """Position errors count up to this, which bounds the speed of long moves."""
+
+
+class LqrController(FeedbackController):
+    """Infinite-horizon regulator of equation (2), gains turned with the heading.
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    period_s
+        Control period T_s.
+    settings
+        Weights and limits.
+
+    Raises
+    ------
+    SettingsError
+        Bounds that the vehicle cannot have.
+    """
+
+    Settings = LqrSettings
+
+    def __init__(self, model: Model, period_s: float, settings: LqrSettings) -> None:
+        super().__init__(model, period_s, settings.horizon, settings.limits(model))
+        paper_model = PaperModel(model, period_s)
+        cost = TerminalCost(paper_model, np.array(settings.state_weights), np.array(settings.input_weights))
+        gain = cost.gain(0.0)
+        self._gain = gain[:, :MOTION_SIZE]
+        self._integral_gain = np.diag(gain[:3, INTEGRAL_STATES]) * paper_model.integrator_gains
+        self._error_limit_m = settings.error_limit_m
+
+    def _feedback(self, error: Array) -> Array:
+        limited = error.copy()
+        limited[:3] = np.clip(error[:3], -self._error_limit_m, self._error_limit_m)
+        return np.asarray(self._gain @ limited)
+
+    def _trim_rate(self, error_m: Array) -> Array:
+        limited = np.clip(error_m, -self._error_limit_m, self._error_limit_m)
+        return np.asarray(-self._integral_gain * limited)

@@ -1,0 +1,116 @@
+"""Settings every controller shares.
+
+A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a request's body becomes one
+through `rcopterx.control.plugins.plain_settings`, which names the field and what is allowed when something is
+wrong.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from rcopterx.control.plugins.plain_settings import SettingsError
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, Array
+
+PositiveFloat = Annotated[float, msgspec.Meta(gt=0.0)]
+NonNegativeFloat = Annotated[float, msgspec.Meta(ge=0.0)]
+Fraction = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+Horizon = Annotated[int, msgspec.Meta(ge=2, le=200)]
+TimeLimit = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+
+FourFloats = tuple[float, float, float, float]
+SevenFloats = tuple[float, float, float, float, float, float, float]
+FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
+
+EightWeights = tuple[
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+]  # fmt: skip
+ElevenWeights = tuple[
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
+]  # fmt: skip
+
+INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
+BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds a controller plans with.
+
+    Attributes
+    ----------
+    input_min, input_max
+        Hard input limits, shape (4,).
+    state_min, state_max
+        Bounds of x, y, z, xd_B, yd_B, zd_B, psid, shape (7,).
+    """
+
+    input_min: Array
+    input_max: Array
+    state_min: Array
+    state_max: Array
+
+
+class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Settings common to all controllers; a limit left out is the vehicle's own."""
+
+    horizon: Horizon = 50
+    """Number of stages N."""
+    input_min: FourFloats | None = None
+    """Lowest pitch, roll, thrust and yaw."""
+    input_max: FourFloats | None = None
+    """Highest ones."""
+    state_min: SevenFloats | None = None
+    """Lowest x, y, z, xd_B, yd_B, zd_B, psid."""
+    state_max: SevenFloats | None = None
+    """Highest ones."""
+
+    def limits(self, model: Model) -> Limits:
+        """Resolve the bounds for a vehicle.
+
+        Parameters
+        ----------
+        model
+            The vehicle, whose own limits are the widest inputs allowed.
+
+        Returns
+        -------
+        Limits
+            Bounds to plan with.
+
+        Raises
+        ------
+        SettingsError
+            An interval is empty, leaves the vehicle's input range, or excludes hovering.
+        """
+        limits = Limits(
+            np.array(self.input_min or model.input_min, dtype=float),
+            np.array(self.input_max or model.input_max, dtype=float),
+            np.array(self.state_min or model.state_min, dtype=float),
+            np.array(self.state_max or model.state_max, dtype=float),
+        )
+        _check_intervals("input", INPUT_NAMES, limits.input_min, limits.input_max)
+        _check_intervals("state", BOUNDED_STATE_NAMES, limits.state_min, limits.state_max)
+        for i in range(INPUT_SIZE):
+            low, high = limits.input_min[i], limits.input_max[i]
+            field = f"input_min/input_max of {INPUT_NAMES[i]}: [{low:g}, {high:g}]"
+            if low < model.input_min[i] or high > model.input_max[i]:
+                own = f"[{model.input_min[i]:g}, {model.input_max[i]:g}]"
+                raise SettingsError(f"{field} leaves the vehicle's range {own}")
+            if not low < model.hover_input[i] < high:
+                raise SettingsError(
+                    f"{field} must contain {model.hover_input[i]:.3f}, which keeps it at rest"
+                )
+        return limits
+
+
+def _check_intervals(kind: str, names: Iterable[str], lower: Array, upper: Array) -> None:
+    for name, low, high in zip(names, lower, upper, strict=True):
+        if not low < high:
+            raise SettingsError(f"{kind}_min of {name} must be below {kind}_max, got {low:g} and {high:g}")

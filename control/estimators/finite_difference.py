@@ -1,0 +1,88 @@
+"""Finite difference and low-pass: the estimator that everybody writes first, kept for comparison."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rcopterx.control.estimators.base import PoseEstimator, body_motion
+from rcopterx.control.estimators.settings import EstimatorSettings, Positive
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.models.prediction import actuator_response
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
+
+_UNKNOWN_ACCELERATION: Final = np.array([0.5, 0.5, 1.0, 3.0])
+"""Deviation of the accelerations that this estimator knows nothing of [m/s^2, rad/s^2]."""
+_VELOCITY_AGE_S: Final = 0.2
+"""Twice the time by which the smoothed velocity is late."""
+
+
+class FiniteDifferenceSettings(EstimatorSettings, frozen=True, kw_only=True):
+    """Settings of the finite difference estimator."""
+
+    cutoff_hz: Positive = 4.0
+    """Corner frequency of the first-order low-pass on velocities and yaw rate."""
+
+
+class FiniteDifferenceEstimator(PoseEstimator):
+    """Pose as measured; velocity from differences of poses, smoothed. Disturbances are not estimated.
+
+    Parameters
+    ----------
+    model
+        The vehicle; only its actuator lags are used.
+    period_s
+        Nominal period; the actual ones are told in `predict`.
+    settings
+        Low-pass and gate.
+
+    Raises
+    ------
+    ValueError
+        If the cut-off frequency is above half the pose rate.
+    """
+
+    Settings = FiniteDifferenceSettings
+
+    def __init__(self, model: Model, period_s: float, settings: FiniteDifferenceSettings) -> None:
+        super().__init__(model, settings)
+        if settings.cutoff_hz > 0.5 / period_s:
+            raise ValueError(
+                f"cutoff_hz: {settings.cutoff_hz} is above half the pose rate, {0.5 / period_s:g} Hz"
+            )
+        self._cutoff_rad_s = math.tau * settings.cutoff_hz
+        self._actuator = model.hover_input
+        self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
+
+    @property
+    def estimate(self) -> Estimate:
+        """The current estimate, with zero disturbance."""
+        return Estimate(body_motion(self._pose, self._rates), self._actuator, np.zeros(INPUT_SIZE))
+
+    def _settle(self, applied_input: Array) -> None:
+        self._actuator = applied_input.astype(float)
+
+    def _start(self, pose: Array, rates: Array) -> None:
+        self._pose = self._measured = pose
+        self._rates = rates
+        self._elapsed_s = 0.0
+
+    def _move(self, applied_input: Array, period_s: float) -> None:
+        self._actuator = actuator_response(
+            self._model, self._actuator, applied_input, float(self._rates[YAW]), period_s
+        )
+        self._pose = self._pose + period_s * self._rates
+        self._elapsed_s += period_s
+
+    def _deviation(self) -> Array:
+        return 0.5 * self._elapsed_s * (self._elapsed_s + _VELOCITY_AGE_S) * _UNKNOWN_ACCELERATION
+
+    def _take_in(self, innovation: Array) -> None:
+        pose = self._pose + innovation
+        if self._elapsed_s > 0.0:
+            renewal = -math.expm1(-self._cutoff_rad_s * self._elapsed_s)
+            difference = (pose - self._measured) / self._elapsed_s
+            self._rates = self._rates + renewal * (difference - self._rates)
+        self._pose = self._measured = pose
+        self._elapsed_s = 0.0

@@ -1,0 +1,375 @@
+"""Prediction-error fit of a vehicle's model to a flight (helicopter.md section 5).
+
+Horizontal motion and height are fitted to the innovations of the stationary Kalman predictor of the model,
+the heading to errors further ahead, because its model is a coarser one. What is known of the type beforehand
+counts as much as a measurement (`rcopterx.control.identification.parameters`), so that what a flight does not
+show stays what it was. The last part of the flight is not fitted: it judges the result.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+
+from rcopterx.control.identification.motions import Motion, Offsets, heading, horizontal, vertical
+from rcopterx.control.identification.parameters import (
+    FREQUENCY,
+    PITCH_GAIN,
+    ROLL_GAIN,
+    THRUST_GAIN,
+    VERTICAL,
+    Candidate,
+    Parameter,
+    heading_parameters,
+    horizontal_parameters,
+)
+from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.control.models.linear import Complex
+from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty
+from rcopterx.vehicles.state import U_THRUST, Array
+
+FITTED_SHARE: Final = 0.8
+"""Fraction of the flight that is fitted; the rest judges."""
+SHORTEST_S: Final = 20.0
+AHEAD_S: Final = 1.0
+_SETTLE_S: Final = 2.0
+"""Predictors start without knowing the wind; errors count from here on."""
+_HEADING_AHEAD_S: Final = (0.2, 1.0)
+_HEADING_EVERY_S: Final = 0.3
+_OUTLIER: Final = 3.0
+"""Residuals beyond so many deviations count less than their square."""
+_NORMAL: Final = 1.4826
+"""Standard deviation of a normal distribution over the median of its magnitude."""
+_FARTHEST: Final = 4.0
+"""Parameters stay within so many spreads of what they were."""
+_AT_BOUND: Final = 0.98 * _FARTHEST
+_EVALUATIONS: Final = 25
+_START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)
+"""Spreads from the known frequency of the tilt at which the search may begin."""
+LEAST_CERTAIN: Final = 0.15
+"""Gains and frequency known worse than this fraction (one deviation) were excited too little."""
+_WORSE: Final = 1.25
+"""Refused above this ratio of errors; by chance, because a flight has so many gusts only, they differ by
+less."""
+_THREE_DEVIATIONS: Final = 3.0
+
+_ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
+
+Residuals = Callable[[Motion], list[Array]]
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """A number before and after, with its standard deviation."""
+
+    name: str
+    unit: str
+    before: float
+    value: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class PredictionErrors:
+    """Root mean square of what is predicted one second ahead less what is measured then.
+
+    The horizontal one is per axis.
+    """
+
+    horizontal_m: float
+    height_m: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Result of a fit.
+
+    Attributes
+    ----------
+    model
+        The vehicle, its uncertainty included.
+    offsets
+        Trim and tilt of the markers in this flight.
+    parameters
+        Everything that was fitted.
+    before, after
+        Errors of the old and the new model in the part of the flight that was not fitted.
+    problems
+        Why the result is not to be used; empty if it is.
+    """
+
+    model: Model
+    offsets: Offsets
+    parameters: tuple[FittedParameter, ...]
+    before: PredictionErrors
+    after: PredictionErrors
+    problems: tuple[str, ...]
+
+
+def identify(recording: FlightRecording, model: Model) -> Identification:
+    """Fit a model to a flight.
+
+    Parameters
+    ----------
+    recording
+        At least `SHORTEST_S` with all sticks excited.
+    model
+        What is known of the vehicle before.
+
+    Returns
+    -------
+    Identification
+        The fitted model, also where problems speak against its use.
+
+    Raises
+    ------
+    ValueError
+        The recording is too short, or of another type of vehicle.
+    """
+    if recording.duration_s < SHORTEST_S:
+        raise ValueError(
+            f"the recording lasts {recording.duration_s:.1f} s, at least {SHORTEST_S:g} s are needed"
+        )
+    if recording.kind != model.kind:
+        raise ValueError(f"the recording is of a vehicle of type {recording.kind}, not {model.kind}")
+    fitted = recording.part(0.0, FITTED_SHARE)
+    start, fits = Candidate(model), []
+    with_tilt = recording.tilt is not None
+    candidate = start
+    for fit in (_horizontal_fit(candidate, with_tilt), _VERTICAL_FIT, _heading_fit(model)):
+        fits.append(fit.run(candidate, fitted))
+        candidate = fits[-1].candidate
+    numbers = tuple(number for found in fits for number in found.numbers(start))
+    judged = recording.part(FITTED_SHARE - _SETTLE_S / recording.duration_s, 1.0)
+    before = prediction_errors(Candidate(model, candidate.offsets), judged)
+    after = prediction_errors(candidate, judged)
+    bounds = [name for found in fits for name in found.at_bounds if name in _ESSENTIAL]
+    problems = (*_too_little(numbers), *_worse(before, after), *map(_at_bound, bounds))
+    known = _finished(candidate.model, model, numbers, recording)
+    return Identification(known, candidate.offsets, numbers, before, after, problems)
+
+
+def prediction_errors(candidate: Candidate, recording: FlightRecording) -> PredictionErrors:
+    """Errors of predictions one second ahead."""
+    periods = round(AHEAD_S / recording.period_s)
+    settled = round(_SETTLE_S / recording.period_s)
+
+    def rms(motion: Motion) -> float:
+        return float(np.sqrt(np.mean(np.abs(motion.errors_ahead(periods)[settled:]) ** 2)))
+
+    return PredictionErrors(
+        rms(horizontal(candidate.model, recording, candidate.offsets)) / math.sqrt(2.0),
+        rms(vertical(candidate.model, recording)),
+        rms(heading(candidate.model, recording)),
+    )
+
+
+def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
+    """Poses predicted one second ahead.
+
+    Returns
+    -------
+    Array
+        x, y, z [m], yaw [rad] for the time of every row, shape (K, 4); not a number in the first second.
+    """
+    periods = round(AHEAD_S / recording.period_s)
+    measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
+    plane = horizontal(candidate.model, recording, candidate.offsets).errors_ahead(periods)
+    errors = np.column_stack(
+        (
+            plane.real,
+            plane.imag,
+            vertical(candidate.model, recording).errors_ahead(periods).real,
+            heading(candidate.model, recording).errors_ahead(periods).real,
+        )
+    )
+    return np.vstack((np.full((periods, 4), np.nan), measured - errors))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Outcome of one fit."""
+
+    candidate: Candidate
+    parameters: tuple[Parameter, ...]
+    position: Array
+    deviation: Array
+
+    @property
+    def at_bounds(self) -> list[str]:
+        return [
+            parameter.name
+            for parameter, position in zip(self.parameters, self.position, strict=True)
+            if abs(position) >= _AT_BOUND
+        ]
+
+    def numbers(self, start: Candidate) -> list[FittedParameter]:
+        numbers = []
+        for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
+            value = parameter.read(self.candidate)
+            scale = abs(value) if parameter.positive else 1.0
+            spread = parameter.spread * scale * float(deviation)
+            numbers.append(
+                FittedParameter(parameter.name, parameter.unit, parameter.read(start), value, spread)
+            )
+        return numbers
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Least squares over some parameters; positions are in spreads from the start."""
+
+    parameters: tuple[Parameter, ...]
+    motion: Callable[[Candidate, FlightRecording], Motion]
+    residuals: Residuals
+    begin_at: Sequence[Array] = ()
+
+    def run(self, start: Candidate, recording: FlightRecording) -> _Found:
+        position = np.zeros(len(self.parameters))
+        scales = self._scales(start, recording)
+        if self.begin_at:
+            costs = [np.sum(self._all(start, recording, scales, at) ** 2) for at in self.begin_at]
+            position = self.begin_at[int(np.argmin(costs))]
+        for _ in range(2):
+            # Weights follow from the errors of the best model so far.
+            scales = self._scales(self._at(start, position), recording)
+            solved = self._solve(start, recording, scales, position)
+            position = solved.x
+        covariance = np.linalg.inv(solved.jac.T @ solved.jac)
+        return _Found(self._at(start, position), self.parameters, position, np.sqrt(np.diag(covariance)))
+
+    def _solve(
+        self, start: Candidate, recording: FlightRecording, scales: list[float], position: Array
+    ) -> OptimizeResult:
+        def residuals(at: Array) -> Array:
+            return self._all(start, recording, scales, at)
+
+        return least_squares(
+            residuals,
+            position,
+            bounds=(-_FARTHEST, _FARTHEST),
+            loss="soft_l1",
+            f_scale=_OUTLIER,
+            max_nfev=_EVALUATIONS,
+        )
+
+    def _at(self, start: Candidate, position: Array) -> Candidate:
+        candidate = start
+        for parameter, moved in zip(self.parameters, position, strict=True):
+            value, shift = parameter.read(start), parameter.spread * float(moved)
+            moved_to = value * math.exp(shift) if parameter.positive else value + shift
+            candidate = parameter.write(candidate, moved_to)
+        return candidate
+
+    def _errors(self, candidate: Candidate, recording: FlightRecording) -> list[Array]:
+        return self.residuals(self.motion(candidate, recording))
+
+    def _scales(self, candidate: Candidate, recording: FlightRecording) -> list[float]:
+        """Deviation of each kind of errors, from their median so that wild poses do not count."""
+        return [_NORMAL * float(np.median(np.abs(part))) for part in self._errors(candidate, recording)]
+
+    def _all(
+        self, start: Candidate, recording: FlightRecording, scales: list[float], position: Array
+    ) -> Array:
+        errors = self._errors(self._at(start, position), recording)
+        weighted = [part / scale for part, scale in zip(errors, scales, strict=True)]
+        return np.concatenate((*weighted, position))
+
+
+def _settled_innovations(motion: Motion) -> Complex:
+    return motion.innovations()[round(_SETTLE_S / motion.predictor.period_s) :]
+
+
+def _plane_innovations(motion: Motion) -> list[Array]:
+    """Both components of the innovations of each measurement."""
+    return [np.concatenate((column.real, column.imag)) for column in _settled_innovations(motion).T]
+
+
+def _axis_innovations(motion: Motion) -> list[Array]:
+    """Innovations of each measurement of a real motion."""
+    return list(_settled_innovations(motion).real.T)
+
+
+def _far_errors(motion: Motion) -> list[Array]:
+    """Errors further ahead; as many of one distance as of the other, thinned out."""
+    period_s = motion.predictor.period_s
+    settled, stride = round(_SETTLE_S / period_s), round(_HEADING_EVERY_S / period_s)
+    return [
+        motion.errors_ahead(round(ahead_s / period_s))[settled::stride].real for ahead_s in _HEADING_AHEAD_S
+    ]
+
+
+def _horizontal_fit(start: Candidate, with_tilt: bool) -> _Fit:
+    parameters = horizontal_parameters(start.model, with_tilt)
+    begin_at: list[Array] = []
+    if FREQUENCY in parameters:
+        place = np.array([parameter is FREQUENCY for parameter in parameters], dtype=float)
+        begin_at = [spreads * place for spreads in _START_FREQUENCIES]
+    return _Fit(
+        parameters,
+        lambda candidate, flight: horizontal(candidate.model, flight, candidate.offsets),
+        _plane_innovations,
+        begin_at,
+    )
+
+
+_VERTICAL_FIT: Final = _Fit(
+    VERTICAL, lambda candidate, flight: vertical(candidate.model, flight), _axis_innovations
+)
+
+
+def _heading_fit(model: Model) -> _Fit:
+    return _Fit(
+        heading_parameters(model), lambda candidate, flight: heading(candidate.model, flight), _far_errors
+    )
+
+
+def _finished(
+    model: Model, before: Model, numbers: Sequence[FittedParameter], recording: FlightRecording
+) -> Model:
+    """The fitted model with what follows from it: uncertainty, hover thrust, equivalent lags."""
+    certain = {number.name: number.deviation / abs(number.value) for number in numbers}
+    gain = max(certain[PITCH_GAIN.name], certain[ROLL_GAIN.name])
+    uncertainty = Uncertainty(
+        gain_factor=max(IDENTIFIED.gain_factor, 1.0 + _THREE_DEVIATIONS * gain),
+        delay_s=IDENTIFIED.delay_s,
+        frequency_fraction=max(
+            IDENTIFIED.frequency_fraction, _THREE_DEVIATIONS * certain.get(FREQUENCY.name, 0.0)
+        ),
+    )
+    lag_s = model.lag_s
+    if model.tilt is not None and before.tilt is not None:
+        slower = before.tilt.frequency_rad_s / model.tilt.frequency_rad_s
+        lag_s = (lag_s[0] * slower, lag_s[1] * slower, *lag_s[2:])
+    hover = float(recording.inputs[:, U_THRUST].mean())
+    return replace(model, uncertainty=uncertainty, lag_s=lag_s, hover_thrust=hover)
+
+
+def _too_little(numbers: Sequence[FittedParameter]) -> list[str]:
+    return [
+        f"too little excitation: {number.name} is known to within "
+        f"{100 * number.deviation / number.value:.0f} % only, at most {100 * LEAST_CERTAIN:.0f} % is needed"
+        for number in numbers
+        if number.name in _ESSENTIAL and number.deviation > LEAST_CERTAIN * abs(number.value)
+    ]
+
+
+def _worse(before: PredictionErrors, after: PredictionErrors) -> list[str]:
+    pairs = (
+        ("horizontal motion", 1e3 * before.horizontal_m, 1e3 * after.horizontal_m, "mm"),
+        ("height", 1e3 * before.height_m, 1e3 * after.height_m, "mm"),
+        ("heading", 1e3 * before.yaw_rad, 1e3 * after.yaw_rad, "mrad"),
+    )
+    return [
+        f"fit worse than before: {what} one second ahead off by {new:.0f} {unit} instead of {old:.0f} {unit}"
+        for what, old, new, unit in pairs
+        if new > _WORSE * old
+    ]
+
+
+def _at_bound(name: str) -> str:
+    return f"{name} went as far as it may: the vehicle is not of this type, or the flight does not show it"

@@ -1,0 +1,166 @@
+"""Horizontal motion, height and heading of a model as linear systems with their inputs and measurements."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.signal import lfilter
+
+from rcopterx.control.identification.linear_filter import LinearSystem, StationaryPredictor
+from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.control.models.lateral import WIND_CORRELATION_S, LateralSystem
+from rcopterx.control.models.linear import Complex, as_complex
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
+
+POSITION_NOISE_M: Final = 0.0005
+YAW_NOISE_RAD: Final = 0.003
+TILT_NOISE: Final = 0.003
+_VELOCITY_DENSITY: Final = 0.01
+_RATE_DENSITY: Final = 0.1
+"""Where the model of the tilt is wrong, as a random walk of the tilt rate. More of it would make the fit
+trust single noisy tilts, which biases frequency and servo lag upwards."""
+_SERVO_DENSITY: Final = 0.01
+_ACTUATOR_DENSITY: Final = 0.001
+WIND_M_S2: Final = 0.15
+VERTICAL_WIND_M_S2: Final = 0.1
+YAW_WIND_RAD_S2: Final = 0.5
+_VERTICAL_DRIFT: Final = 0.03
+_YAW_DRIFT: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """What differs from vehicle to vehicle and flight to flight without being dynamics.
+
+    Attributes
+    ----------
+    trim
+        Offsets of the pitch and roll stick.
+    body_rad
+        Tilt of the measured body frame against the axis of the thrust, body frame.
+    """
+
+    trim: tuple[float, float] = (0.0, 0.0)
+    body_rad: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion of a flight: its predictor, inputs of shape (K,) and measurements of shape (K, m)."""
+
+    predictor: StationaryPredictor
+    inputs: Complex
+    measured: Complex
+
+    def innovations(self) -> Complex:
+        """One-period prediction errors, shape (K, m)."""
+        return self.predictor.innovations(self.inputs, self.measured)
+
+    def errors_ahead(self, periods: int) -> Complex:
+        """Errors of the first measurement predicted so many periods ahead, shape (K - periods,)."""
+        predicted = self.predictor.ahead(self.inputs, self.measured, periods)
+        return self.measured[periods:, 0] - predicted[:, 0]
+
+
+def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
+    """Horizontal motion; measured are the position and, where there is one, the tilt."""
+    # A stick acts on the heading that the vehicle has by then, half a period later on average.
+    time_s = recording.period_s * np.arange(len(recording.yaw_rad))
+    acts_s = time_s + model.delay_s + 0.5 * recording.period_s
+    acting = np.exp(1j * np.interp(acts_s, time_s, recording.yaw_rad))
+    pitch = recording.inputs[:, U_PITCH] + offsets.trim[0]
+    roll = recording.inputs[:, U_ROLL] + offsets.trim[1]
+    demand = acting * (model.b[U_PITCH] * pitch + 1j * model.b[U_ROLL] * roll)
+    measured = [_complex(recording.position_m[:, :2])]
+    with_tilt = recording.tilt is not None and model.tilt is not None
+    if recording.tilt is not None and model.tilt is not None:
+        measured.append(
+            _complex(recording.tilt) - np.exp(1j * recording.yaw_rad) * complex(*offsets.body_rad)
+        )
+    system = _horizontal_system(model, recording.period_s, with_tilt)
+    predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
+    return Motion(predictor, demand, np.column_stack(measured))
+
+
+def vertical(model: Model, recording: FlightRecording) -> Motion:
+    """Height."""
+    system = _single_axis(model, U_THRUST, POSITION_NOISE_M, VERTICAL_WIND_M_S2, _VERTICAL_DRIFT)
+    return _of_single_axis(
+        model, recording, system, recording.inputs[:, U_THRUST], recording.position_m[:, Z]
+    )
+
+
+def heading(model: Model, recording: FlightRecording) -> Motion:
+    """Heading; the thrust that the rotors have not followed yet counts as yaw stick, too."""
+    system = _single_axis(model, U_YAW, YAW_NOISE_RAD, YAW_WIND_RAD_S2, _YAW_DRIFT)
+    stick = recording.inputs[:, U_YAW]
+    if model.thrust_coupling:
+        stick = stick + model.thrust_coupling * _not_followed(model, recording)
+    return _of_single_axis(model, recording, system, stick, recording.yaw_rad)
+
+
+def _not_followed(model: Model, recording: FlightRecording) -> Array:
+    """Thrust stick less what the rotors have followed, mean of each period; they start settled."""
+    thrust, periods = recording.inputs[:, U_THRUST], recording.period_s / max(model.lag_s[U_THRUST], 1e-3)
+    pole = np.exp(-periods)
+    changes = np.diff(thrust, prepend=thrust[0])
+    return np.asarray((1.0 - pole) / periods * lfilter([1.0], [1.0, -pole], changes))
+
+
+def _of_single_axis(
+    model: Model, recording: FlightRecording, system: LinearSystem, stick: Array, measured: Array
+) -> Motion:
+    predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
+    # The mean stick keeps the vehicle at rest. Gravity and trim would be offsets that the slow drift of the
+    # disturbance takes long to find.
+    stick = stick - stick.mean()
+    return Motion(predictor, stick.astype(complex), measured[:, None].astype(complex))
+
+
+def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> LinearSystem:
+    """Position, velocity, core of the tilt model, servo, wind; without tilt model the lag is the servo."""
+    if model.tilt is None:
+        a, b = _plane_behind_lag(model)
+        servo, wind, rate = 2, 3, []
+    else:
+        lateral = LateralSystem(model, period_s)
+        a, b = as_complex(lateral.continuous), as_complex(lateral.continuous_demand)[:, 0]
+        servo, wind, rate = lateral.servo.start // 2, lateral.wind.start // 2, [lateral.tilt_rate.start // 2]
+    c = np.eye(3, len(b), dtype=complex)[[0, 2] if with_tilt else [0]]
+    density = np.zeros(len(b))
+    density[1], density[servo], density[rate] = _VELOCITY_DENSITY, _SERVO_DENSITY, _RATE_DENSITY
+    density[wind] = WIND_M_S2 * np.sqrt(2.0 / WIND_CORRELATION_S)
+    noise = np.array([POSITION_NOISE_M, TILT_NOISE])[: len(c)]
+    return LinearSystem(a, b, c, density**2, noise**2)
+
+
+def _plane_behind_lag(model: Model) -> tuple[Complex, Complex]:
+    """Position, velocity, servo, wind of a vehicle without tilt model: A and B."""
+    lag_s = max(0.5 * sum(model.lag_s[:2]), 1e-3)
+    a = np.zeros((4, 4), complex)
+    a[0, 1] = 1.0
+    a[1, 1:] = 0.5 * sum(model.damping[:2]), 1.0, 1.0
+    a[2, 2], a[3, 3] = -1.0 / lag_s, -1.0 / WIND_CORRELATION_S
+    b = np.zeros(4, complex)
+    b[2] = 1.0 / lag_s
+    return a, b
+
+
+def _single_axis(model: Model, axis: int, noise: float, wind: float, drift: float) -> LinearSystem:
+    """Position, rate, actuator, wind and a slowly drifting offset of one axis."""
+    lag_s = max(model.lag_s[axis], 1e-3)
+    a = np.zeros((5, 5), complex)
+    a[0, 1] = 1.0
+    a[1, 1:] = model.direct_damping[axis], model.input_gain[axis], 1.0, 1.0
+    a[2, 1] = -model.rate_feedback[axis] / lag_s
+    a[2, 2], a[3, 3] = -1.0 / lag_s, -1.0 / WIND_CORRELATION_S
+    b = np.zeros(5, complex)
+    b[2] = 1.0 / lag_s
+    gust = wind * np.sqrt(2.0 / WIND_CORRELATION_S)
+    density = np.array([0.0, _VELOCITY_DENSITY, _ACTUATOR_DENSITY, gust, drift])
+    return LinearSystem(a, b, np.eye(1, 5, dtype=complex), density**2, np.array([noise**2]))
+
+
+def _complex(vectors: Array) -> Complex:
+    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])

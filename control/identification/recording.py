@@ -1,0 +1,194 @@
+"""What identification works on: the poses and sticks of a flight, one row per control period."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rcopterx.control.interfaces import Measurement
+from rcopterx.vehicles.state import INPUT_SIZE, Array
+
+FORMAT: Final = 1
+LONGEST_GAP_S: Final = 0.1
+"""Missing poses up to this long are bridged by straight lines."""
+
+
+class RecordingError(ValueError):
+    """A recording that cannot be used; says why."""
+
+
+@dataclass(frozen=True)
+class FlightRecording:
+    """Measured poses and commanded sticks at a fixed period, K rows without gaps.
+
+    Attributes
+    ----------
+    kind
+        Type of the vehicle (`rcopterx.vehicles.model.Model.kind`).
+    period_s
+        Control period.
+    position_m
+        Inertial frame, shape (K, 3).
+    yaw_rad
+        Unwrapped, shape (K,).
+    tilt
+        Horizontal components of the body's upward axis, inertial frame, shape (K, 2); None where the tracker
+        gives positions and headings only.
+    inputs
+        Sticks sent to the vehicle on these poses, shape (K, 4); they act a transport delay later.
+
+    Raises
+    ------
+    RecordingError
+        Shapes that do not fit each other, or numbers that are not finite.
+    """
+
+    kind: str
+    period_s: float
+    position_m: Array
+    yaw_rad: Array
+    tilt: Array | None
+    inputs: Array
+
+    def __post_init__(self) -> None:
+        rows = len(self.yaw_rad)
+        shapes = {"position_m": (rows, 3), "yaw_rad": (rows,), "inputs": (rows, INPUT_SIZE)}
+        if self.tilt is not None:
+            shapes["tilt"] = (rows, 2)
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value.shape != shape:
+                raise RecordingError(f"{name}: shape {value.shape} instead of {shape}")
+            if not np.isfinite(value).all():
+                raise RecordingError(f"{name}: not all numbers are finite")
+        if not 0.0 < self.period_s <= 0.2:
+            raise RecordingError(f"period_s: must be above 0 and at most 0.2 s, got {self.period_s}")
+
+    @property
+    def duration_s(self) -> float:
+        """Length."""
+        return len(self.yaw_rad) * self.period_s
+
+    def part(self, begin: float, end: float) -> "FlightRecording":
+        """Rows between two fractions of the flight."""
+        rows = slice(round(begin * len(self.yaw_rad)), round(end * len(self.yaw_rad)))
+        tilt = None if self.tilt is None else self.tilt[rows]
+        return FlightRecording(
+            self.kind, self.period_s, self.position_m[rows], self.yaw_rad[rows], tilt, self.inputs[rows]
+        )
+
+    def without_tilt(self) -> "FlightRecording":
+        """The same flight as a tracker sees it that gives positions and headings only."""
+        return FlightRecording(self.kind, self.period_s, self.position_m, self.yaw_rad, None, self.inputs)
+
+    def save(self, path: Path) -> None:
+        """Write a compressed numpy archive (`.npz`), readable without this package."""
+        tilt: dict[str, Any] = {} if self.tilt is None else {"tilt": self.tilt}
+        with path.open("wb") as file:
+            np.savez_compressed(
+                file,
+                format=np.array(FORMAT),
+                kind=np.array(self.kind),
+                period_s=np.array(self.period_s),
+                position_m=self.position_m,
+                yaw_rad=self.yaw_rad,
+                inputs=self.inputs,
+                **tilt,
+            )
+
+
+def load_recording(path: Path) -> FlightRecording:
+    """Read what `FlightRecording.save` wrote.
+
+    Raises
+    ------
+    RecordingError
+        No such file, or not a recording.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            found = {name: stored[name] for name in stored.files}
+    except (OSError, ValueError, EOFError) as error:
+        raise RecordingError(f"{path}: no recording of a flight: {error}") from None
+    missing = {"format", "kind", "period_s", "position_m", "yaw_rad", "inputs"} - found.keys()
+    if missing:
+        raise RecordingError(f"{path}: no recording of a flight: without {', '.join(sorted(missing))}")
+    if found["format"] != FORMAT:
+        raise RecordingError(f"{path}: format {found['format']}, this version reads {FORMAT}")
+    try:
+        return FlightRecording(
+            str(found["kind"]),
+            float(found["period_s"]),
+            found["position_m"].astype(float),
+            found["yaw_rad"].astype(float),
+            found["tilt"].astype(float) if "tilt" in found else None,
+            found["inputs"].astype(float),
+        )
+    except (RecordingError, TypeError) as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+class FlightLog:
+    """Collects a recording row by row, with rows missing here and there."""
+
+    def __init__(self, kind: str, period_s: float) -> None:
+        self._kind, self._period_s = kind, period_s
+        self._poses: dict[int, Measurement] = {}
+        self._inputs: dict[int, Array] = {}
+
+    def add_pose(self, row: int, measurement: Measurement) -> None:
+        """A pose, by the number of its control period."""
+        self._poses[row] = measurement
+
+    def add_input(self, row: int, value: Array) -> None:
+        """Sticks sent in a control period; of several the last."""
+        self._inputs[row] = value
+
+    def recording(self) -> FlightRecording:
+        """Everything between the first and the last period of which both are known.
+
+        Raises
+        ------
+        RecordingError
+            Poses or sticks are missing for longer than `LONGEST_GAP_S`, or everything is.
+        """
+        common = self._poses.keys() & self._inputs.keys()
+        if len(common) < 2:
+            raise RecordingError("nothing was recorded: no poses, or no commands")
+        first, last = min(common), max(common)
+        rows = np.arange(first, last + 1)
+        poses = self._rows_of(self._poses.keys(), rows, "poses")
+        inputs = self._rows_of(self._inputs.keys(), rows, "commands")
+        yaw = np.unwrap([self._poses[row].yaw_rad for row in poses])
+        position = np.array([self._poses[row].position_m for row in poses])
+        tilts = [self._poses[row].tilt for row in poses]
+        measured = [tilt for tilt in tilts if tilt is not None]
+        tilt = _filled(rows, poses, np.array(measured)) if len(measured) == len(tilts) else None
+        # Sticks are held until the next ones come.
+        held = np.searchsorted(inputs, rows, side="right") - 1
+        sent = np.array([self._inputs[int(inputs[index])] for index in held])
+        return FlightRecording(
+            self._kind,
+            self._period_s,
+            _filled(rows, poses, position),
+            _filled(rows, poses, yaw[:, None])[:, 0],
+            tilt,
+            sent,
+        )
+
+    def _rows_of(self, known: Iterable[int], rows: NDArray[np.int64], what: str) -> NDArray[np.int64]:
+        found = np.array(sorted(row for row in known if rows[0] <= row <= rows[-1]))
+        longest_s = float(np.diff(found).max() - 1) * self._period_s
+        if longest_s > LONGEST_GAP_S + 1e-9:
+            raise RecordingError(
+                f"{what} are missing for {longest_s:.2f} s, at most {LONGEST_GAP_S:g} s may be"
+            )
+        return found
+
+
+def _filled(rows: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Array:
+    """Values at all rows, straight lines between the known ones, shape (K, m)."""
+    return np.column_stack([np.interp(rows, known, column) for column in values.T])

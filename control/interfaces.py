@@ -1,0 +1,262 @@
+"""What estimators and controllers promise each other and the pilot.
+
+Write a class with the methods of `Controller` (or `Estimator`), register it under the entry-point group
+`rcopterx.controllers` (or `rcopterx.estimators`), and it flies in the same fleet.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol, runtime_checkable
+
+import numpy as np
+from msgspec import Struct
+
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.vehicles.state import Array
+
+
+class Measurement(Struct, frozen=True):
+    """One pose of the motion capture.
+
+    Attributes
+    ----------
+    position_m
+        Inertial frame, shape (3,).
+    yaw_rad
+        Wrapped or unwrapped.
+    tilt
+        Horizontal components of the body's upward axis in the inertial frame, shape (2,): a vehicle tilted
+        forward accelerates forward. None where the tracker gives positions and headings only.
+    """
+
+    position_m: Array
+    yaw_rad: float
+    tilt: Array | None = None
+
+    @classmethod
+    def of_pose(cls, position_m: Sequence[float], quaternion_xyzw: Sequence[float]) -> "Measurement":
+        """Measurement of a rigid body from its position and the unit quaternion of its attitude."""
+        x, y, z, w = quaternion_xyzw
+        yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return cls(np.array(position_m), yaw_rad, np.array((2 * (x * z + w * y), 2 * (y * z - w * x))))
+
+
+class TiltEstimate(Struct, frozen=True):
+    """What an estimator knows of the tilt of a vehicle that has a tilt model (`rcopterx.vehicles.tilt`).
+
+    Attributes
+    ----------
+    core
+        Core states of the tilt model, inertial frame, shape (n,).
+    servo
+        Pitch and roll stick after the servo's lag, trim included, body frame, shape (2,).
+    wind_m_s2
+        Horizontal acceleration by the wind, inertial frame, shape (2,).
+    trim
+        Offsets of the pitch and roll stick: at minus these the swash plate is level, shape (2,).
+    """
+
+    core: Array
+    servo: Array
+    wind_m_s2: Array
+    trim: Array
+
+
+NO_TILT: Final = TiltEstimate(*4 * [np.empty(0)])
+"""For kernels, of a vehicle without tilt model."""
+
+
+class Estimate(Struct, frozen=True):
+    """What an estimator knows of its vehicle at one instant.
+
+    Attributes
+    ----------
+    motion
+        Motion state of `rcopterx.vehicles.state`, shape (8,), yaw unwrapped.
+    actuator
+        Inputs after their lag, shape (4,).
+    disturbance
+        Unmodelled accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,); zeros where an
+        estimator does not tell.
+    tilt
+        The tilt of a vehicle with a tilt model, which predicts better than the first two entries of actuator
+        and disturbance: those are then what a first-order lag would need to explain the same acceleration.
+        None for vehicles without tilt model, and where an estimator does not tell.
+    """
+
+    motion: Array
+    actuator: Array
+    disturbance: Array
+    tilt: TiltEstimate | None = None
+
+
+class Estimator(Protocol):
+    """Turns poses and applied inputs into an estimate."""
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start at rest at a measured pose."""
+        ...
+
+    def take_over(self, estimate: Estimate) -> None:
+        """Start from another estimator's estimate, in flight."""
+        ...
+
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """Move the estimate on by one period during which `applied_input`, shape (4,), acted."""
+        ...
+
+    def correct(self, measurement: Measurement) -> bool:
+        """Take in a pose; False if it was refused because the vehicle cannot have flown there."""
+        ...
+
+    @property
+    def estimate(self) -> Estimate:
+        """The current estimate."""
+        ...
+
+
+@runtime_checkable
+class TellsUncertainty(Protocol):
+    """An estimator that tells how well it knows where its vehicle is; nothing is decided by it."""
+
+    def position_deviation_m(self) -> Array:
+        """Standard deviations of the estimated position, inertial x, y, z, shape (3,)."""
+        ...
+
+
+class ControlStep(Struct, frozen=True):
+    """Result of one control step.
+
+    Attributes
+    ----------
+    inputs
+        Planned inputs, shape (N - 1, 4); the first row is applied now. Always finite and within limits.
+    plan
+        Predicted trajectory from the compensated present on, N stages.
+    fallback
+        Why the optimum is not what is returned (`early_stop`, `shifted_plan`, `hover`), else None.
+    iterations
+        Solver iterations, summed over sub-problems.
+    """
+
+    inputs: Array
+    plan: Trajectory
+    fallback: str | None
+    iterations: int
+
+
+class NoSolutionError(Exception):
+    """A controller's solver offers nothing better than the previous plan, which is then flown on."""
+
+
+class Controller(Protocol):
+    """Computes inputs and a plan, finite and within the limits; whoever asks it checks that."""
+
+    @property
+    def horizon(self) -> int:
+        """Number of stages N of references it expects and plans it returns."""
+        ...
+
+    @property
+    def period_s(self) -> float:
+        """Control period T_s."""
+        ...
+
+    def reset(self, estimate: Estimate, last_input: Array) -> None:
+        """Start from a flying vehicle: integral states and warm starts are set for a bumpless first step."""
+        ...
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        """Compute one control step.
+
+        Parameters
+        ----------
+        estimate
+            State at the instant the new input begins to act (delay already compensated).
+        reference
+            N stages from that instant on.
+        last_input
+            Input commanded one period before, shape (4,).
+
+        Returns
+        -------
+        ControlStep
+            Inputs and plan.
+
+        Raises
+        ------
+        NoSolutionError
+            The previous plan is better than all that was found; any other exception is a failure.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LimitScale:
+    """Scale of a vehicle's limits to plan with, each fraction above 0 and at most 1.
+
+    Attributes
+    ----------
+    inputs
+        Of the ranges of pitch, roll, thrust and yaw around hovering.
+    rates
+        Of the bounds of xd_B, yd_B, zd_B and psid.
+    """
+
+    inputs: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    rates: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "rates"):
+            four = getattr(self, name)
+            if len(four) != 4 or not all(0.0 < fraction <= 1.0 for fraction in four):
+                raise ValueError(f"scale of {name}: four numbers above 0 and at most 1, got {four}")
+
+
+FULL_LIMITS = LimitScale()
+"""All that the vehicle can do."""
+
+
+@runtime_checkable
+class ScalesLimits(Protocol):
+    """A controller that can plan within what its followers can do, too (control.md section 6)."""
+
+    def set_limit_scale(self, limit_scale: LimitScale) -> None:
+        """Plan within a fraction of the vehicle's limits, from the next step on."""
+        ...
+
+
+@runtime_checkable
+class StopsEarly(Protocol):
+    """A controller that keeps the time of its steps and offers its best iterate when it runs out."""
+
+    def set_deadline(self, expired: Callable[[], bool]) -> None:
+        """Stop iterating in the next step as soon as `expired` is true; to be told anew before every step."""
+        ...
+
+
+class Obstacle(Struct, frozen=True):
+    """Another vehicle on its way, with the ellipsoid around it that is to stay free.
+
+    Attributes
+    ----------
+    positions_m
+        Its centre at the stages of the own horizon, inertial frame, shape (N, 3).
+    horizontal_m, vertical_m
+        Half axes.
+    """
+
+    positions_m: Array
+    horizontal_m: float
+    vertical_m: float
+
+
+@runtime_checkable
+class AvoidsObstacles(Protocol):
+    """A controller that plans around other vehicles."""
+
+    def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
+        """Keep clear of these from the next step on; told anew before every step while there are any, and
+        that there are none once."""
+        ...

@@ -1,0 +1,199 @@
+"""The feedback loops of a vehicle: cascade and extended Kalman filter around the vehicle's own model.
+
+What is linear about them is taken: no bound is active, the filter's gain is steady, the tracker sends one
+pose per control period, and the vehicle does not turn.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.control.estimators.model_noise import model_noise
+from rcopterx.control.estimators.tilt_kalman import tilt_filter_of
+from rcopterx.control.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
+from rcopterx.control.models.lateral import LateralSystem, lateral_system
+from rcopterx.control.models.linear import as_complex, zero_order_hold
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_YAW
+
+Weights = tuple[float, float, float]
+"""Of position, velocity and input."""
+
+DEFAULT_FILTER: Final = ExtendedKalmanSettings()
+_LEAST_LAG_S: Final = 1e-3
+
+
+def tilt_loop(
+    model: Model,
+    period_s: float,
+    weights: Weights,
+    estimator: ExtendedKalmanSettings = DEFAULT_FILTER,
+    compensate: bool = True,
+) -> FeedbackLoop:
+    """Loop of both horizontal axes, in complex numbers; its input is the demand [m/s^2].
+
+    Parameters
+    ----------
+    model
+        The vehicle; it has a tilt model.
+    period_s
+        Control period.
+    weights
+        Of position, velocity and demand.
+    estimator
+        Settings of the filter.
+    compensate
+        The cascade predicts with the estimated wind.
+    """
+    loop = _filtered_tilt(model, period_s, estimator)
+    system = lateral_system(model, period_s)
+    known, wind = system.size // 2, system.wind.start // 2
+    a, b = loop.filter_step(period_s)
+    position, velocity, effort = weights
+    feedback = np.zeros(len(loop.feedback), dtype=complex)
+    feedback[:known] = regulator(
+        (a[:known, :known], b[:known]), [position, velocity] + [0.0] * (known - 2), effort
+    )
+    feedback[known] = 1.0  # the trim
+    if not compensate:
+        feedback[wind] = 0.0
+    return replace(loop, feedback=feedback)
+
+
+@lru_cache(maxsize=16)
+def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSettings) -> FeedbackLoop:
+    """Plant and filter of `tilt_loop`, without feedback yet; preparing them takes longer than a regulator."""
+    assert model.tilt is not None
+    tilt, gain = model.tilt, float(model.b[:2].mean())
+    system = lateral_system(model, period_s)
+    servo, wind, trim = system.servo.start // 2, system.wind.start // 2, system.size // 2
+    offset = trim + 1
+    a = np.zeros((offset + 1, offset + 1), dtype=complex)
+    a[:trim, :trim] = as_complex(system.continuous)
+    a[servo, trim] = 1.0 / tilt.servo_lag_s
+    b = np.zeros(offset + 1, dtype=complex)
+    b[servo] = 1.0 / tilt.servo_lag_s
+    measured = np.zeros((2, offset + 1), dtype=complex)
+    measured[0, 0] = measured[1, system.tilt.start // 2] = measured[1, offset] = 1.0
+    found = tilt_filter_of(model, estimator)
+    per_stick = np.ones(offset + 1)
+    per_stick[[servo, trim]] = gain
+    process = as_complex(found.process_noise(system)) * np.outer(per_stick, per_stick)
+    noise = found.variances[::2]
+    if not estimator.measured_tilt:
+        # nothing tells the offset of the body frame then, and it does not matter
+        a, b, process = a[:offset, :offset], b[:offset], process[:offset, :offset]
+        measured, noise = measured[:1, :offset], noise[:1]
+
+    @lru_cache(maxsize=64)
+    def plant_step(frequency: float, time_s: float) -> Dynamics:
+        other = replace(model, tilt=replace(tilt, frequency_rad_s=frequency * tilt.frequency_rad_s))
+        dynamics = as_complex(LateralSystem(other, period_s).continuous)
+        return zero_order_hold(dynamics[:wind, :wind], b[:wind], time_s)
+
+    @lru_cache(maxsize=8)
+    def filter_step(time_s: float) -> Dynamics:
+        return zero_order_hold(a, b, time_s)
+
+    return FeedbackLoop(
+        plant_step=plant_step,
+        measured=measured[:, :wind],
+        filter_step=filter_step,
+        filter_measured=measured,
+        filter_gain=steady_filter_gain(filter_step(period_s)[0], measured, process, noise),
+        feedback=np.zeros(len(b)),
+        period_s=period_s,
+        delay_s=model.delay_s,
+    )
+
+
+def lag_loop(
+    model: Model,
+    period_s: float,
+    axis: int,
+    weights: Weights,
+    estimator: ExtendedKalmanSettings = DEFAULT_FILTER,
+    compensate: bool = True,
+    actuator_lag: bool = True,
+) -> FeedbackLoop:
+    """Loop of one axis behind a first-order lag; its input is the stick.
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    period_s
+        Control period.
+    axis
+        0 to 3: x, y, height, yaw.
+    weights
+        Of position, velocity and input.
+    estimator
+        Settings of the filter.
+    compensate, actuator_lag
+        The cascade predicts with the estimated disturbance, and with the lag.
+    """
+    gain, levels = model.input_gain[axis], 3 if actuator_lag else 2
+    position, velocity, effort = weights
+    row = regulator(_chain(model, period_s, axis, levels), [position, velocity, 0.0][:levels], effort)
+    feedback = np.zeros(4)
+    feedback[:levels] = row
+    if compensate:
+        feedback[3] = (1.0 + feedback[2]) / gain
+    return replace(_filtered_lag(model, period_s, axis, estimator), feedback=feedback)
+
+
+def _chain(model: Model, period_s: float, axis: int, levels: int) -> Dynamics:
+    """Position, velocity and actuator as the cascade discretises them (control.md section 6)."""
+    gain, lag_s = model.input_gain[axis], model.lag_s[axis]
+    damping = (model.damping if levels == 2 else model.direct_damping)[axis]
+    pole = float(np.exp(-period_s / lag_s)) if lag_s > 0.0 else 0.0
+    a = np.array([[1.0, period_s, 0.0], [0.0, 1.0 + period_s * damping, period_s * gain], [0.0, 0.0, pole]])
+    a[2, 1] = -(1.0 - pole) * model.rate_feedback[axis]
+    b = np.array([0.0, 0.0, 1.0 - pole]) if levels == 3 else np.array([0.0, period_s * gain])
+    return a[:levels, :levels], b
+
+
+@lru_cache(maxsize=64)
+def _filtered_lag(
+    model: Model, period_s: float, axis: int, estimator: ExtendedKalmanSettings
+) -> FeedbackLoop:
+    """Plant and filter of `lag_loop`, without feedback yet: position, velocity, actuator, disturbance."""
+    gain, damping = model.input_gain[axis], model.direct_damping[axis]
+
+    @lru_cache(maxsize=64)
+    def step(frequency: float, time_s: float) -> Dynamics:
+        lag_s = max(model.lag_s[axis] / frequency, _LEAST_LAG_S)
+        a = np.zeros((4, 4))
+        a[0, 1], a[1, 1], a[1, 2], a[1, 3], a[2, 2] = 1.0, damping, gain, 1.0, -1.0 / lag_s
+        a[2, 1] = -model.rate_feedback[axis] / lag_s
+        return zero_order_hold(a, np.array([0.0, 0.0, 1.0 / lag_s, 0.0]), time_s)
+
+    def plant_step(frequency: float, time_s: float) -> Dynamics:
+        a, b = step(frequency, time_s)
+        return a[:3, :3], b[:3]
+
+    expected = model_noise(model)
+    drifts = (
+        estimator.velocity_noise or expected.velocity,
+        estimator.actuator_noise or expected.actuator,
+        estimator.disturbance_noise,
+    )
+    densities = [0.0, *(drift[axis] for drift in drifts)]
+    noise = estimator.yaw_noise_rad if axis == U_YAW else estimator.position_noise_m
+    measured = np.array([[1.0, 0.0, 0.0, 0.0]])
+    return FeedbackLoop(
+        plant_step=plant_step,
+        measured=measured[:, :3],
+        filter_step=lambda time_s: step(1.0, time_s),
+        filter_measured=measured,
+        filter_gain=steady_filter_gain(
+            step(1.0, period_s)[0], measured, period_s * np.diag(np.square(densities)), np.array([noise**2])
+        ),
+        feedback=np.zeros(4),
+        period_s=period_s,
+        delay_s=model.delay_s,
+    )

@@ -1,0 +1,1 @@
+"""Discrete-time models of vehicles and prediction with them."""

@@ -1,0 +1,189 @@
+"""Paths of a shape: circle, figure-eight, spiral, and smooth curves through timed waypoints.
+
+All of them start and end at rest. Whoever asks for a trajectory builds it; agents only see its knots, and
+their start does not wait for the spline library.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+
+from rcopterx.control.references.paths import KNOT_COLUMNS, MAX_KNOTS, FlightPath, PathError
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
+
+HEADINGS: Final = ("fixed", "along", "center")
+_KNOT_SPACING_S: Final = 0.05
+
+
+def circle(
+    center_m: Three, radius_m: float, period_s: float, turns: float = 1.0, heading: str = "fixed"
+) -> FlightPath:
+    """Circle around a center, counter-clockwise; negative turns fly it clockwise."""
+    return spiral(center_m, (radius_m, radius_m), 0.0, period_s, turns, heading)
+
+
+def spiral(
+    center_m: Three,
+    radii_m: tuple[float, float],
+    climb_m: float,
+    period_s: float,
+    turns: float = 2.0,
+    heading: str = "fixed",
+) -> FlightPath:
+    """Spiral: radius and height change evenly with the angle.
+
+    Parameters
+    ----------
+    center_m
+        Center at the start.
+    radii_m
+        Radius at the start and at the end.
+    climb_m
+        Height gained on the way.
+    period_s
+        Time of a turn at full speed.
+    turns
+        Number of turns, not zero.
+    heading
+        `fixed` at zero, `along` the path or towards the `center`.
+
+    Raises
+    ------
+    PathError
+        A parameter is out of range.
+    """
+    _positive(radius_m=max(radii_m), period_s=period_s)
+    whole = math.tau * turns
+
+    def curve(angle: Array) -> Array:
+        share = angle / whole
+        radius = radii_m[0] + (radii_m[1] - radii_m[0]) * share
+        return np.column_stack(
+            (
+                center_m[0] + radius * np.cos(angle),
+                center_m[1] + radius * np.sin(angle),
+                center_m[2] + climb_m * share,
+            )
+        )
+
+    return _along(curve, whole, period_s, heading, center_m)
+
+
+def figure_eight(
+    center_m: Three, size_m: tuple[float, float], period_s: float, turns: float = 1.0, heading: str = "fixed"
+) -> FlightPath:
+    """Figure-eight (Gerono's lemniscate): `size_m` is its half-width along x and y.
+
+    Raises
+    ------
+    PathError
+        A parameter is out of range.
+    """
+    _positive(size_m=min(size_m), period_s=period_s)
+
+    def curve(angle: Array) -> Array:
+        return np.column_stack(
+            (
+                center_m[0] + size_m[0] * np.sin(angle),
+                center_m[1] + size_m[1] * np.sin(2 * angle),
+                np.full(len(angle), center_m[2]),
+            )
+        )
+
+    return _along(curve, math.tau * turns, period_s, heading, center_m)
+
+
+def through(waypoints: Sequence[Sequence[float]]) -> FlightPath:
+    """Smooth curve through timed waypoints, at rest at both ends.
+
+    Parameters
+    ----------
+    waypoints
+        Rows of time [s], x, y, z [m] and yaw [rad]; times increase. A quintic spline passes through all of
+        them, so that even the jerk is continuous.
+
+    Raises
+    ------
+    PathError
+        Fewer than two rows, wrong columns, numbers that are not finite, or times that do not increase.
+    """
+    table = np.array([list(row) for row in waypoints], dtype=float) if len(waypoints) else np.zeros((0, 5))
+    if table.ndim != 2 or table.shape[1] != 5 or len(table) < 2:
+        raise PathError("waypoints: at least two rows of time, x, y, z, yaw are needed")
+    if not np.isfinite(table).all():
+        raise PathError("waypoints: every number must be finite")
+    late = np.flatnonzero(np.diff(table[:, 0]) <= 0)
+    if len(late):
+        raise PathError(
+            f"waypoints: time {table[late[0] + 1, 0]:g} s does not come after {table[late[0], 0]:g} s"
+        )
+    spline = _spline_at_rest(table[:, 0], table[:, 1:])
+    times = _knot_times(float(table[-1, 0] - table[0, 0])) + table[0, 0]
+    parts = [spline(times), spline.derivative(1)(times), spline.derivative(2)(times)]
+    return FlightPath(np.column_stack((times - table[0, 0], *parts)))
+
+
+def _along(
+    curve: Callable[[Array], Array], whole_rad: float, period_s: float, heading: str, center_m: Three
+) -> FlightPath:
+    """Fly a curve of an angle with even speed, gently started and stopped."""
+    if heading not in HEADINGS:
+        raise PathError(f"heading: {heading!r} is not one of {', '.join(HEADINGS)}")
+    if not 0.1 <= abs(whole_rad) / math.tau <= 100:
+        raise PathError(f"turns: {whole_rad / math.tau:g} is not from 0.1 to 100 (or -0.1 to -100)")
+    speed = math.tau / period_s
+    ramp_s = min(0.5 * period_s, abs(whole_rad) / speed)
+    duration_s = abs(whole_rad) / speed + ramp_s
+    times = _knot_times(duration_s)
+    angle = math.copysign(speed, whole_rad) * _eased(times, ramp_s, duration_s)
+    step = 1e-4
+    spread = np.array([_eased(times + shift * step, ramp_s, duration_s) for shift in (-1, 0, 1)])
+    rate = math.copysign(speed, whole_rad) * (spread[2] - spread[0]) / (2 * step)
+    acceleration = math.copysign(speed, whole_rad) * (spread[2] - 2 * spread[1] + spread[0]) / step**2
+    first = (curve(angle + step) - curve(angle - step)) / (2 * step)
+    second = (curve(angle + step) - 2 * curve(angle) + curve(angle - step)) / step**2
+    knots = np.zeros((len(times), KNOT_COLUMNS))
+    knots[:, 0] = times
+    knots[:, 1:4] = curve(angle)
+    knots[:, 5:8] = first * rate[:, None]
+    knots[:, 9:12] = second * (rate**2)[:, None] + first * acceleration[:, None]
+    knots[[0, -1], 5:] = 0.0
+    if heading != "fixed":
+        towards = first * math.copysign(1.0, whole_rad) if heading == "along" else center_m - knots[:, 1:4]
+        yaw = np.unwrap(np.arctan2(towards[:, 1], towards[:, 0]))
+        spline = _spline_at_rest(times, yaw[:, None])
+        knots[:, 4] = yaw
+        knots[:, 8], knots[:, 12] = (spline.derivative(order)(times)[:, 0] for order in (1, 2))
+    return FlightPath(knots)
+
+
+def _spline_at_rest(times: Array, values: Array) -> BSpline:
+    """Quintic spline through rows of values, with zero rate and acceleration at both ends."""
+    zeros = np.zeros(values.shape[1])
+    ends: Any = [(1, zeros), (2, zeros)]
+    return make_interp_spline(times, values, k=5, bc_type=(ends, ends))
+
+
+def _eased(times: Array, ramp_s: float, duration_s: float) -> Array:
+    """Time that passes on the curve: at rest outside, even speed in the middle, smooth ramps between."""
+
+    def risen(t: Array) -> Array:
+        s = np.clip(t / ramp_s, 0.0, 1.0)
+        return ramp_s * s**4 * (2.5 - 3.0 * s + s**2) + np.maximum(t - ramp_s, 0.0)
+
+    return np.asarray(risen(times) - risen(times - (duration_s - ramp_s)))
+
+
+def _knot_times(duration_s: float) -> Array:
+    count = int(np.clip(math.ceil(duration_s / _KNOT_SPACING_S) + 1, 2, MAX_KNOTS - 1))
+    return np.linspace(0.0, duration_s, count)
+
+
+def _positive(**values: float) -> None:
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0):
+            raise PathError(f"{name} must be above 0, got {value:g}")

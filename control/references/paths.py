@@ -1,0 +1,150 @@
+"""Trajectories in time, what is needed to begin them, and whether a vehicle can fly them.
+
+A path is a table of knots: the time, position and heading, their rates and their accelerations. Between knots
+it is the quintic polynomial that agrees with both. The model is differentially flat in x, y, z and yaw, so a
+path says everything about the inputs that fly it, too.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic
+from rcopterx.control.references.trajectory import COLUMNS, YAW
+from rcopterx.control.references.turns import nearest_heading, whole_turns
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
+
+KNOT_COLUMNS: Final = 1 + COLUMNS
+MAX_KNOTS: Final = 600
+RUN_IN_SPEED_M_S: Final = 0.5
+RUN_IN_TURN_RAD_S: Final = 1.5
+_CHECKED_EVERY_S: Final = 0.02
+
+
+class PathError(ValueError):
+    """A path that cannot be built or flown; the text says where and what is allowed."""
+
+
+@dataclass(frozen=True)
+class FlightPath:
+    """A trajectory in time.
+
+    Attributes
+    ----------
+    knots
+        Shape (n, 13), n from 2 to 600: time [s] from 0 on, x, y, z [m], yaw [rad], their first and their
+        second derivatives; inertial frame.
+    """
+
+    knots: Array
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first knot to the last."""
+        return float(self.knots[-1, 0])
+
+    def sample(self, at_s: Array) -> Array:
+        """Rows of a trajectory at some times, shape (k, 12); before and after, the ends are held at rest."""
+        knots = self.knots
+        time = np.clip(at_s, 0.0, self.duration_s)
+        right = np.clip(np.searchsorted(knots[:, 0], time, side="right"), 1, len(knots) - 1)
+        before, after = knots[right - 1], knots[right]
+        span = (after[:, 0] - before[:, 0])[:, None]
+        s = (time - before[:, 0])[:, None] / span
+        samples = quintic(before[:, 1:], after[:, 1:], span, s)
+        samples[(at_s < 0.0) | (at_s > self.duration_s), 4:] = 0.0
+        return samples
+
+
+def begun_from(path: FlightPath, present: Array, run_in_s: float) -> FlightPath:
+    """FlightPath with a smooth way to its beginning.
+
+    Parameters
+    ----------
+    path
+        The path.
+    present
+        Row of the present reference, shape (12,).
+    run_in_s
+        Time for the way.
+    """
+    knots = path.knots.copy()
+    knots[:, 1 + YAW] += math.tau * whole_turns(float(present[YAW] - knots[0, 1 + YAW]))
+    knots[:, 0] += run_in_s
+    return FlightPath(np.vstack((np.concatenate(([0.0], present)), knots)))
+
+
+def run_in_time_s(path: FlightPath, present: Array) -> float:
+    """Time for a smooth way from the present reference, shape (12,), to the beginning of a path."""
+    first = path.knots[0, 1:5]
+    way_m = float(np.linalg.norm(first[:3] - present[:3]))
+    turn_rad = abs(nearest_heading(float(first[3]), float(present[YAW])) - float(present[YAW]))
+    speed = float(np.linalg.norm(present[4:7])) / RUN_IN_SPEED_M_S
+    return max(
+        1.0,
+        PEAK_TO_MEAN_SPEED * way_m / RUN_IN_SPEED_M_S,
+        PEAK_TO_MEAN_SPEED * turn_rad / RUN_IN_TURN_RAD_S,
+        2.0 * speed,
+    )
+
+
+def path_problem(
+    path: FlightPath, model: Model, low_m: Three, high_m: Three, until_s: float | None = None
+) -> str | None:
+    """Where a path leaves the volume or asks too much of a vehicle; None if it can be flown.
+
+    Parameters
+    ----------
+    path
+        The path.
+    model
+        The vehicle: its bounds of speed, and inputs that must suffice for the accelerations.
+    low_m, high_m
+        Flight volume.
+    until_s
+        End of the part to look at; None for the whole.
+    """
+    until_s = path.duration_s if until_s is None else until_s
+    times = np.arange(0.0, until_s + _CHECKED_EVERY_S, _CHECKED_EVERY_S)
+    samples = path.sample(times)
+    for axis, name in enumerate("xyz"):
+        outside = (samples[:, axis] < low_m[axis] - 1e-6) | (samples[:, axis] > high_m[axis] + 1e-6)
+        if outside.any():
+            at = int(np.argmax(outside))
+            return (
+                f"at {times[at]:.2f} s {name} is {samples[at, axis]:.2f} m, outside the flight volume "
+                f"{low_m[axis]:g} .. {high_m[axis]:g} m"
+            )
+    rate, acceleration = samples[:, 4:8].copy(), samples[:, 8:12].copy()
+    for horizontal in (rate, acceleration):
+        horizontal[:, :2] = _to_body(samples[:, YAW], horizontal[:, :2])
+    allowed = np.minimum(-np.array(model.state_min)[3:7], np.array(model.state_max)[3:7])
+    up, down = model.u_max - model.hover_input, model.hover_input - model.u_min
+    reach = np.abs(model.b) * np.minimum(up, down)
+    for what, used, slower in (
+        (("speed forward", "speed sideways", "climb", "yaw rate"), np.abs(rate) / allowed, 1.0),
+        (
+            ("pitch", "roll", "thrust", "yaw input"),
+            np.abs(acceleration - model.k * rate) / reach,
+            0.5,
+        ),
+    ):
+        if used.max() > 1.0:
+            at, axis = divmod(int(np.argmax(used)), used.shape[1])
+            factor = float(used.max()) ** slower
+            return (
+                f"at {times[at]:.2f} s {what[axis]} would have to be {100 * used[at, axis]:.0f} % of what "
+                f"the vehicle can; {factor:.2f} times as slow it could be flown"
+            )
+    return None
+
+
+def _to_body(yaw_rad: Array, inertial: Array) -> Array:
+    """Horizontal vectors, shape (k, 2), in the frames of their headings."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    x, y = inertial.T
+    return np.column_stack((c * x + s * y, c * y - s * x))

@@ -1,0 +1,218 @@
+"""What a vehicle that follows nobody is asked to fly: set points and smooth moves between them.
+
+A reference source is sampled over the whole horizon at every step: the controller sees what is coming.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from msgspec import Struct
+
+from rcopterx.control.references.paths import FlightPath
+from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic, rest_to_rest
+from rcopterx.control.references.trajectory import (
+    ACCELERATION,
+    COLUMNS,
+    POSITION,
+    VELOCITY,
+    YAW,
+    YAW_ACCELERATION,
+    YAW_RATE,
+    Trajectory,
+    hold,
+)
+from rcopterx.vehicles.state import Array
+
+_TURN_DURATIONS_S = np.geomspace(0.2, 120.0, 90)
+_TURN_MOMENTS = np.linspace(0.0, 1.0, 21)
+
+
+class ReferenceSource(Protocol):
+    """A reference as a function of time."""
+
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
+        """Reference at `stages` instants from `time_s` on, `period_s` apart."""
+        ...
+
+    def finished(self, time_s: float) -> bool:
+        """Whether nothing changes any more from `time_s` on."""
+        ...
+
+
+class SetPointReference(Struct, frozen=True):
+    """Be at one place with one heading: position [m], shape (3,), and yaw [rad, unwrapped]."""
+
+    position_m: Array
+    yaw_rad: float
+
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:  # noqa: ARG002 - constant in time
+        """See `ReferenceSource.sample`."""
+        return hold(self.position_m, self.yaw_rad, period_s, stages)
+
+    def finished(self, time_s: float) -> bool:  # noqa: ARG002 - constant in time
+        """See `ReferenceSource.finished`."""
+        return True
+
+
+class SmoothMove(Struct, frozen=True):
+    """Quintic polynomial from rest to rest along a straight line, heading held.
+
+    Attributes
+    ----------
+    start_m, end_m
+        Positions, shape (3,).
+    yaw_rad
+        Heading.
+    start_s, duration_s
+        When it begins and how long it takes.
+    """
+
+    start_m: Array
+    end_m: Array
+    yaw_rad: float
+    start_s: float
+    duration_s: float
+
+    @classmethod
+    def at_speed(
+        cls, start_m: Array, end_m: Array, yaw_rad: float, start_s: float, peak_speed_m_s: float
+    ) -> "SmoothMove":
+        """Move whose fastest moment has the given speed."""
+        distance_m = float(np.linalg.norm(end_m - start_m))
+        duration_s = max(PEAK_TO_MEAN_SPEED * distance_m / peak_speed_m_s, 1e-3)
+        return cls(start_m, end_m, yaw_rad, start_s, duration_s)
+
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
+        """See `ReferenceSource.sample`."""
+        at = (time_s - self.start_s + period_s * np.arange(stages)) / self.duration_s
+        s = np.clip(at, 0.0, 1.0)[:, None]
+        samples = np.zeros((stages, COLUMNS))
+        samples[:, YAW] = self.yaw_rad
+        samples[:, POSITION], samples[:, VELOCITY], samples[:, ACCELERATION] = rest_to_rest(
+            self.start_m, self.end_m, s, self.duration_s
+        )
+        return Trajectory(samples, period_s)
+
+    def finished(self, time_s: float) -> bool:
+        """See `ReferenceSource.finished`."""
+        return time_s >= self.start_s + self.duration_s
+
+
+class PathReference(Struct, frozen=True):
+    """A path that begins at a time; afterwards its end is held.
+
+    Attributes
+    ----------
+    path
+        The path.
+    start_s
+        When it begins.
+    """
+
+    path: FlightPath
+    start_s: float
+
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
+        """See `ReferenceSource.sample`."""
+        at_s: Array = time_s - self.start_s + period_s * np.arange(float(stages))
+        return Trajectory(self.path.sample(at_s), period_s)
+
+    def finished(self, time_s: float) -> bool:
+        """See `ReferenceSource.finished`."""
+        return time_s >= self.start_s + self.path.duration_s
+
+
+@dataclass(frozen=True, slots=True)
+class TurnLimits:
+    """How fast a heading may change while other vehicles are carried round.
+
+    Attributes
+    ----------
+    rate_rad_s
+        Largest yaw rate.
+    acceleration_rad_s2
+        Largest sqrt(psi''^2 + psi'^4): times the arm, the acceleration of whoever is carried round.
+    """
+
+    rate_rad_s: float
+    acceleration_rad_s2: float
+
+    def used(self, samples: Array) -> Array:
+        """How much of the limits rows of a trajectory use, shape (..); 1 is all of them."""
+        rate, acceleration = samples[..., YAW_RATE], samples[..., YAW_ACCELERATION]
+        spin = np.hypot(acceleration, rate**2)
+        return np.maximum(np.abs(rate) / self.rate_rad_s, spin / self.acceleration_rad_s2)
+
+
+class SmoothTurn(Struct, frozen=True):
+    """Be at one place, and come to a heading smoothly.
+
+    Attributes
+    ----------
+    way
+        Quintic polynomials of the heading, one or two; the position does not change.
+    """
+
+    way: PathReference
+
+    @classmethod
+    def within(
+        cls, limits: TurnLimits, position_m: Array, yaw_rad: float, present: Array, time_s: float
+    ) -> "SmoothTurn":
+        """Shortest turn within limits.
+
+        Parameters
+        ----------
+        limits
+            How fast.
+        position_m, yaw_rad
+            Place to be at from now on, shape (3,), and heading to come to [unwrapped].
+        present
+            Row of the present reference, whose heading goes on from there, shape (12,).
+        time_s
+            Now.
+        """
+        begin, end = np.zeros((2, COLUMNS))
+        begin[POSITION] = end[POSITION] = position_m
+        begin[YAW::4] = present[YAW::4]
+        end[YAW] = yaw_rad
+        duration_s, used = _gentle_turn(limits, begin, end[None])
+        if used <= 1.0:
+            return cls(_turn_by(time_s, (0.0, begin), (duration_s, end)))
+        # The heading moves too fast, or the other way, to come there in one turn: it comes to rest first.
+        stops = np.tile(begin, (len(_TURN_DURATIONS_S), 1))
+        stops[:, YAW_RATE] = stops[:, YAW_ACCELERATION] = 0.0
+        # Where a quintic that ends at rest loses its highest power, which is the gentlest place to stop.
+        stops[:, YAW] += begin[YAW_RATE] * _TURN_DURATIONS_S / 2
+        stops[:, YAW] += begin[YAW_ACCELERATION] * _TURN_DURATIONS_S**2 / 12
+        stop_s, _ = _gentle_turn(limits, begin, stops)
+        stop = stops[np.searchsorted(_TURN_DURATIONS_S, stop_s)]
+        duration_s, _ = _gentle_turn(limits, stop, end[None])
+        return cls(_turn_by(time_s, (0.0, begin), (stop_s, stop), (stop_s + duration_s, end)))
+
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
+        """See `ReferenceSource.sample`."""
+        return self.way.sample(time_s, period_s, stages)
+
+    def finished(self, time_s: float) -> bool:
+        """See `ReferenceSource.finished`."""
+        return self.way.finished(time_s)
+
+
+def _gentle_turn(limits: TurnLimits, begin: Array, ends: Array) -> tuple[float, float]:
+    """Shortest duration [s] of a quintic within limits, else the gentlest; and how much of them it uses.
+
+    Rows `ends` belong to `_TURN_DURATIONS_S`, or one row to all of them.
+    """
+    durations, moments = np.meshgrid(_TURN_DURATIONS_S, _TURN_MOMENTS, indexing="ij")
+    after = np.repeat(np.broadcast_to(ends, (len(durations), COLUMNS)), len(_TURN_MOMENTS), axis=0)
+    rows = quintic(begin[None], after, durations.reshape(-1, 1), moments.reshape(-1, 1))
+    used = limits.used(rows).reshape(durations.shape).max(axis=1)
+    within = used <= 1.0
+    best = int(np.argmax(within)) if within.any() else int(np.argmin(used))
+    return float(_TURN_DURATIONS_S[best]), float(used[best])
+
+
+def _turn_by(start_s: float, *knots: tuple[float, Array]) -> PathReference:
+    return PathReference(FlightPath(np.array([[time_s, *row] for time_s, row in knots])), start_s)

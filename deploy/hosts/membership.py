@@ -1,0 +1,208 @@
+"""Starts and stops a host and its vehicles' agents by request, and tells what processes do and log."""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+
+from rcopterx.agents.phases import AIRBORNE
+from rcopterx.bus import channels
+from rcopterx.bus.log_messages import LauncherEvent
+from rcopterx.bus.messages import AgentStatus, LauncherStatus
+from rcopterx.bus.requests import (
+    ReadLogs,
+    Reply,
+    StartHost,
+    StartVehicle,
+    StopHost,
+    StopVehicle,
+    TakeVehicle,
+)
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.hosts.capacity import AGENT, may_be_crowded
+from rcopterx.deploy.processes.child import Child
+from rcopterx.deploy.processes.log_reading import answer_of
+from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.deploy.processes.table import ROUTER
+
+REPORT_PERIOD_S = 0.5
+MAX_TEXT = 400
+
+
+class MembershipService:
+    """Answers what a launcher serves for a host in a thread of its own, but `recall`.
+
+    `start_host` and `stop_host` are for hosts with a daemon.
+
+    Parameters
+    ----------
+    address
+        The bus.
+    host
+        Name of the host.
+    supervisor
+        Keeps the agents running.
+    news
+        What happened to processes; it is published and removed.
+    home
+        Vehicles whose agents run on this host from the start.
+    logs
+        Directory of the logs of the processes.
+    begin
+        Called before the processes of a host with a daemon are started; None for a host without one.
+
+    Attributes
+    ----------
+    started
+        Whether the processes of the host run, and not only its daemon.
+    flies
+        About how many vehicles the host flies; None if that is not known.
+    measuring
+        Whether that is being found out, and may be less than what runs here.
+    """
+
+    def __init__(
+        self,
+        address: BusAddress,
+        host: str,
+        supervisor: Supervisor,
+        news: deque[str],
+        home: Collection[str],
+        logs: Path,
+        begin: Callable[[], None] | None = None,
+    ) -> None:
+        self._news = news
+        self._logs = logs
+        self._home = frozenset(home)
+        self.started = begin is None
+        self.flies: int | None = None
+        agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
+        # From the first status on, so that no take-off is before it.
+        self.measuring = may_be_crowded(sum(child.wanted for child in agents))
+        self._begin = begin
+        self._supervisor = supervisor
+        self._agents: Mapping[str, Child] = {child.spec.unit: child for child in agents}
+        self._host = host
+        self._wake = threading.Event()
+        self._stopping = False
+        self._session = Session(address, wake=self._wake.set)
+        self._statuses = self._session.subscribe_all(channels.AGENT_STATUS, waking=False)
+        self._session.serve(host, ["start_vehicle", "stop_vehicle", "take_vehicle", "read_logs"])
+        if begin is not None:
+            self._session.serve(host, ["start_host", "stop_host"])
+        self._thread = threading.Thread(target=self._run, name="membership", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        report_at_s = 0.0
+        while not self._stopping:
+            self._wake.wait(max(0.0, report_at_s - self._session.clock()))
+            self._wake.clear()
+            for incoming in self._session.pending():
+                incoming.answer(self._answer(incoming.request))
+                report_at_s = 0.0
+            if self._session.clock() >= report_at_s:
+                self._publish_news()
+                self._session.publish(channels.LAUNCHER, self._host, self._status())
+                report_at_s = self._session.clock() + REPORT_PERIOD_S
+
+    def _publish_news(self) -> None:
+        while self._news:
+            event = LauncherEvent(text=self._news.popleft()[:MAX_TEXT])
+            self._session.publish(channels.LAUNCHER_EVENT, self._host, event)
+
+    def _answer(self, request: object) -> Reply:
+        if isinstance(request, StartHost):
+            return self._start_host(request.without)
+        if isinstance(request, StopHost):
+            return self._stop_host()
+        if isinstance(request, ReadLogs):
+            return answer_of(self._logs, request)
+        if isinstance(request, StartVehicle | StopVehicle | TakeVehicle):
+            child = self._agents.get(request.vehicle)
+            if child is None:
+                reason = f"the fleet file does not let the agent of {request.vehicle} run on {self._host}"
+                return Reply(accepted=False, reason=reason)
+            return self._answer_for_vehicle(request, child)
+        return Reply(accepted=False, reason="a launcher starts and stops vehicles")
+
+    def _start_host(self, without: Collection[str]) -> Reply:
+        idle = [child for child in self._supervisor.children.values() if child.spec.role != ROUTER]
+        if self.started:
+            return Reply(accepted=True, reason=f"{self._host} runs already")
+        if self._begin is not None:
+            self._begin()
+        self.started = True
+        for child in idle:
+            vehicle = child.spec.unit
+            child.wanted = child.spec.role != "agent" or (vehicle in self._home and vehicle not in without)
+        return Reply(accepted=True, reason=f"{self._host} is started")
+
+    def _stop_host(self) -> Reply:
+        flying = [vehicle for vehicle in tuple(self._statuses.inboxes) if self._phase(vehicle) in AIRBORNE]
+        if flying:
+            return Reply(accepted=False, reason=f"{', '.join(sorted(flying))} in the air; land first")
+        self.started = False
+        for child in self._supervisor.children.values():
+            child.wanted = child.spec.role == ROUTER
+        return Reply(accepted=True, reason=f"{self._host} stops")
+
+    def _answer_for_vehicle(self, request: StartVehicle | StopVehicle | TakeVehicle, child: Child) -> Reply:
+        vehicle = request.vehicle
+        if isinstance(request, StartVehicle):
+            news = f"{vehicle} takes part already" if child.wanted else f"{vehicle} is started"
+            child.wanted = True
+            return Reply(accepted=True, reason=news)
+        if isinstance(request, StopVehicle):
+            phase = self._phase(vehicle)
+            if phase in AIRBORNE and not self._flies_elsewhere(vehicle):
+                return Reply(
+                    accepted=False, reason=f"{vehicle} is in the air, its phase is {phase}; land it first"
+                )
+            child.wanted = False
+            return Reply(accepted=True, reason=f"{vehicle} leaves")
+        if child.wanted:
+            return Reply(accepted=True, reason=f"the agent of {vehicle} runs on {self._host} already")
+        child.take_over = child.wanted = True
+        return Reply(accepted=True, reason=f"the agent of {vehicle} starts on {self._host}")
+
+    def _phase(self, vehicle: str) -> str:
+        told = self._told(vehicle)
+        return "unknown" if told is None else told.phase
+
+    def _flies_elsewhere(self, vehicle: str) -> bool:
+        told = self._told(vehicle)
+        return told is not None and told.diagnostics.host not in (None, self._host)
+
+    def _told(self, vehicle: str) -> AgentStatus | None:
+        inbox = self._statuses.inboxes.get(vehicle)
+        received = None if inbox is None or not inbox.alive(self._session.clock()) else inbox.latest()
+        return None if received is None else received.message
+
+    def _status(self) -> LauncherStatus:
+        supervisor, children = self._supervisor, self._supervisor.children
+        wanted = {name: child.wanted for name, child in self._agents.items()}
+        return LauncherStatus(
+            running=tuple(name for name, here in wanted.items() if here),
+            absent=tuple(name for name, here in wanted.items() if not here and name in self._home),
+            restarts={name: child.restarts for name, child in children.items()},
+            spare_ready=supervisor.spare_ready,
+            watchdog=supervisor.watchdog_on,
+            hung={name: child.hung for name, child in children.items() if child.hung}
+            | ({"spare": supervisor.spares_hung} if supervisor.spares_hung else {}),
+            longest_silence_s={name: supervisor.longest_silence_s(name) for name in supervisor.running()},
+            forgiven=supervisor.forgiven,
+            flies=self.flies,
+            measuring=self.measuring,
+        )
+
+    def close(self) -> None:
+        """Answer no more."""
+        self._stopping = True
+        self._wake.set()
+        self._thread.join()
+        # What ends by order is not missed: no other host has to start these agents.
+        self._session.publish(
+            channels.LAUNCHER, self._host, LauncherStatus(running=(), absent=tuple(self._home))
+        )
+        self._session.close()

@@ -1,0 +1,150 @@
+"""Keeps what agents last reported and gateways last wrote, for the processes that replace them."""
+
+import threading
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import TypeVar
+
+from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
+from rcopterx.bus.message import Message
+from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.subscription import Inbox, Received
+from rcopterx.deploy.hosts.guarding import FLYING, LastFrame, OnFloor, Runners
+
+M = TypeVar("M", bound=Message)
+
+
+FIRST_ROUTER_S = 30.0
+"""All processes of a fleet start at once; the router of a large one takes its time on a small computer."""
+
+
+class RecallService:
+    """Answers `recall` and `recall_transmitter` for the vehicles of a host in a thread of its own.
+
+    Parameters
+    ----------
+    address
+        The bus.
+    agents
+        Vehicles whose agents run on this host.
+    transmitters
+        Vehicles whose transmitter gateways run on this host.
+    quick_deaths
+        How often in a row the agent of a vehicle has died shortly after its start.
+    guarded
+        Vehicles that this host watches, because their agents may have to be started here. Of others that
+        have their transmitters elsewhere nothing is heard: frames of a whole fleet cost every host more than
+        an agent.
+    """
+
+    def __init__(
+        self,
+        address: BusAddress,
+        agents: list[str],
+        transmitters: list[str],
+        quick_deaths: Callable[[str], int] = lambda _: 0,
+        guarded: Collection[str] = (),
+    ) -> None:
+        self._quick_deaths = quick_deaths
+        self._wake = threading.Event()
+        self._stopping = False
+        self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
+        self._intents = {vehicle: self._session.subscribe(channels.INTENT, vehicle) for vehicle in agents}
+        # Fifty messages a second and vehicle: they wake nobody and are read only when somebody asks.
+        self._applied = self._of_each(channels.APPLIED, {*transmitters, *guarded})
+        self._transmitters = self._of_each(channels.TRANSMITTER_STATUS, {*transmitters, *guarded})
+        self._leases = self._of_each(channels.LEASE, transmitters)
+        self._runners = Runners()
+        self._launchers: Mapping[str, Inbox[LauncherStatus]] = {}
+        if guarded:
+            self._launchers = self._session.subscribe_all(channels.LAUNCHER, waking=False).inboxes
+        self._session.serve(address.host, ["recall"])
+        for vehicle in transmitters:
+            self._session.serve(vehicle, ["recall_transmitter"])
+        self._thread = threading.Thread(target=self._run, name="recall", daemon=True)
+        self._thread.start()
+
+    def _of_each(self, channel: Channel[M], vehicles: Iterable[str]) -> Mapping[str, Inbox[M]]:
+        return {name: self._session.subscribe(channel, name, waking=False) for name in vehicles}
+
+    def _run(self) -> None:
+        while not self._stopping:
+            self._wake.wait(0.5)
+            self._wake.clear()
+            for incoming in self._session.pending():
+                if isinstance(incoming.request, Recall):
+                    incoming.answer(self._recall(incoming.request.vehicle))
+                elif isinstance(incoming.request, RecallTransmitter):
+                    incoming.answer(self._recall_transmitter(incoming.unit))
+
+    def _recall(self, vehicle: str) -> RecallReply:
+        if vehicle not in self._intents:
+            return RecallReply(accepted=False, reason=f"the agent of {vehicle} does not run here")
+        received, deaths = self._intents[vehicle].latest(), self._quick_deaths(vehicle)
+        if received is None:
+            reason = f"{vehicle} has not reported anything yet"
+            return RecallReply(accepted=False, reason=reason, quick_deaths=deaths)
+        age_s = max(0.0, self._session.clock() - received.arrived_s)
+        return RecallReply(accepted=True, intent=received.message, age_s=age_s, quick_deaths=deaths)
+
+    def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
+        applied = _newest(self._applied.get(vehicle))
+        status = _newest(self._transmitters.get(vehicle))
+        lease = _newest(self._leases.get(vehicle))
+        known = [(told.arrived_s, told.message.state) for told in (applied, status) if told is not None]
+        if not known:
+            return RecallTransmitterReply(accepted=False, reason=f"nothing is known of {vehicle} yet")
+        # A kill is told as soon as it holds; what could not be written is not among what was applied.
+        newest_s, state = max(known)
+        return RecallTransmitterReply(
+            accepted=True,
+            applied=None if applied is None else applied.message,
+            age_s=max(0.0, self._session.clock() - (newest_s if applied is None else applied.arrived_s)),
+            lease=max(
+                0 if status is None else status.message.lease, 0 if applied is None else applied.message.lease
+            ),
+            issued=0 if lease is None else lease.message.issued,
+            killed=state == "killed",
+        )
+
+    def frames(self, vehicles: Iterable[str]) -> dict[str, LastFrame]:
+        """Newest serial frame of those of the vehicles that were heard of."""
+        newest = {vehicle: _newest(self._applied.get(vehicle)) for vehicle in vehicles}
+        return {
+            vehicle: LastFrame(
+                told.message.state, (told.message.lease, told.message.sequence), told.arrived_s
+            )
+            for vehicle, told in newest.items()
+            if told is not None
+        }
+
+    def on_floor(self, vehicles: Iterable[str]) -> dict[str, OnFloor]:
+        """Those of the vehicles that stand on the floor, as a gateway that is there says."""
+        for host, launcher in tuple(self._launchers.items()):
+            said = launcher.latest()
+            if said is not None:
+                self._runners.hear(host, said.message.running, said.arrived_s)
+        now_s, known = self._session.clock(), {}
+        for vehicle in vehicles:
+            inbox = self._transmitters.get(vehicle)
+            status = None if inbox is None or not inbox.alive(now_s) else inbox.latest()
+            runner = self._runners.of(vehicle)
+            if status is None or runner is None or status.message.state in FLYING:
+                continue
+            age_s = status.message.command_age_s
+            if age_s is not None:
+                known[vehicle] = OnFloor(status.arrived_s - age_s, runner)
+        return known
+
+    def close(self) -> None:
+        """Answer no more."""
+        self._stopping = True
+        self._wake.set()
+        self._thread.join()
+        self._session.close()
+
+
+def _newest(inbox: Inbox[M] | None) -> Received[M] | None:
+    return None if inbox is None else inbox.latest()

@@ -1,0 +1,1 @@
+"""Starting, logging and restarting the processes of one host."""

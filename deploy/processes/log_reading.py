@@ -1,0 +1,123 @@
+"""Reads the logs of the processes of a fleet, merged in time."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
+from rcopterx.deploy.processes.process_log import OLDER, SUFFIX
+
+PAGE_BYTES: Final = 16_000
+"""Of all logs together in one answer to a request; bytes that are no characters take three on the bus."""
+_STAMP: Final = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
+
+
+class LogLine(NamedTuple):
+    """A line of a log; it sorts by its time.
+
+    Attributes
+    ----------
+    time
+        As it is written, UTC; that of the line before for lines without one, for instance of a traceback.
+    process
+        Whose it is.
+    text
+        The line without its time.
+    """
+
+    time: str
+    process: str
+    text: str
+
+
+class ProcessLogs:
+    """The logs in a directory.
+
+    Parameters
+    ----------
+    directory
+        Where they lie.
+    names
+        Processes or vehicles whose logs are read; none for all.
+    positions
+        How many bytes of each file are known.
+
+    Attributes
+    ----------
+    positions
+        How many bytes of each file are known by now.
+    """
+
+    def __init__(
+        self, directory: Path, names: Iterable[str] = (), positions: Mapping[str, int] | None = None
+    ) -> None:
+        self._directory = directory
+        self._names = set(names)
+        self.positions = dict(positions or {})
+        self._times: dict[Path, str] = {}
+
+    def processes(self) -> list[str]:
+        """Names of the processes that have a log."""
+        return sorted({path.name.partition(SUFFIX)[0] for path in self._directory.glob(f"*{SUFFIX}*")})
+
+    def new_lines(self) -> list[LogLine]:
+        """Lines that were not read before, in the order of their times."""
+        lines = [line for path in self._files() for line in self._lines_of(path)]
+        # Stable: lines of one log with the same time keep their order.
+        return sorted(lines, key=lambda line: line.time)
+
+    def page(self) -> tuple[list[LogLine], bool]:
+        """Some lines that were not read before, log by log, and whether there are more."""
+        lines: list[LogLine] = []
+        room_bytes = PAGE_BYTES
+        for path in self._files():
+            known = self.positions.get(path.name, 0)
+            lines += self._lines_of(path, room_bytes, MAX_LINES - len(lines))
+            room_bytes -= max(0, self.positions.get(path.name, 0) - known)
+            if room_bytes <= PAGE_BYTES // 2 or len(lines) >= MAX_LINES // 2:
+                return lines, True
+        return lines, False
+
+    def _files(self) -> list[Path]:
+        found = sorted(self._directory.glob(f"*{SUFFIX}*"), key=lambda path: path.suffix != OLDER)
+        return [path for path in found if self._wanted(path)]
+
+    def _wanted(self, path: Path) -> bool:
+        process = path.name.partition(SUFFIX)[0]
+        return not self._names or process in self._names or process.removeprefix("agent-") in self._names
+
+    def _lines_of(self, path: Path, most_bytes: int = -1, most_lines: int | None = None) -> Iterator[LogLine]:
+        process = path.name.partition(SUFFIX)[0]
+        try:
+            with path.open("rb") as file:
+                start = self.positions.get(path.name, 0)
+                # A log that is shorter than before was put aside, and this is its successor.
+                start = start if path.stat().st_size >= start else 0
+                file.seek(start)
+                data = file.read(most_bytes)
+        except OSError:
+            return
+        *whole, rest = data.split(b"\n")
+        if not whole and len(rest) == most_bytes:
+            whole = [rest]  # What fits into no answer is cut.
+        whole = whole[:most_lines]
+        self.positions[path.name] = start + min(sum(len(line) + 1 for line in whole), len(data))
+        for line in whole:
+            text = line.decode(errors="replace").rstrip("\r")
+            stamp = _STAMP.match(text)
+            if stamp is not None:
+                self._times[path] = stamp[0].strip()
+            yield LogLine(self._times.get(path, ""), process, text[stamp.end() :] if stamp else text)
+
+
+def answer_of(directory: Path, request: ReadLogs) -> ReadLogsReply:
+    """What the processes of a host have logged, for somebody on another one."""
+    logs = ProcessLogs(directory, request.names, request.positions)
+    lines, more = logs.page()
+    return ReadLogsReply(
+        accepted=True,
+        lines=tuple(LoggedLine(line.time, line.process, line.text[:MAX_LINE]) for line in lines),
+        positions=logs.positions,
+        more=more,
+    )

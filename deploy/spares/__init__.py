@@ -1,0 +1,1 @@
+"""Spare processes that replace a process that died in flight."""

@@ -1,0 +1,1 @@
+"""Detection of processes that make no progress."""

@@ -1,0 +1,56 @@
+"""Looks whether processes make progress, and ends those that do not."""
+
+import os
+import signal
+from collections.abc import Mapping
+from contextlib import suppress
+
+from rcopterx.bus.heartbeat import HeartbeatPage
+from rcopterx.deploy.watchdog.processor_time import Threads, excuse_of, threads_of
+from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, Look, Watchdog
+
+
+class Liveness:
+    """Feeds the watchdog of a host and does what it decides.
+
+    Parameters
+    ----------
+    watchdog
+        Decides.
+    """
+
+    def __init__(self, watchdog: Watchdog) -> None:
+        self._watchdog = watchdog
+        self._now_s = 0.0
+        self._readings: dict[int, tuple[float, Threads]] = {}
+
+    def check(self, now_s: float, pages: Mapping[int, tuple[HeartbeatPage, Duty]]) -> list[Hung]:
+        """Look once at all processes, by id; those that hang are killed and returned."""
+        self._now_s = now_s
+        looks = {process: Look(page.beats, page.phase, duty) for process, (page, duty) in pages.items()}
+        asked = self._readings.keys() & looks.keys()
+        self._readings = {process: self._readings[process] for process in asked}
+        hung = self._watchdog.check(now_s, looks, self._excuse)
+        for found in hung:
+            with suppress(ProcessLookupError):
+                os.kill(found.process, signal.SIGKILL)
+        return hung
+
+    def silent_s(self, process: int) -> float:
+        """How long a process has shown no progress."""
+        return self._watchdog.silent_s(process)
+
+    def longest_s(self, process: int) -> float:
+        """Longest silence of a process since it works."""
+        return self._watchdog.longest_s(process)
+
+    @property
+    def forgiven(self) -> dict[str, int]:
+        """How often a silence beyond the limit was no hang, by reason."""
+        return dict(self._watchdog.forgiven)
+
+    def _excuse(self, process: int) -> Excuse:
+        threads = threads_of(process)
+        before_s, before = self._readings.get(process, (self._now_s, {}))
+        self._readings[process] = (self._now_s, threads)
+        return excuse_of(process, before, threads, self._now_s - before_s)

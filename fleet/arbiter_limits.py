@@ -1,0 +1,46 @@
+"""Limits of the arbiters from the fleet file; whoever only asks for them need not import a gateway."""
+
+from typing import Final
+
+from rcopterx.fleet.reading import replaced
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.vehicles.model import Model
+
+SLOWEST_YAW_PER_S: Final = 1.0
+"""A vehicle without yaw damping turns as far in a second as this one."""
+
+
+def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
+    """Limits the transmitter gateway enforces for a vehicle."""
+    table = dict(fleet.safety.settings)
+    surveillance, landing = table.pop("surveillance", {}), table.pop("landing", {})
+    for field, part in (("surveillance", surveillance), ("landing", landing)):
+        if not isinstance(part, dict):
+            raise FleetError(f"safety.settings.{field}: {part!r}, must be a table")
+    model = model_of(fleet, name)
+    # A volume may begin above the floor, but every flight begins and ends on it.
+    x, y, lowest_m = fleet.volume.min_m
+    floor_m = min(lowest_m, 0.0)
+    fence = Fence((x, y, floor_m), fleet.volume.max_m) if fleet.safety.geofence else None
+    base = ArbiterLimits(
+        lower=model.input_min,
+        upper=model.input_max,
+        floor_m=floor_m,
+        landing=replaced(landing_of(model), landing, "safety.settings.landing"),
+        surveillance=replaced(
+            SurveillanceLimits(fence=fence, trust_repeated_poses=False),
+            surveillance,
+            "safety.settings.surveillance",
+        ),
+    )
+    return replaced(base, table, "safety.settings")
+
+
+def landing_of(model: Model) -> LandingLimits:
+    """What a vehicle's nominal model tells the law that lands it."""
+    pitch, roll, thrust, yaw = model.input_gain
+    return LandingLimits(
+        input_gain=(pitch, roll, thrust), yaw_rate_gain_rad_s=yaw / max(-model.damping[3], SLOWEST_YAW_PER_S)
+    )

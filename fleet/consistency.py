@@ -1,0 +1,173 @@
+"""Checks that names, hosts, leaders and devices of a fleet file refer to each other correctly."""
+
+import ipaddress
+import os.path
+from collections.abc import Mapping
+
+from rcopterx.bus.keys import EVERY_FLEET
+from rcopterx.fleet.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError, FleetFile
+
+
+def check_consistency(fleet: FleetFile) -> None:
+    """Refuse a file whose tables contradict each other.
+
+    Raises
+    ------
+    FleetError
+        Names the path of the bad field and what is allowed.
+    """
+    _check_vehicles(fleet)
+    _check_hosts(fleet)
+    _check_security(fleet)
+    _check_leaders(fleet)
+
+
+def _check_vehicles(fleet: FleetFile) -> None:
+    if fleet.name == EVERY_FLEET:
+        raise FleetError(f"name: {EVERY_FLEET!r} means every fleet, choose another one")
+    if not fleet.vehicles:
+        raise FleetError("vehicles: at least one vehicle is needed")
+    for group, names, reserved in (
+        ("vehicles", fleet.vehicles, RESERVED_UNITS),
+        ("gateways", fleet.gateways, RESERVED_PROCESSES),
+    ):
+        for name in names:
+            if name in reserved:
+                raise FleetError(f"{group}.{name}: the name is reserved, as are {', '.join(reserved)}")
+    _check_unique("subject", {name: vehicle.subject for name, vehicle in fleet.vehicles.items()})
+    _check_unique(
+        "transmitter.port",
+        {name: os.path.normpath(vehicle.transmitter.port) for name, vehicle in fleet.vehicles.items()},
+    )
+    low, high = fleet.volume.min_m, fleet.volume.max_m
+    for axis, (a, b) in enumerate(zip(low, high, strict=True)):
+        if not a < b:
+            raise FleetError(f"volume.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
+
+
+def _check_unique(field_name: str, values: Mapping[str, str]) -> None:
+    seen: dict[str, str] = {}
+    for name, value in values.items():
+        if value in seen:
+            raise FleetError(
+                f"vehicles.{name}.{field_name}: {value!r} is already that of vehicles.{seen[value]}"
+            )
+        seen[value] = name
+
+
+def _check_hosts(fleet: FleetFile) -> None:
+    addresses: dict[str, str] = {}
+    for name, host in fleet.hosts.items():
+        address = f"{host.address}:{host.router_port}"
+        other = addresses.setdefault(address, name)
+        if other != name:
+            raise FleetError(f"hosts.{name}.router_port: {address} is already that of hosts.{other}")
+        if fleet.simulator is not None and address == fleet.tracker.address:
+            raise FleetError(f"tracker.address: {address} is already that of the router of hosts.{name}")
+    uses = {"tracker.host": fleet.tracker.host}
+    if fleet.log.host is not None:
+        uses["log.host"] = fleet.log.host
+    if fleet.simulator is not None:
+        uses["simulator.host"] = fleet.simulator.host
+    uses |= {f"gateways.{name}.host": gateway.host for name, gateway in fleet.gateways.items()}
+    uses |= {f"vehicles.{name}.host": vehicle.host for name, vehicle in fleet.vehicles.items()}
+    for name, vehicle in fleet.vehicles.items():
+        uses |= {f"vehicles.{name}.spares[{n}]": spare for n, spare in enumerate(vehicle.spares)}
+    for where, used in uses.items():
+        if used not in fleet.hosts:
+            raise FleetError(f"{where}: unknown host {used!r}, known are {', '.join(fleet.hosts)}")
+    for name, vehicle in fleet.vehicles.items():
+        hosts = fleet.agent_hosts(name)
+        for number, spare in enumerate(vehicle.spares):
+            if spare in hosts[: number + 1]:
+                raise FleetError(f"vehicles.{name}.spares[{number}]: {spare!r} runs its agent already")
+        gateway = vehicle.transmitter.gateway
+        if gateway not in fleet.gateways:
+            known = ", ".join(fleet.gateways)
+            raise FleetError(
+                f"vehicles.{name}.transmitter.gateway: unknown gateway {gateway!r}, known are {known}"
+            )
+        if fleet.simulator is not None and fleet.gateways[gateway].host != fleet.simulator.host:
+            raise FleetError(
+                f"gateways.{gateway}.host: simulated radios are on the simulator's host "
+                f"{fleet.simulator.host!r}, not on {fleet.gateways[gateway].host!r}"
+            )
+    for name in () if fleet.simulator is None else fleet.simulator.start:
+        if name not in fleet.vehicles:
+            known = ", ".join(fleet.vehicles)
+            raise FleetError(f"simulator.start.{name}: unknown vehicle, known are {known}")
+
+
+def _check_security(fleet: FleetFile) -> None:
+    security = fleet.security
+    for group in ("operators", "watchers"):
+        names = getattr(security, group)
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                raise FleetError(f"security.{group}[{number}]: {name!r} is named twice")
+    if security.certificates is not None:
+        if security.insecure:
+            raise FleetError("security.insecure: true, but there are certificates; leave out one of them")
+        if not security.certificates.startswith(("/", "~")):
+            raise FleetError(
+                f"security.certificates: {security.certificates!r} must be an absolute path or begin with ~, "
+                "because every host reads it"
+            )
+        return
+    for name, host in fleet.hosts.items():
+        if not (security.insecure or is_loopback(host.address)):
+            raise FleetError(
+                f"hosts.{name}.address: {host.address} can be reached by others, and without certificates "
+                "whoever reaches it can steer the fleet; name a directory in security.certificates and make "
+                "them by rcopterx certs, or write insecure = true under [security]"
+            )
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this computer reaches an address."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
+
+
+def _check_leaders(fleet: FleetFile) -> None:
+    for name, vehicle in fleet.vehicles.items():
+        leaders = [link.leader for link in vehicle.follow]
+        for number, link in enumerate(vehicle.follow):
+            where = f"vehicles.{name}.follow[{number}].leader"
+            if link.leader not in fleet.vehicles:
+                raise FleetError(
+                    f"{where}: unknown vehicle {link.leader!r}, known are {', '.join(fleet.vehicles)}"
+                )
+            if link.leader == name:
+                raise FleetError(f"{where}: {name} cannot follow itself, that is a cycle")
+            if link.leader in leaders[:number]:
+                raise FleetError(f"{where}: {link.leader!r} is named twice")
+        for number, successor in enumerate(vehicle.successors):
+            where = f"vehicles.{name}.successors[{number}]"
+            if successor not in fleet.vehicles or successor == name:
+                others = ", ".join(other for other in fleet.vehicles if other != name)
+                raise FleetError(f"{where}: {successor!r} cannot succeed {name}, allowed are {others}")
+            if successor in vehicle.successors[:number]:
+                raise FleetError(f"{where}: {successor!r} is named twice")
+            if fleet.vehicles[successor].leader_lost.then != "promote":
+                raise FleetError(
+                    f'{where}: {successor} does not want to lead; give it leader_lost.then = "promote"'
+                )
+    for name in fleet.vehicles:
+        cycle = _cycle_from(fleet, name)
+        if cycle:
+            raise FleetError(f"vehicles.{name}.follow: a cycle of leaders: {' -> '.join(cycle)}")
+
+
+def _cycle_from(fleet: FleetFile, start: str) -> list[str]:
+    stack = [[start]]
+    while stack:
+        path = stack.pop()
+        for link in fleet.vehicles[path[-1]].follow:
+            if link.leader == start:
+                return [*path, start]
+            if link.leader not in path:
+                stack.append([*path, link.leader])
+    return []

@@ -1,0 +1,250 @@
+"""Writes calibrations and models back into a fleet file: comments survive, and it is never half written."""
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from rcopterx.fleet.radios import calibration_of
+from rcopterx.fleet.reading import load_fleet, parse_fleet
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.shipped import shipped_fleets
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.vehicles.model import Model
+
+DIGITS = 4
+FITTED = (
+    "input_gain",
+    "damping",
+    "lag_s",
+    "delay_s",
+    "hover_thrust",
+    "thrust_coupling",
+    "tilt",
+    "uncertainty",
+)
+CHANNELS = ("pitch", "roll", "throttle", "yaw")
+
+
+def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
+    """Replace what differs in the calibration of a vehicle.
+
+    Parameters
+    ----------
+    path
+        Fleet file; it keeps its comments, its order and its permissions.
+    vehicle
+        Name of the vehicle.
+    calibration
+        What the file shall say.
+
+    Returns
+    -------
+    list of str
+        What was changed, a line each: field, old and new value.
+
+    Raises
+    ------
+    FleetError
+        The file cannot be used, or comes with the package and belongs to everybody; nothing was written.
+    """
+    path = _own(path)
+    present = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
+
+    def edit(table: Any) -> list[str]:
+        changed = [name for name in CHANNELS if getattr(present, name) != getattr(calibration, name)]
+        return [line for name in changed for line in _set_channel(table, name, present, calibration)]
+
+    def reads_back(file: FleetFile) -> bool:
+        return calibration_of(file.vehicles[vehicle], vehicle) == calibration
+
+    return _rewrite(path, ("vehicles", vehicle, "transmitter", "calibration"), True, edit, reads_back)
+
+
+def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
+    """Replace what differs in the model of a vehicle; numbers are rounded to `DIGITS` significant digits.
+
+    Parameters
+    ----------
+    path
+        Fleet file; it keeps its comments, its order and its permissions.
+    vehicle
+        Name of the vehicle.
+    model
+        What the file shall say; bounds of the position stay those of the volume.
+
+    Returns
+    -------
+    list of str
+        What was changed, a line each: field, old and new value.
+
+    Raises
+    ------
+    FleetError
+        The file cannot be used, or comes with the package and belongs to everybody; nothing was written.
+    """
+    path = _own(path)
+    before, after = _plain(model_of(load_fleet(path), vehicle)), _plain(model)
+
+    def edit(table: Any) -> list[str]:
+        new = not table
+        lines = _set_numbers(table, before, after, "")
+        if new:
+            table.add(tomlkit.nl())
+        return lines
+
+    def reads_back(file: FleetFile) -> bool:
+        return _plain(model_of(file, vehicle)) == after
+
+    return _rewrite(path, ("vehicles", vehicle, "model"), False, edit, reads_back)
+
+
+def _rewrite(
+    path: Path,
+    keys: Sequence[str],
+    inline: bool,
+    edit: Callable[[Any], list[str]],
+    reads_back: Callable[[FleetFile], bool],
+) -> list[str]:
+    """Edit one table of a fleet file.
+
+    Parameters
+    ----------
+    path
+        Of the user's own file.
+    keys
+        Of the table; made, inline or not, where there is none.
+    inline
+        Whether a table that is new stands on one line.
+    edit
+        Changes the table; returns a line for each change. Without any the file stays untouched.
+    reads_back
+        Whether the changed file says what it shall.
+    """
+    document = _document(path)
+    lines = edit(_table(document, keys, inline))
+    if not lines:
+        return []
+    changed = tomlkit.dumps(document)
+    if not reads_back(parse_fleet(changed)):
+        raise FleetError(f"{path}: {'.'.join(keys)} cannot be changed by a program")
+    _replace(path, changed)
+    return lines
+
+
+def _plain(model: Model) -> dict[str, Any]:
+    """Rounded numbers of a model, those that a fit may change."""
+    plain = msgspec.to_builtins(model)
+    return {name: _rounded(plain[name]) for name in FITTED}
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(inner) for inner in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def _set_numbers(
+    table: MutableMapping[str, Any], before: Mapping[str, Any] | None, after: Mapping[str, Any], where: str
+) -> list[str]:
+    lines = []
+    for name, new in after.items():
+        old = None if before is None else before[name]
+        if old == new:
+            continue
+        if isinstance(new, dict):
+            if name not in table:
+                table[name] = tomlkit.inline_table()
+            lines += _set_numbers(table[name], old, new, f"{where}{name}.")
+        else:
+            table[name] = new
+            lines.append(f"{where}{name}: {_text(old)} -> {_text(new)}")
+    return lines
+
+
+def _text(value: Any) -> str:
+    return f"[{', '.join(f'{number:g}' for number in value)}]" if isinstance(value, list) else f"{value:g}"
+
+
+def _own(path: Path) -> Path:
+    """Resolved path of a file that is the user's.
+
+    Raises
+    ------
+    FleetError
+        It comes with the package.
+    """
+    path = path.resolve()
+    if path in (shipped.resolve() for shipped in shipped_fleets().values()):
+        raise FleetError(f"{path}: comes with the package and is not changed; copy it and use the copy")
+    return path
+
+
+def check_own(path: Path) -> None:
+    """Make sure that a fleet file may be written to.
+
+    Raises
+    ------
+    FleetError
+        It comes with the package, or cannot be used.
+    """
+    load_fleet(_own(path))
+
+
+def _document(path: Path) -> tomlkit.TOMLDocument:
+    try:
+        return tomlkit.parse(path.read_text(encoding="utf-8"))
+    except TOMLKitError as error:
+        raise FleetError(f"{path}: not TOML: {error}") from None
+
+
+def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool) -> Any:
+    """A table of a document, made where there is none."""
+    table: Any = document
+    for key in keys:
+        if key not in table:
+            table[key] = tomlkit.inline_table() if inline else tomlkit.table()
+        table = table[key]
+    return table
+
+
+def _set_channel(
+    table: MutableMapping[str, Any], channel: str, present: Calibration, wanted: Calibration
+) -> list[str]:
+    before, after = getattr(present, channel), getattr(wanted, channel)
+    if channel not in table:
+        table[channel] = tomlkit.inline_table()
+    lines = []
+    for item in fields(after):
+        old, new = getattr(before, item.name), getattr(after, item.name)
+        # A table that is new must repeat what differs from the defaults of a channel of any kind.
+        if old != new or (
+            item.name not in table[channel] and (item.default is MISSING or new != item.default)
+        ):
+            table[channel][item.name] = new
+        if old != new:
+            lines.append(f"{channel}.{item.name}: {old:g} -> {new:g}")
+    return lines
+
+
+def _replace(path: Path, text: str) -> None:
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, path.stat().st_mode & 0o7777)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise

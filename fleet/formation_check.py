@@ -1,0 +1,61 @@
+"""Refuses a fleet file whose formation does not fit into its volume or brings vehicles too close together."""
+
+from itertools import combinations
+
+import numpy as np
+
+from rcopterx.agents.formation.topology import FormationGraph, places, roots
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.fleet.schema import FleetError, FleetFile
+
+TOLERANCE_M = 1e-6
+
+
+def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
+    """Leaders of every vehicle by the file."""
+    return {
+        name: tuple(
+            LeaderLink(
+                leader=link.leader,
+                offset_m=link.offset_m,
+                yaw_offset_rad=link.yaw_offset_rad,
+                frame=link.frame,
+                weight=link.weight,
+            )
+            for link in vehicle.follow
+        )
+        for name, vehicle in fleet.vehicles.items()
+    }
+
+
+def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
+    """Make sure that each formation of the file can be flown, its leader at heading zero.
+
+    Raises
+    ------
+    FleetError
+        Names a vehicle that would be too close to another one, or too far away from one for the volume.
+    """
+    links = links_of(fleet)
+    where = places(links, {name: np.zeros(4) for name, own in links.items() if not own})
+    for name, other in combinations(fleet.vehicles, 2):
+        if roots(links, name) != roots(links, other):
+            continue
+        later = name if links[name] and _moves_with(links, name, other) else other
+        gap = np.abs(where[name][:3] - where[other][:3])
+        distance_m = float(np.linalg.norm(gap))
+        if minimum_distance_m is not None and distance_m < minimum_distance_m - TOLERANCE_M:
+            raise FleetError(
+                f"vehicles.{later}.follow: {name} and {other} would be {distance_m:.3g} m apart, the minimum "
+                f"distance is {minimum_distance_m:g} m"
+            )
+        for axis, (low, high) in enumerate(zip(fleet.volume.min_m, fleet.volume.max_m, strict=True)):
+            if gap[axis] > high - low + TOLERANCE_M:
+                raise FleetError(
+                    f"vehicles.{later}.follow: {name} and {other} would be {gap[axis]:.3g} m apart in "
+                    f"{'xyz'[axis]}, the flight volume is {high - low:g} m there"
+                )
+
+
+def _moves_with(links: FormationGraph, name: str, other: str) -> bool:
+    return any(link.leader == other for link in links[name])

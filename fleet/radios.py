@@ -1,0 +1,40 @@
+"""Radio protocol and calibration of the vehicles of a fleet file."""
+
+from dataclasses import replace
+from typing import Any, Final
+
+from rcopterx.fleet.reading import dataclass_from
+from rcopterx.fleet.schema import FleetError, FleetFile, VehicleConfig
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
+from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line
+
+MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
+"""Option of each radio protocol that holds the number of the model match; the others send none."""
+
+
+def calibration_of(vehicle: VehicleConfig, name: str) -> Calibration:
+    """Calibration of a vehicle's transmitter."""
+    return dataclass_from(
+        Calibration, vehicle.transmitter.calibration, f"vehicles.{name}.transmitter.calibration"
+    )
+
+
+def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
+    """Radio protocol of a vehicle's transmitter.
+
+    A pseudo-terminal keeps no parity, so simulated lines have none (dsm2_transmitters.md section 9).
+    """
+    transmitter = fleet.vehicles[name].transmitter
+    where = f"vehicles.{name}.transmitter"
+    protocol = transmitter.protocol
+    option = MODEL_MATCH_OPTIONS.get(protocol)
+    own: dict[str, Any] = {} if option is None else {option: transmitter.model_match}
+    line = None if fleet.simulator is None else replace(default_line(protocol), parity="N")
+    try:
+        radio = create_protocol(protocol, own | transmitter.settings, line)
+    except ProtocolError as error:
+        raise FleetError(f"{where}.settings: {error}") from None
+    if transmitter.low_power and "low_power" not in radio.offers:
+        raise FleetError(f"{where}.low_power: cannot be asked for with protocol {protocol!r}")
+    return radio

@@ -1,0 +1,234 @@
+"""Reads the fleet file: one TOML document, refused as a whole with the path of the bad field."""
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import inspect
+
+from rcopterx.bus.message import Name
+from rcopterx.fleet.consistency import check_consistency
+from rcopterx.fleet.schema import FleetError, FleetFile, GatewayConfig, HostConfig, VehicleConfig
+from rcopterx.fleet.snapshot import SUFFIX, read_snapshot
+
+T = TypeVar("T")
+
+_STEP = re.compile(r"\.(\w+)|\[")
+
+
+def load_fleet(path: Path) -> FleetFile:
+    """Read and validate a fleet file.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or a snapshot of one (JSON).
+
+    Returns
+    -------
+    FleetFile
+        Consistent in itself: names, hosts, leaders and devices refer to each other correctly.
+
+    Raises
+    ------
+    FleetError
+        Names the file, the path of the bad field, and what is allowed.
+    """
+    if path.is_dir():
+        raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
+    if path.suffix == SUFFIX:
+        return read_snapshot(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FleetError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise FleetError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+    try:
+        return parse_fleet(text)
+    except FleetError as error:
+        raise FleetError(f"{path}: {error}") from None
+
+
+def parse_fleet(text: str) -> FleetFile:
+    """As `load_fleet`, from text."""
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise FleetError(f"not TOML: {error}") from None
+    _check_finite(raw, "")
+    defaults = raw.pop("defaults", {})
+    vehicles = raw.get("vehicles")
+    if isinstance(defaults, dict) and isinstance(vehicles, dict):
+        raw["vehicles"] = {
+            name: merged(defaults, table) if isinstance(table, dict) else table
+            for name, table in vehicles.items()
+        }
+    elif defaults:
+        raise FleetError("defaults: must be a table of vehicle fields")
+    # One by one first, because a fault anywhere in a mapping is reported without its key.
+    for group, kind in (("vehicles", VehicleConfig), ("hosts", HostConfig), ("gateways", GatewayConfig)):
+        tables = raw.get(group)
+        for name, table in tables.items() if isinstance(tables, dict) else ():
+            converted(name, Name, f"{group}.{name}")
+            converted(table, kind, f"{group}.{name}")
+    fleet = converted(raw, FleetFile, "")
+    check_consistency(fleet)
+    return fleet
+
+
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables laid over each other, deeply; values of `over` win."""
+    result = dict(base)
+    for key, value in over.items():
+        present = result.get(key)
+        both = isinstance(present, dict) and isinstance(value, dict)
+        result[key] = merged(present, value) if both and isinstance(present, dict) else value
+    return result
+
+
+def converted(raw: object, kind: type[T], where: str) -> T:
+    """Typed object from a table of the file.
+
+    Parameters
+    ----------
+    raw
+        The table.
+    kind
+        Type wanted.
+    where
+        Path of the table in the file, empty for the whole file.
+
+    Returns
+    -------
+    T
+        The object.
+
+    Raises
+    ------
+    FleetError
+        Wrong type, missing or unknown field, or a value the type refuses; names the path of the field.
+    """
+    try:
+        return msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        what, _, place = str(error).partition(" - at `")
+        below = place.rstrip("`").removeprefix("key` in `").removeprefix("$")
+        path = f"{where}{below}".removeprefix(".")
+        if "unknown field" in what or "enum value" in what:
+            what = f"{what}, allowed are {', '.join(_allowed_at(kind, below))}"
+        raise FleetError(f"{path or 'top level'}: {what[0].lower()}{what[1:]}") from None
+
+
+def _check_finite(value: object, where: str) -> None:
+    """TOML knows nan and inf; nothing in a fleet is either."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise FleetError(f"{where}: {value} is not a finite number")
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _check_finite(item, f"{where}.{key}" if where else str(key))
+    elif isinstance(value, list):
+        for number, item in enumerate(value):
+            _check_finite(item, f"{where}[{number}]")
+
+
+def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
+    """Build a dataclass from a table.
+
+    Parameters
+    ----------
+    kind
+        A dataclass type, possibly with dataclass fields.
+    table
+        Values by field name; tables for dataclass fields.
+    where
+        Path of the table in the fleet file.
+
+    Returns
+    -------
+    T
+        The object; fields that the table leaves out keep their defaults.
+
+    Raises
+    ------
+    FleetError
+        Unknown field, wrong type, or a value the dataclass refuses.
+    """
+    _refuse_unknown(kind, table, where)
+    return converted(dict(table), kind, where)
+
+
+def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
+    allowed = {item.name: item.type for item in fields(kind)}
+    hints = inspect.type_info(kind)
+    types = {item.name: item.type for item in getattr(hints, "fields", ())}
+    for name, value in table.items():
+        if name not in allowed:
+            raise FleetError(f"{where}.{name}: unknown field, allowed are {', '.join(allowed)}")
+        nested = getattr(_without_none(types[name]), "cls", None) if name in types else None
+        if isinstance(value, Mapping) and nested is not None and is_dataclass(nested):
+            _refuse_unknown(nested, value, f"{where}.{name}")
+
+
+def replaced(original: T, table: Mapping[str, Any], where: str) -> T:
+    """Copy of a dataclass object with some fields changed by a table; errors as in `dataclass_from`."""
+    _refuse_unknown(type(original), table, where)
+    return dataclass_from(type(original), _merged(msgspec.to_builtins(original), table), where)
+
+
+def _merged(values: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
+    """Values with those of a table in their place, tables inside tables likewise."""
+    merged = dict(values)
+    for name, value in table.items():
+        before = merged.get(name)
+        both = isinstance(value, Mapping) and isinstance(before, Mapping)
+        merged[name] = _merged(before, value) if both and before is not None else value
+    return merged
+
+
+def _allowed_at(kind: Any, below: str) -> tuple[str, ...]:
+    """Names that a place of a file may have: fields of a table, or words of a choice.
+
+    Parameters
+    ----------
+    kind
+        Type of the table that `below` begins at.
+    below
+        Path as msgspec tells it, for instance `.transmitter` or `.follow[0].frame`.
+
+    Returns
+    -------
+    tuple of str
+        Empty where neither names nor words are listed, for instance for a number.
+    """
+    node: Any = inspect.type_info(kind)
+    for step in _STEP.finditer(below):
+        node = _inside(_without_none(node), step[1])
+    node = _without_none(node)
+    if isinstance(node, inspect.StructType):
+        return tuple(field.encode_name for field in node.fields)
+    return tuple(map(str, node.values)) if isinstance(node, inspect.LiteralType) else ()
+
+
+def _inside(node: Any, name: str | None) -> Any:
+    """Type of a field of a table, or of the items of a mapping or an array."""
+    match node:
+        case inspect.StructType():
+            return next(field.type for field in node.fields if field.encode_name == name)
+        case inspect.DictType():
+            return node.value_type
+        case inspect.VarTupleType() | inspect.ListType():
+            return node.item_type
+        case _:
+            return inspect.AnyType()
+
+
+def _without_none(node: Any) -> Any:
+    if not isinstance(node, inspect.UnionType):
+        return node
+    return next(member for member in node.types if not isinstance(member, inspect.NoneType))

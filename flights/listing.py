@@ -1,0 +1,122 @@
+"""What a list of flights tells of each, and mending files that were cut off."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+from rcopterx.flights.flight_writing import FLEET_ATTACHMENT, METADATA
+from rcopterx.flights.flights import Flight
+from rcopterx.flights.mcap_reading import Contents, FlightLogError, contents_of, messages_of
+from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
+
+CHUNK_MESSAGES: Final = 500
+
+
+@dataclass(frozen=True)
+class FlightSummary:
+    """One line of the list.
+
+    Attributes
+    ----------
+    complete
+        False while it is being recorded, and for a flight whose recorder was killed.
+    problem
+        Why it cannot be read; empty if it can.
+    """
+
+    name: str
+    fleet: str
+    started: str
+    vehicles: tuple[str, ...]
+    size_bytes: int
+    files: int
+    complete: bool
+    commit: str
+    directory: str
+    problem: str = ""
+
+    def as_json(self) -> dict[str, object]:
+        """For a JSON document."""
+        return asdict(self)
+
+
+def summary_of(flight: Flight) -> FlightSummary:
+    """What the files of a flight tell of it, without reading its messages."""
+    problem, contents = "", [Contents()]
+    try:
+        contents = [contents_of(path) for path in flight.parts]
+    except FlightLogError as error:
+        problem = str(error)
+    told = contents[0].metadata.get(METADATA, {})
+    return FlightSummary(
+        name=flight.name,
+        fleet=told.get("fleet", ""),
+        started=told.get("started", ""),
+        vehicles=vehicles_in(contents[0].attachments.get(FLEET_ATTACHMENT, b"{}")),
+        size_bytes=flight.size_bytes,
+        files=len(flight.parts),
+        complete=not problem and all(part.complete for part in contents),
+        commit=told.get("commit", ""),
+        directory=str(flight.parts[0].parent),
+        problem=problem,
+    )
+
+
+def vehicles_in(fleet: bytes) -> tuple[str, ...]:
+    """Vehicles of a snapshot of a fleet file."""
+    return tuple(json.loads(fleet).get("vehicles", {}))
+
+
+@dataclass(frozen=True)
+class Mended:
+    """What a mended file holds."""
+
+    messages: int
+    damaged_chunks: int
+
+
+def mend(path: Path, target: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
+    """Copy everything readable of a file into a complete one.
+
+    Parameters
+    ----------
+    path, target
+        The file, and the new one.
+    schemas
+        See `McapFile`.
+
+    Raises
+    ------
+    FlightLogError
+        The file is no flight log, or cannot be read.
+    OSError
+        The new one cannot be written.
+    """
+    contents = contents_of(path)
+    read = Contents()
+    count = 0
+    with target.open("xb") as file:
+        mcap = McapFile(file, schemas)
+        for name, table in contents.metadata.items():
+            mcap.add_metadata(name, table)
+        for name, data in contents.attachments.items():
+            mcap.add_attachment(name, "application/json", data, 0)
+        for chunk in chunks(messages_of(path, read)):
+            mcap.add_chunk(chunk)
+            count += len(chunk)
+        mcap.finish()
+    return Mended(count, read.damaged_chunks)
+
+
+def chunks(messages: Iterable[LoggedMessage]) -> Iterable[list[LoggedMessage]]:
+    """Messages in lists of a few hundred."""
+    chunk: list[LoggedMessage] = []
+    for message in messages:
+        chunk.append(message)
+        if len(chunk) >= CHUNK_MESSAGES:
+            yield chunk
+            chunk = []
+    if chunk:
+        yield chunk

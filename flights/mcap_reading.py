@@ -1,0 +1,176 @@
+"""Reads MCAP files of flight logs, also those that were cut off when the recorder was killed."""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Metadata
+
+from rcopterx.flights.mcap_writing import COMPRESSION, MAGIC, LoggedMessage
+
+MAX_RECORD_BYTES: Final = 256 * 1024 * 1024
+_HEAD: Final = struct.Struct("<BQ")
+_MESSAGE: Final = struct.Struct("<HIQQ")
+"""Channel, sequence, log time, publish time; there are many, and the library takes 20 us for each."""
+
+
+class FlightLogError(ValueError):
+    """The file is not a flight log, or cannot be read; says which one and why."""
+
+
+@dataclass
+class Contents:
+    """What a file tells of itself, known as soon as its messages have been read.
+
+    Attributes
+    ----------
+    metadata
+        Tables by name.
+    attachments
+        Files by name.
+    complete
+        It ends as it should, with a summary.
+    damaged_chunks
+        Chunks whose checksum is wrong; they are left out.
+    """
+
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    complete: bool = False
+    damaged_chunks: int = 0
+
+
+def records_of(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Opcode and bytes of every whole record of a file, up to where it is cut off.
+
+    Raises
+    ------
+    FlightLogError
+        It is not an MCAP file.
+    """
+    if file.read(len(MAGIC)) != MAGIC:
+        raise FlightLogError("not an MCAP file")
+    while len(head := file.read(_HEAD.size)) == _HEAD.size:
+        opcode, length = _HEAD.unpack(head)
+        if length > MAX_RECORD_BYTES:
+            return
+        body = file.read(length)
+        if len(body) < length:
+            return
+        yield opcode, body
+        if opcode == Opcode.FOOTER:
+            return
+
+
+def messages_of(path: Path, contents: Contents | None = None) -> Iterator[LoggedMessage]:
+    """Messages of a file in the order in which they were recorded.
+
+    Parameters
+    ----------
+    path
+        The file.
+    contents
+        Filled in on the way.
+
+    Raises
+    ------
+    FlightLogError
+        It cannot be read, or is no MCAP file with messages of ours.
+    """
+    contents = Contents() if contents is None else contents
+    channels: dict[int, str] = {}
+    try:
+        with path.open("rb") as file:
+            for opcode, body in records_of(file):
+                if opcode == Opcode.CHUNK:
+                    yield from _messages(body, channels, contents)
+                else:
+                    _note(opcode, body, contents)
+    except OSError as error:
+        raise FlightLogError(f"{path}: cannot be read: {error.strerror}") from None
+    except (FlightLogError, McapError, struct.error, UnicodeDecodeError) as error:
+        raise FlightLogError(f"{path}: not a flight log: {error}") from None
+
+
+def contents_of(path: Path) -> Contents:
+    """Metadata and attachments of a file; messages are skipped, not decompressed.
+
+    Raises
+    ------
+    FlightLogError
+        See `messages_of`.
+    """
+    contents = Contents()
+    try:
+        with path.open("rb") as file:
+            for opcode, body in records_of(file):
+                _note(opcode, body, contents)
+    except OSError as error:
+        raise FlightLogError(f"{path}: cannot be read: {error.strerror}") from None
+    except (FlightLogError, McapError, struct.error, UnicodeDecodeError) as error:
+        raise FlightLogError(f"{path}: not a flight log: {error}") from None
+    return contents
+
+
+def _note(opcode: int, body: bytes, contents: Contents) -> None:
+    if opcode == Opcode.METADATA:
+        metadata = Metadata.read(_stream(body))
+        contents.metadata[metadata.name] = metadata.metadata
+    elif opcode == Opcode.ATTACHMENT:
+        attachment = Attachment.read(_stream(body))
+        contents.attachments[attachment.name] = attachment.data
+    elif opcode == Opcode.FOOTER:
+        contents.complete = True
+
+
+def _messages(body: bytes, channels: dict[int, str], contents: Contents) -> Iterator[LoggedMessage]:
+    data = chunk_data(body)
+    if data is None:
+        contents.damaged_chunks += 1
+        return
+    start = 0
+    while start < len(data):
+        opcode, length = _HEAD.unpack_from(data, start)
+        start += _HEAD.size
+        if opcode == Opcode.CHANNEL:
+            channel = Channel.read(_stream(data[start : start + length]))
+            channels[channel.id] = channel.topic
+        elif opcode == Opcode.MESSAGE:
+            channel_id, number, time_ns, _ = _MESSAGE.unpack_from(data, start)
+            # Channels that were declared in a damaged chunk are not known.
+            if channel_id in channels:
+                payload = data[start + _MESSAGE.size : start + length]
+                yield LoggedMessage(channels[channel_id], payload, time_ns, number)
+        start += length
+
+
+def chunk_data(body: bytes) -> bytes | None:
+    """Records of a chunk; None where its checksum is wrong.
+
+    Raises
+    ------
+    FlightLogError
+        It is compressed in a way that ours are not.
+    """
+    chunk = Chunk.read(_stream(body))
+    if chunk.compression not in ("", COMPRESSION):
+        raise FlightLogError(f"compression {chunk.compression!r}, ours is {COMPRESSION!r}")
+    try:
+        data = chunk.data
+        if chunk.compression:
+            data = zstandard.decompress(chunk.data, chunk.uncompressed_size)
+    except zstandard.ZstdError:
+        return None
+    return data if zlib.crc32(data) == chunk.uncompressed_crc else None
+
+
+def _stream(data: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(data))

@@ -1,0 +1,1 @@
+"""Identification flights: excitation, recording, hover trim."""

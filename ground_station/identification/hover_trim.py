@@ -1,0 +1,68 @@
+"""Mean inputs of a hover, from what was written to the radio (dsm2_transmitters.md section 8.1)."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from rcopterx.bus import channels
+from rcopterx.ground_station.scripting.observer import Observer
+
+STEADY = 0.02
+"""Mean input below which a vehicle counts as trimmed."""
+MOST_SPREAD = 0.2
+FEWEST_PER_S = 20
+READ_S = 0.2
+"""Between two looks into the inbox, which holds five seconds of messages."""
+
+
+class HoverError(RuntimeError):
+    """There was no steady hover to measure."""
+
+
+def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[float, float, float, float]:
+    """Mean applied inputs of a vehicle that hovers now, over some seconds.
+
+    Raises
+    ------
+    HoverError
+        It does not fly, its controller was overridden, or it did not hover.
+    """
+    observer.wait_for_status([vehicle])
+    if observer.state_of(vehicle).phase != "flying":
+        raise HoverError(f"hover first; it is {observer.state_of(vehicle).phase}")
+    inbox = observer.session.subscribe(channels.APPLIED, vehicle, depth=256)
+    end_s = time.monotonic() + seconds
+    states: list[str] = []
+    inputs: list[Sequence[float]] = []
+    while time.monotonic() < end_s:
+        time.sleep(READ_S)
+        for received in inbox.drain():
+            states.append(received.message.state)
+            inputs.append(received.message.input)
+    inbox.close()
+    return mean_of_hover(states, inputs, seconds)
+
+
+def mean_of_hover(
+    states: Sequence[str], inputs: Sequence[Sequence[float]], seconds: float
+) -> tuple[float, float, float, float]:
+    """Mean of applied inputs (n, 4) after checking that they are those of a steady hover.
+
+    Raises
+    ------
+    HoverError
+        Too few, or not all armed, or the second half differs much from the first.
+    """
+    if len(inputs) < FEWEST_PER_S * seconds:
+        raise HoverError(f"only {len(inputs)} frames in {seconds:g} s")
+    others = sorted(set(states) - {"armed"})
+    if others:
+        raise HoverError(f"the arbiter was {', '.join(others)} meanwhile")
+    values = np.array(inputs)
+    half = len(values) // 2
+    drift = float(np.abs(values[:half].mean(axis=0) - values[half:].mean(axis=0)).max())
+    if drift > MOST_SPREAD:
+        raise HoverError(f"no steady hover: the mean inputs changed by {drift:.2f} meanwhile")
+    pitch, roll, thrust, yaw = values.mean(axis=0).tolist()
+    return (pitch, roll, thrust, yaw)

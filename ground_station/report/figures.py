@@ -1,0 +1,339 @@
+"""Figures of a flight from its recording: latencies, errors, ticks, fallbacks."""
+
+import math
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rcopterx.bus import channels
+from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.messages import (
+    AgentStatus,
+    Applied,
+    Diagnostics,
+    LaboratoryState,
+    LaboratoryVehicle,
+    LeaderLink,
+    Plan,
+    Pose,
+    TransmitterStatus,
+)
+from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
+from rcopterx.ground_station.report.recorder import Recording
+from rcopterx.ground_station.report.statistics import rms_and_max
+
+Array = NDArray[np.float64]
+
+PULSE_TOLERANCE_US = 1.0
+MATCH_LIMIT_S = 0.1
+TO_COMMAND = {"gateway", "agent", "solver", "command"}
+"""Stages between the arrival of a frame at the Vicon gateway and that of its command at the transmitter's."""
+SETTLED_S = 3.0
+"""From here on after a change of its set point a vehicle that leads is to be there."""
+AT_REST_M = 0.001
+LONGEST_LATENCY_MS = 1000.0
+"""What took longer has nothing to do with each other."""
+
+
+class FlightFigures:
+    """Everything `report.json` says about the vehicles of a recorded flight.
+
+    Parameters
+    ----------
+    recording
+        The flight.
+    vehicles
+        Names of the vehicles.
+
+    Notes
+    -----
+    Positions are the true ones of the simulated laboratory where there is one, else those of the motion
+    capture. Clocks of two hosts are compared by the offsets that routers measured during the flight.
+    """
+
+    def __init__(self, recording: Recording, vehicles: Sequence[str]) -> None:
+        self._vehicles = list(vehicles)
+        self._laboratory = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
+        self._poses: dict[str, list[Pose]] = {}
+        self._plans: dict[str, list[Plan]] = {}
+        self._applied: dict[str, list[Applied]] = {}
+        self._transmitters: dict[str, list[TransmitterStatus]] = {}
+        self._status: dict[str, list[AgentStatus]] = {}
+        for name in self._vehicles:
+            self._poses[name] = [m for m, _ in recording.messages(channels.POSE, name)]
+            self._plans[name] = [m for m, _ in recording.messages(channels.PLAN, name)]
+            self._applied[name] = [m for m, _ in recording.messages(channels.APPLIED, name)]
+            self._transmitters[name] = [m for m, _ in recording.messages(channels.TRANSMITTER_STATUS, name)]
+            self._status[name] = [m for m, _ in recording.messages(channels.AGENT_STATUS, name)]
+        self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
+        self._stages = self._stage_times(recording)
+
+    @property
+    def laboratory(self) -> list[LaboratoryState]:
+        """Truth of the simulated laboratory; empty with hardware."""
+        return self._laboratory
+
+    def truth(self, name: str) -> list[LaboratoryVehicle]:
+        """True states of one vehicle."""
+        return [state.vehicles[name] for state in self._laboratory if name in state.vehicles]
+
+    def statuses(self, name: str) -> list[AgentStatus]:
+        """What the agent of a vehicle said of itself, in order."""
+        return self._status[name]
+
+    def applied(self, name: str) -> list[Applied]:
+        """What was written to the radio module of a vehicle, in order."""
+        return self._applied[name]
+
+    def plans(self, name: str) -> list[Plan]:
+        """Plans of a vehicle, in order."""
+        return self._plans[name]
+
+    def references(self, name: str) -> tuple[Array, Array]:
+        """Frames of the plans of a vehicle that have a reference, shape (n,), and the references, (n, 4)."""
+        plans = [plan for plan in self._plans[name] if plan.reference is not None]
+        frames = np.array([plan.frame for plan in plans], dtype=float)
+        return frames, np.array([plan.reference for plan in plans], dtype=float).reshape(-1, 4)
+
+    def frame_period_s(self) -> float:
+        """Time between the frames of the motion capture [s]."""
+        return next((poses[0].period_s for poses in self._poses.values() if poses), 1.0)
+
+    def flown(self, name: str) -> tuple[NDArray[np.int64], Array]:
+        """Frames, shape (n,), and position [m] and yaw [rad, within a turn] of a vehicle, shape (n, 4)."""
+        by_frame = self._positions[name]
+        return np.array(list(by_frame), dtype=np.int64), np.array(list(by_frame.values())).reshape(-1, 4)
+
+    def distances_m(self, first: str, second: str) -> Array:
+        """Distance between two vehicles at every frame in which both were seen, shape (n,)."""
+        one, two = self._positions[first], self._positions[second]
+        gaps = [one[frame][:3] - two[frame][:3] for frame in one.keys() & two.keys()]
+        return np.asarray(np.linalg.norm(np.array(gaps).reshape(-1, 3), axis=1))
+
+    def _position_by_frame(self, name: str) -> dict[int, Array]:
+        if self._laboratory:
+            return {
+                state.frame: np.array([*state.vehicles[name].position_m, state.vehicles[name].yaw_rad])
+                for state in self._laboratory
+                if name in state.vehicles
+            }
+        return {
+            pose.frame: np.array([*pose.position_m, _yaw_rad(pose.quaternion_xyzw)])
+            for pose in self._poses[name]
+            if pose.position_m is not None and pose.quaternion_xyzw is not None
+        }
+
+    def pose_to_command_ms(self) -> list[float]:
+        """From the arrival of a frame at the Vicon gateway to that of its command at the transmitter's."""
+        values = []
+        for stages in self._stages.values():
+            for _, times in stages:
+                if times.keys() >= TO_COMMAND:
+                    values.append(sum(times[stage] for stage in TO_COMMAND))
+        return [value for value in values if value < LONGEST_LATENCY_MS]
+
+    def stage_times_ms(self, name: str) -> list[tuple[float, dict[str, float]]]:
+        """When each command of a vehicle was written, as the recording counts time [s], and its stages.
+
+        Stages are those of `rcopterx.ground_station.report.latency.stage_times_ms`.
+        """
+        return self._stages[name]
+
+    def _stage_times(self, recording: Recording) -> dict[str, list[tuple[float, dict[str, float]]]]:
+        told = sorted(
+            (
+                (arrived_s, host, status)
+                for host in recording.units(channels.ROUTER_STATUS)
+                for status, arrived_s in recording.messages(channels.ROUTER_STATUS, host)
+            ),
+            key=itemgetter(0),
+        )
+        found = {}
+        for name in self._vehicles:
+            routers: dict[str, RouterStatus] = {}
+            waiting = iter(told)
+            following = next(waiting, None)
+            rows = []
+            for applied, arrived_s in recording.messages(channels.APPLIED, name):
+                while following is not None and following[0] <= arrived_s:
+                    routers[following[1]] = following[2]
+                    following = next(waiting, None)
+                times = stage_times_ms(applied, partial(clock_offset, routers))
+                if times:
+                    rows.append((arrived_s, times))
+            found[name] = rows
+        return found
+
+    def frame_to_radio_ms(self) -> list[float]:
+        """From the simulator's send of a frame to the arrival of the first radio frame computed from it."""
+        sent: dict[int, list[float]] = {}
+        for state in self._laboratory:
+            sent.setdefault(state.frame, []).append(state.sent_s)
+        values = []
+        for name in self._vehicles:
+            arrivals = [radio for vehicle in self.truth(name) for radio in vehicle.radio]
+            times = [radio[0] for radio in arrivals]
+            seen: set[tuple[int, int]] = set()
+            for applied in self._applied[name]:
+                # A laboratory that was started again counts its frames anew: the last one before counts.
+                before = [at_s for at_s in sent.get(applied.frame, ()) if at_s <= applied.written_s]
+                if not applied.fresh or (applied.epoch, applied.frame) in seen or not before:
+                    continue
+                seen.add((applied.epoch, applied.frame))
+                arrived_s = _arrival_of(applied, arrivals, times)
+                if arrived_s is not None:
+                    values.append(1000 * (arrived_s - before[-1]))
+        return [value for value in values if value < LONGEST_LATENCY_MS]
+
+    def formation_error_m(self, name: str) -> Array:
+        """Norm of p_F - p_L - d at every frame in which the vehicle followed, shape (n,)."""
+        errors = []
+        own = self._positions[name]
+        for plan in self._plans[name]:
+            if not plan.following or plan.reference is None or plan.frame not in own:
+                continue
+            total = sum(link.weight for link in plan.following)
+            place = np.zeros(3)
+            leaders = [self._positions.get(link.leader, {}).get(plan.frame) for link in plan.following]
+            for link, leader in zip(plan.following, leaders, strict=True):
+                if leader is not None:
+                    place += link.weight / total * (leader[:3] + _in_room(link, float(leader[3])))
+            if all(leader is not None for leader in leaders):
+                errors.append(float(np.linalg.norm(own[plan.frame][:3] - place)))
+        return np.array(errors)
+
+    def tracking_error_m(self, name: str) -> Array:
+        """Norm of the distance to the reference at every frame in which there was one, shape (n,)."""
+        own = self._positions[name]
+        frame_period_s = self.frame_period_s()
+        errors = []
+        for plan in self._plans[name]:
+            if plan.reference is None:
+                continue
+            position = own.get(plan.frame + round(plan.start_s / frame_period_s))
+            if position is not None:
+                errors.append(float(np.linalg.norm(position[:3] - np.array(plan.reference[:3]))))
+        return np.array(errors)
+
+    def settled_error_m(self, name: str) -> Array:
+        """Distance to a reference that has been at rest for `SETTLED_S` of free flight, shape (n,)."""
+        own, period_s = self._positions[name], self.frame_period_s()
+        errors, since, place = [], None, np.full(3, np.inf)
+        for plan in self._plans[name]:
+            if plan.reference is None or not plan.followable:
+                since, place = None, np.full(3, np.inf)
+                continue
+            wanted = np.array(plan.reference[:3])
+            if since is None or np.linalg.norm(wanted - place) > AT_REST_M:
+                since, place = plan.frame, wanted
+            flown = own.get(plan.frame + round(plan.start_s / period_s))
+            if flown is not None and (plan.frame - since) * period_s >= SETTLED_S:
+                errors.append(float(np.linalg.norm(flown[:3] - wanted)))
+        return np.array(errors)
+
+    def followed(self, name: str) -> list[str]:
+        """Vehicles that a vehicle followed at any time."""
+        return sorted({link.leader for plan in self._plans[name] for link in plan.following})
+
+    def offsets_m(self, name: str, leader: str) -> tuple[NDArray[np.int64], Array, Array]:
+        """Where a follower was and was to be beside a leader.
+
+        Returns
+        -------
+        tuple
+            Frames, shape (n,); offsets as flown and as wanted, each of shape (n, 4): x, y, z in the inertial
+            frame [m], heading [rad].
+        """
+        own, other = self._positions[name], self._positions.get(leader, {})
+        frames, flown, wanted = [], [], []
+        for plan in self._plans[name]:
+            link = next((link for link in plan.following if link.leader == leader), None)
+            if link is None or plan.frame not in own or plan.frame not in other:
+                continue
+            apart = own[plan.frame] - other[plan.frame]
+            apart[3] = math.remainder(apart[3], 2 * math.pi)
+            frames.append(plan.frame)
+            flown.append(apart)
+            wanted.append(np.array([*_in_room(link, float(other[plan.frame][3])), link.yaw_offset_rad]))
+        numbers = np.array(frames, dtype=np.int64)
+        return numbers, np.array(flown).reshape(-1, 4), np.array(wanted).reshape(-1, 4)
+
+    def _safety_events(self, name: str) -> list[str]:
+        """States of the arbiter other than armed, each with its reason, in order."""
+        events: list[str] = []
+        for status in self._transmitters[name]:
+            event = f"{status.state}: {status.reason}"
+            if status.state != "armed" and events[-1:] != [event]:
+                events.append(event)
+        return events
+
+    def vehicle(self, name: str) -> dict[str, Any]:
+        """The report's table of one vehicle."""
+        status = [status.diagnostics for status in self._status[name]]
+        table: dict[str, Any] = {
+            "formation_error_mm": rms_and_max(self.formation_error_m(name)),
+            "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
+            "radio_frames": dict(Counter(applied.state for applied in self._applied[name])),
+            "safety": self._safety_events(name),
+        }
+        if not status:
+            return table | {
+                "ticks": 0, "missed_ticks": 0, "avoiding_ticks": 0, "fallbacks": {}, "solve_ms": None,
+            }  # fmt: skip
+        return table | {
+            "ticks": _growth(status, lambda s: {"ticks": s.ticks})["ticks"],
+            "missed_ticks": _growth(status, lambda s: {"missed": s.missed_ticks})["missed"],
+            "avoiding_ticks": _growth(status, lambda s: {"avoiding": s.avoiding_ticks})["avoiding"],
+            "fallbacks": dict(_growth(status, lambda s: s.fallbacks)),
+            "solve_ms": {
+                "p50": round(float(np.median([s.solve_ms_p50 for s in status])), 3),
+                "p99": round(max(s.solve_ms_p99 for s in status), 3),
+                "max": round(max(s.solve_ms_max for s in status), 3),
+            },
+        }
+
+
+def _in_room(link: LeaderLink, yaw_rad: float) -> Array:
+    """Offset from a leader with this heading in the inertial frame."""
+    x, y, z = link.offset_m
+    if link.frame == "inertial":
+        return np.array([x, y, z])
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([c * x - s * y, s * x + c * y, z])
+
+
+def _yaw_rad(quaternion_xyzw: Sequence[float]) -> float:
+    x, y, z, w = quaternion_xyzw
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def _growth(
+    figures: Sequence[Diagnostics], counts: Callable[[Diagnostics], Mapping[str, int]]
+) -> Counter[str]:
+    """How far counters grew during a recording; an agent that was started again counts from zero."""
+    grown: Counter[str] = Counter()
+    for before, after in pairwise(figures):
+        base = counts(before) if before.process == after.process else {}
+        grown.update({kind: count - base.get(kind, 0) for kind, count in counts(after).items()})
+    return +grown
+
+
+def _arrival_of(
+    applied: Applied, arrivals: Sequence[Sequence[float]], times: Sequence[float]
+) -> float | None:
+    """Arrival of the serial frame with the pulse widths that were written."""
+    for index in range(bisect_left(times, applied.written_s - 0.001), len(arrivals)):
+        radio = arrivals[index]
+        if radio[0] > applied.written_s + MATCH_LIMIT_S:
+            return None
+        pairs = zip(radio[1:5], applied.pulse_width_us[:4], strict=False)
+        if all(abs(a - b) <= PULSE_TOLERANCE_US for a, b in pairs):
+            return radio[0]
+    return None

@@ -1,0 +1,158 @@
+"""Latency by stage: how long commands take from the capture of a frame to the radio, and where."""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from rcopterx.bus import channels
+from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.messages import Applied
+from rcopterx.bus.session import Session
+from rcopterx.ground_station.report.statistics import percentiles
+
+STAGES: Final = {
+    "tracker": "capture to Vicon gateway",
+    "gateway": "Vicon gateway to agent",
+    "agent": "pose at the agent to start of the controller",
+    "solver": "controller",
+    "command": "agent to transmitter gateway",
+    "radio": "transmitter gateway to serial port",
+}
+"""What each stage covers, in order; they follow each other without a gap."""
+TOTAL: Final = "total"
+WINDOW: Final = 500
+"""Commands whose stages are kept for the live figures: ten seconds at 50 Hz."""
+REFRESH_S: Final = 1.0
+WAITING: Final = 256
+"""Undecoded messages that are kept between two looks."""
+
+ClockOffset = Callable[[str, str], float | None]
+"""Monotonic clock of the second host minus that of the first [s]; None where nobody has measured it."""
+Percentiles = Mapping[str, float]
+"""p50, p99 and max [ms]."""
+
+
+def clock_offset(statuses: Mapping[str, RouterStatus], first: str, second: str) -> float | None:
+    """Offset of the monotonic clocks of two hosts.
+
+    Parameters
+    ----------
+    statuses
+        What routers say of their links, by host.
+    first, second
+        Names of the hosts.
+
+    Returns
+    -------
+    float or None
+        Clock of the second host minus that of the first [s], wrong by at most half the round trip between
+        them; None if neither router has measured it.
+    """
+    if first == second:
+        return 0.0
+    told = statuses.get(first)
+    if told is not None and second in told.links:
+        offset_s = told.links[second].monotonic_offset_s
+        if offset_s is not None:
+            return offset_s
+    told = statuses.get(second)
+    if told is not None and first in told.links:
+        offset_s = told.links[first].monotonic_offset_s
+        return None if offset_s is None else -offset_s
+    return None
+
+
+def stage_times_ms(applied: Applied, offset: ClockOffset) -> dict[str, float]:
+    """Time that a command spent in each stage.
+
+    Parameters
+    ----------
+    applied
+        What was written because the command arrived.
+    offset
+        Offsets between the clocks of hosts.
+
+    Returns
+    -------
+    dict
+        Milliseconds by stage, and their `total` where all are known. Stages between hosts whose clocks have
+        not been compared are left out; everything is left out for keep-alives and predicted frames.
+    """
+    timing, arrived_s, host = applied.timing, applied.command_arrived_s, applied.host
+    if timing is None or arrived_s is None or host is None:
+        return {}
+    to_agent_s = offset(timing.gateway_host, timing.agent_host)
+    to_gateway_s = offset(timing.agent_host, host)
+    spent_s = {
+        "tracker": timing.latency_s,
+        "gateway": None if to_agent_s is None else timing.arrived_s - timing.received_s - to_agent_s,
+        "agent": timing.began_s - timing.arrived_s,
+        "solver": timing.ready_s - timing.began_s,
+        "command": None if to_gateway_s is None else arrived_s - timing.ready_s - to_gateway_s,
+        "radio": applied.written_s - arrived_s,
+    }
+    known = {stage: 1000 * seconds for stage, seconds in spent_s.items() if seconds is not None}
+    if len(known) == len(STAGES):
+        known[TOTAL] = sum(known.values())
+    return known
+
+
+class LatencyWindow:
+    """Stages of the newest commands of one vehicle."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, deque[float]] = {}
+
+    def add(self, times_ms: Mapping[str, float]) -> None:
+        """Take in the stages of a command."""
+        for stage, value in times_ms.items():
+            self._values.setdefault(stage, deque(maxlen=WINDOW)).append(value)
+
+    def figures(self) -> dict[str, Percentiles]:
+        """Percentiles by stage, in the order of the stages, the total last."""
+        found: dict[str, Percentiles] = {}
+        for stage in (*STAGES, TOTAL):
+            figures = percentiles(tuple(self._values.get(stage, ())))
+            if figures is not None:
+                found[stage] = figures
+        return found
+
+
+class LatencyWatch:
+    """Latencies of a running fleet; may be asked from any thread.
+
+    Parameters
+    ----------
+    session
+        Open bus session.
+    offset
+        Offsets between the clocks of hosts at this moment.
+    """
+
+    def __init__(self, session: Session, offset: ClockOffset) -> None:
+        self._applied = session.subscribe_all(channels.APPLIED, depth=WAITING, waking=False)
+        self._clock = session.clock
+        self._offset = offset
+        self._lock = threading.Lock()
+        self._windows: dict[str, LatencyWindow] = {}
+        self._figures: dict[str, tuple[float, dict[str, Percentiles]]] = {}
+
+    def figures(self, vehicle: str) -> dict[str, Percentiles]:
+        """Percentiles of the stages of a vehicle's newest commands, renewed once a second."""
+        with self._lock:
+            now_s = self._clock()
+            computed_s, figures = self._figures.get(vehicle, (-REFRESH_S, {}))
+            if now_s - computed_s >= REFRESH_S:
+                figures = self._renewed(vehicle)
+                self._figures[vehicle] = now_s, figures
+            return figures
+
+    def _renewed(self, vehicle: str) -> dict[str, Percentiles]:
+        inbox = self._applied.inboxes.get(vehicle)
+        if inbox is None:
+            return {}
+        window = self._windows.setdefault(vehicle, LatencyWindow())
+        for received in inbox.drain():
+            window.add(stage_times_ms(received.message, self._offset))
+        return window.figures()

@@ -1,0 +1,262 @@
+"""Pictures of a flight: places, errors, formation as in the paper's figure 3, latency by stage."""
+
+import io
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from rcopterx.ground_station.page.timeline import Event
+from rcopterx.ground_station.report.figures import FlightFigures
+from rcopterx.ground_station.report.latency import STAGES
+from rcopterx.vehicles.state import Array
+
+COLOURS: Final = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown", "tab:pink")
+FLIGHT_SIZE: Final = (11.0, 6.5)
+POINTS: Final = 300
+"""Most points of a line; more cannot be seen."""
+COORDINATES: Final = {
+    "x": ("black", 1000.0), "y": ("red", 1000.0), "z": ("blue", 1000.0), "heading": ("green", 100.0),
+}  # fmt: skip
+"""Colours and scales of the paper: millimetres, and radians magnified by 100."""
+PLANS: Final = 12
+"""Plans drawn of each vehicle."""
+
+
+def svg_of(name: str, size: tuple[float, float], draw: Callable[[Any], None]) -> str:
+    """Picture as an SVG element that can stand in a page beside others.
+
+    Parameters
+    ----------
+    name
+        Of the picture; different ones on one page.
+    size
+        Width and height [inch].
+    draw
+        Draws into an empty `matplotlib.figure.Figure`.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    # Texts stay texts, and what an element is called depends on the name, so that pages can hold many.
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name, "font.size": 8}):
+        figure = Figure(figsize=size)
+        draw(figure)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None}, bbox_inches="tight")
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def flight_svg(name: str, names: Sequence[str], figures: FlightFigures, events: Sequence[Event] = ()) -> str:
+    """Places, references, errors, plans and latencies of vehicles.
+
+    Parameters
+    ----------
+    name
+        Of the flight.
+    names
+        Of the vehicles.
+    figures
+        Of the same flight.
+    events
+        What happened: thin lines at their times, red ones where it harmed.
+    """
+    return svg_of(name, FLIGHT_SIZE, lambda figure: draw_flight(names, figures, figure, events))
+
+
+def draw_flight(
+    names: Sequence[str], figures: FlightFigures, figure: Any, events: Sequence[Event] = ()
+) -> None:
+    """Draw a flight into an empty `matplotlib.figure.Figure`."""
+    colours = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
+    grid = figure.add_gridspec(4, 3, width_ratios=(1.6, 1.6, 1.2))
+    first: Any = None
+    for row, label in enumerate(("x [m]", "y [m]", "z [m]")):
+        axes = figure.add_subplot(grid[row, :2], sharex=first)
+        first = first or axes
+        for name in names:
+            _draw_coordinate(axes, figures, name, row, colours[name])
+        axes.set_ylabel(label)
+        axes.tick_params(labelbottom=False)
+    first.set_title("flown (solid) and reference (dashed)")
+    errors = figure.add_subplot(grid[3, :2], sharex=first)
+    for name in names:
+        _draw_error(errors, figures, name, colours[name])
+    for event in events:
+        errors.axvline(event.time_s, color="red" if event.alarming else "0.8", lw=0.6, zorder=0)
+    errors.set_ylabel("error [mm]")
+    errors.set_xlabel("time [s]")
+    _draw_from_above(figure.add_subplot(grid[:3, 2]), figures, names, colours)
+    _draw_latencies(figure.add_subplot(grid[3, 2]), figures)
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    figure.tight_layout()
+
+
+def _times(frames: Array, figures: FlightFigures, start: int) -> Array:
+    return np.asarray((frames - start) * figures.frame_period_s())
+
+
+def _thinned(values: Array) -> Array:
+    return values[:: max(1, len(values) // POINTS)]
+
+
+def _start(figures: FlightFigures, name: str) -> int:
+    frames, _ = figures.flown(name)
+    return int(frames[0]) if len(frames) else 0
+
+
+def _draw_coordinate(axes: Any, figures: FlightFigures, name: str, row: int, colour: str) -> None:
+    frames, flown = figures.flown(name)
+    start = _start(figures, name)
+    axes.plot(
+        _thinned(_times(frames.astype(float), figures, start)),
+        _thinned(flown[:, row]),
+        colour,
+        lw=1,
+        label=name,
+    )
+    wanted_frames, wanted = figures.references(name)
+    axes.plot(
+        _thinned(_times(wanted_frames, figures, start)), _thinned(wanted[:, row]), colour, lw=0.8, ls="--"
+    )
+
+
+def _draw_error(axes: Any, figures: FlightFigures, name: str, colour: str) -> None:
+    """Distance from the reference of the same moment."""
+    frames, flown = figures.flown(name)
+    wanted_frames, wanted = figures.references(name)
+    if len(frames) < 2 or not len(wanted_frames):
+        return
+    starts = [plan.start_s for plan in figures.plans(name) if plan.reference is not None]
+    meant = wanted_frames + np.round(np.array(starts) / figures.frame_period_s())
+    inside = meant <= frames[-1]
+    at = np.stack([np.interp(meant[inside], frames, flown[:, axis]) for axis in range(3)], axis=1)
+    error_mm = 1000 * np.linalg.norm(at - wanted[inside, :3], axis=1)
+    times = _times(meant[inside], figures, _start(figures, name))
+    axes.plot(_thinned(times), _thinned(error_mm), colour, lw=0.9)
+
+
+def _draw_from_above(
+    axes: Any, figures: FlightFigures, names: Sequence[str], colours: dict[str, str]
+) -> None:
+    for name in names:
+        _, flown = figures.flown(name)
+        thin = _thinned(flown)
+        axes.plot(thin[:, 0], thin[:, 1], colours[name], lw=1, label=name)
+        if len(flown):
+            axes.plot(flown[-1, 0], flown[-1, 1], "o", color=colours[name], ms=5)
+        plans = figures.plans(name)
+        for plan in plans[:: max(1, len(plans) // PLANS)]:
+            stages = plan.samples()[::5]
+            axes.plot(stages[:, 0], stages[:, 1], colours[name], lw=0.5, alpha=0.6)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("from above; thin: plans")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.legend(loc="upper right", fontsize="small")
+
+
+def _draw_latencies(axes: Any, figures: FlightFigures) -> None:
+    for label, values in (
+        ("pose to command", figures.pose_to_command_ms()),
+        ("frame to radio", figures.frame_to_radio_ms()),
+    ):
+        if values:
+            top = float(np.percentile(values, 99.5))
+            axes.hist(np.clip(values, 0, top), bins=40, histtype="step", label=label)
+    axes.set_xlabel("latency [ms]")
+    axes.set_ylabel("periods")
+    if axes.patches:
+        axes.legend(fontsize="small")
+
+
+def formation_svg(name: str, names: Sequence[str], figures: FlightFigures) -> str:
+    """Places of vehicles beside their leaders, as in figure 3 of the paper; empty if nobody followed."""
+    pairs = [(follower, leader) for follower in names for leader in figures.followed(follower)]
+    if not pairs:
+        return ""
+    size = (11.0, 1.9 * (len(pairs) + 1) + 0.6)
+    return svg_of(f"{name} formation", size, lambda figure: _draw_formation(pairs, figures, figure))
+
+
+def _draw_formation(pairs: Sequence[tuple[str, str]], figures: FlightFigures, figure: Any) -> None:
+    rows = figure.subplots(len(pairs) + 1, 1, sharex=True, squeeze=False)[:, 0]
+    leader = pairs[0][1]
+    start = _start(figures, leader)
+    frames, flown = figures.flown(leader)
+    _draw_four(rows[0], _times(frames.astype(float), figures, start), _without_jumps(flown), "-")
+    wanted_frames, wanted = figures.references(leader)
+    _draw_four(rows[0], _times(wanted_frames, figures, start), wanted, "--")
+    rows[0].set_ylabel(leader)
+    for axes, (follower, followed) in zip(rows[1:], pairs, strict=True):
+        frames, apart, meant = figures.offsets_m(follower, followed)
+        times = _times(frames.astype(float), figures, start)
+        _draw_four(axes, times, apart, "-")
+        _draw_four(axes, times, meant, "--")
+        axes.set_ylabel(f"{followed} to {follower}")
+    for axes in rows:
+        axes.grid(alpha=0.3)
+    rows[0].set_title("[mm, heading in 0.01 rad]; flown (solid) and wanted (dashed)")
+    rows[0].legend(COORDINATES, ncols=4, fontsize="small", loc="upper right")
+    rows[-1].set_xlabel("time [s]")
+    figure.tight_layout()
+
+
+def _draw_four(axes: Any, times: Array, values: Array, style: str) -> None:
+    """Position and heading in the colours and scales of the paper."""
+    for column, (colour, scale) in enumerate(COORDINATES.values()):
+        axes.plot(_thinned(times), scale * _thinned(values[:, column]), colour, ls=style, lw=0.9)
+
+
+def _without_jumps(values: Array) -> Array:
+    """Headings that go on where they would begin another turn."""
+    return np.column_stack((values[:, :3], np.unwrap(values[:, 3]))) if len(values) else values
+
+
+def latency_svg(name: str, vehicle: str, figures: FlightFigures, started_s: float) -> str:
+    """Time that the commands of a vehicle spent in each stage, one above the other, over the flight.
+
+    Parameters
+    ----------
+    name
+        Of the flight.
+    vehicle
+        Its name.
+    figures
+        Of the flight.
+    started_s
+        Time of the recording at which the axis begins [s].
+    """
+    rows = figures.stage_times_ms(vehicle)
+    stages = [stage for stage in STAGES if rows and all(stage in times for _, times in rows)]
+    if not stages:
+        return ""
+    return svg_of(
+        f"{name} latency {vehicle}",
+        (11.0, 2.6),
+        lambda figure: _draw_stages(figure, vehicle, stages, rows, started_s),
+    )
+
+
+def _draw_stages(
+    figure: Any,
+    vehicle: str,
+    stages: Sequence[str],
+    rows: Sequence[tuple[float, dict[str, float]]],
+    started_s: float,
+) -> None:
+    axes = figure.subplots()
+    per_bin = max(1, -(-len(rows) // POINTS))
+    groups = [rows[start : start + per_bin] for start in range(0, len(rows), per_bin)]
+    times = [group[0][0] - started_s for group in groups]
+    medians = [[float(np.median([row[stage] for _, row in group])) for group in groups] for stage in stages]
+    axes.stackplot(times, medians, labels=stages, alpha=0.8)
+    longest = [max(sum(row[stage] for stage in stages) for _, row in group) for group in groups]
+    axes.plot(times, longest, color="black", lw=0.6, label="longest of all together")
+    axes.set_ylabel(f"{vehicle} [ms]")
+    axes.set_xlabel("time [s]")
+    axes.set_title(f"latency by stage, medians of {per_bin} commands")
+    axes.legend(ncols=len(stages) + 1, fontsize="x-small", loc="upper right")
+    axes.grid(alpha=0.3)

@@ -1,0 +1,1 @@
+"""The scripting interface of a fleet and its vehicles."""

@@ -1,0 +1,128 @@
+"""The daemons of all hosts of a fleet: they start and stop its processes when somebody asks them to."""
+
+import time
+from collections.abc import Collection
+from importlib.metadata import version
+from typing import Final
+
+from rcopterx.bus.requests import IdentifyReply, Reply, Request, StartHost, StopHost
+from rcopterx.bus.session import BusUnreachableError, NobodyServesError, RequestFailedError
+from rcopterx.deploy.hosts.running import running_fleets
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.joining import check_identity
+
+ROUTER_S: Final = 0.5
+"""For the router of one host to answer."""
+LINKED_S: Final = 3.0
+"""For the routers of all hosts to be linked."""
+RETRY_S: Final = 0.1
+STOP_S: Final = 5.0
+CLOCK_S: Final = 0.1
+"""Clocks of two hosts that differ by more are told of: logs of both are hard to compare."""
+
+
+def joined_fleet(file: FleetFile) -> Fleet | None:
+    """The fleet, through the router of the first host that answers; None if there is none.
+
+    Raises
+    ------
+    WrongFleetError
+        A host goes by another fleet file; says which.
+    """
+    here = [running.host for running in running_fleets() if running.fleet == file.name]
+    for host in dict.fromkeys((*(host for host in here if host in file.hosts), *file.hosts)):
+        try:
+            return Fleet(file, host, ROUTER_S)
+        except BusUnreachableError:
+            continue
+    return None
+
+
+class Daemons:
+    """Starts and stops a fleet through the daemons of its hosts.
+
+    Parameters
+    ----------
+    fleet
+        The fleet, joined through any host.
+    """
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self._there: list[str] = []
+
+    def find(self) -> list[str]:
+        """Look for the hosts of the fleet file.
+
+        Returns
+        -------
+        list of str
+            A line for every host that is missing, or whose software or clock differs.
+
+        Raises
+        ------
+        WrongFleetError
+            A host goes by another version of the fleet file; says which.
+        """
+        wanted = self._fleet.file.hosts
+        give_up_s = time.monotonic() + LINKED_S
+        answers: dict[str, IdentifyReply] = {}
+        while time.monotonic() < give_up_s and not wanted.keys() <= answers.keys():
+            answers |= {answer.host: answer for answer in self._fleet.session.identify()}
+            time.sleep(RETRY_S)
+        check_identity(self._fleet.session, self._fleet.file)
+        self._there = [host for host in wanted if host in answers]
+        return [
+            *(f"host {host} does not answer" for host in wanted if host not in answers),
+            *differences(answers, version("rcopterx")),
+            *self._fleet.clock_differences(CLOCK_S),
+        ]
+
+    def start(self, without: Collection[str] = ()) -> list[str]:
+        """Start the processes of every host that was found.
+
+        Returns
+        -------
+        list of str
+            What the hosts say; empty if none has a daemon.
+        """
+        told, request = [], StartHost(without=tuple(without))
+        for host in tuple(self._there):
+            try:
+                told.append(self._ask(host, request).reason)
+            except NobodyServesError:
+                # Its processes belong to the program that started them.
+                self._there.remove(host)
+        return told
+
+    def stop(self) -> list[str]:
+        """End the processes of every host; daemons and routers stay.
+
+        Returns
+        -------
+        list of str
+            What hosts that do not stop say.
+        """
+        problems = []
+        for host in self._there:
+            try:
+                reply = self._ask(host, StopHost())
+            except RequestFailedError as error:
+                problems.append(f"host {host} does not stop: {error}")
+                continue
+            if not reply.accepted:
+                problems.append(f"host {host} does not stop: {reply.reason}")
+        return problems
+
+    def _ask(self, host: str, request: Request) -> Reply:
+        return self._fleet.session.request(host, request, timeout_s=STOP_S)
+
+
+def differences(answers: dict[str, IdentifyReply], own: str) -> list[str]:
+    """Hosts whose software has another version than this program."""
+    return [
+        f"host {host} runs version {answer.version or 'unknown'}, this program is {own}"
+        for host, answer in sorted(answers.items())
+        if answer.version != own
+    ]

@@ -1,0 +1,442 @@
+"""The scripting interface of a fleet: every call is a request on the bus."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rcopterx.agents.formation.placement import Room, take_off_problem
+from rcopterx.agents.phases import AIRBORNE
+from rcopterx.bus import channels
+from rcopterx.bus.messages import Kill
+from rcopterx.bus.rounding import monotonic_s
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.fleet.arbiter_limits import limits_of
+from rcopterx.fleet.formation_check import links_of
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.shipped import fleet_path
+from rcopterx.ground_station.scripting.joining import fleet_that_is_up
+from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.ground_station.scripting.regroup import (
+    RegroupError,
+    change_lines,
+    formation_leader,
+    regroup,
+    role,
+    swapped,
+)
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
+from rcopterx.ground_station.scripting.waiting import NotReachedError
+
+if TYPE_CHECKING:
+    from rcopterx.deploy.hosts.launcher import Launcher
+
+SOURCE = "operator"
+KILL_REPEAT_S = 0.1
+"""Between two copies of a kill; one that is lost costs a vehicle this much time."""
+RETRY_S = 0.1
+DISARM_S = 1.0
+"""For the agents to tell that they are disarmed."""
+STATUS_S = 1.0
+"""By then a vehicle has told what it does."""
+MEASURING_S = 60.0
+"""How long a take-off waits for hosts that find out how many vehicles they serve."""
+STAY_BEHIND_S = 5.0
+"""How long everybody is waited for before those that are ready take off without the others."""
+
+
+class Fleet(Observer, AbstractContextManager["Fleet"]):
+    """A running fleet. As a context manager it lands every vehicle when an exception leaves the block.
+
+    Parameters
+    ----------
+    file
+        The fleet file, loaded.
+    host
+        Host whose router is used; by default the first one of the file.
+    timeout_s
+        How long to look for the router.
+    clock
+        Monotonic clock [s], for ages and waits.
+
+    Attributes
+    ----------
+    launcher
+        Launcher of this host's processes, if this program started them (`launched`).
+
+    Raises
+    ------
+    BusUnreachableError
+        No router answers: the fleet is not up.
+    WrongFleetError
+        The router belongs to another fleet, or to one that was started from another version of the file.
+    """
+
+    def __init__(
+        self,
+        file: FleetFile,
+        host: str | None = None,
+        timeout_s: float = 3.0,
+        clock: Callable[[], float] = monotonic_s,
+    ) -> None:
+        super().__init__(file, host, timeout_s, clock)
+        self.launcher: Launcher | None = None
+        self._vehicles = {name: Vehicle(self, name) for name in file.vehicles}
+
+    @classmethod
+    def connect(
+        cls, path: str | Path | None = None, host: str | None = None, timeout_s: float = 3.0
+    ) -> "Fleet":
+        """Join the fleet that is up on this computer, or the running one of a fleet file or shipped fleet."""
+        if path is None:
+            file, here = fleet_that_is_up()
+            return cls(file, host or here, timeout_s)
+        return cls(load_fleet(fleet_path(str(path))), host, timeout_s)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if error is not None:
+                self._land_after(error)
+        finally:
+            self.close()
+
+    def _land_after(self, error: BaseException) -> None:
+        """Land because of an error, which stays the one that is raised, whatever becomes of the landing."""
+        try:
+            self.land()
+        except FLIGHT_ERRORS as problem:
+            first, *others = lines_of(problem)
+            _add_notes(error, (f"landing failed as well: {first}", *others))
+
+    def __getitem__(self, name: str) -> Vehicle:
+        """Vehicle of this name."""
+        try:
+            return self._vehicles[name]
+        except KeyError:
+            raise KeyError(f"no vehicle {name!r}, known are {', '.join(self._vehicles)}") from None
+
+    def __iter__(self) -> Iterator[Vehicle]:
+        """All vehicles, in the order of the fleet file."""
+        return iter(self._vehicles.values())
+
+    def swap(
+        self, first: str, second: str, announce: Callable[[list[str]], object] | None = None
+    ) -> list[str]:
+        """Let two flying vehicles change roles at one frame; everybody keeps its place in space.
+
+        Parameters
+        ----------
+        first, second
+            Who changes roles; vehicles that follow one of them follow the other one then.
+        announce
+            Called with every change of leaders before any of them is made.
+
+        Returns
+        -------
+        list of str
+            Whom each vehicle that got other leaders follows now, a line each.
+
+        Raises
+        ------
+        RefusedError
+            It cannot be done; nothing has changed.
+        """
+        self.wait_for_status()  # of everybody: who follows whom decides who gets other leaders
+        statuses = self.statuses()
+        try:
+            change, where = swapped(statuses, first, second)
+            before = {name: statuses[name].assigned for name in change}
+            if announce is not None:
+                announce(change_lines(change, before))
+            regroup(self, change, where, before)
+        except RegroupError as error:
+            raise RefusedError(str(error)) from None
+        return [f"{name} {role(links)}" for name, links in change.items()]
+
+    def promote(self, name: str, announce: Callable[[list[str]], object] | None = None) -> list[str]:
+        """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
+        self.wait_for_status()
+        try:
+            head = formation_leader(self.statuses(), name)
+        except RegroupError as error:
+            raise RefusedError(str(error)) from None
+        return self.swap(head, name, announce)
+
+    def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
+        """Arm vehicles that are not armed yet and wait until their agents know."""
+        vehicles = self.present() if names is None else list(names)
+        deadline_s = self.session.clock() + timeout_s
+        for name in vehicles:
+            if self.state_of(name).phase not in ("armed", *AIRBORNE):
+                # The arbiter wants half a second of throttle-low commands first.
+                self._patiently(self[name].arm, deadline_s)
+        self.wait_until(
+            lambda: all(self.state_of(name).phase in ("armed", *AIRBORNE) for name in vehicles),
+            timeout_s,
+            "not all vehicles are armed",
+            vehicles,
+        )
+
+    def _patiently(self, ask: Callable[[], None], deadline_s: float) -> None:
+        """Ask again until it is not refused any more: some reasons pass by themselves."""
+        while True:
+            try:
+                ask()
+                return
+            except (RefusedError, RequestFailedError):
+                if self.session.clock() > deadline_s:
+                    raise
+                self._notifier.wait_until(lambda: False, RETRY_S)
+
+    def take_off(
+        self, names: Iterable[str] | None = None, height_m: float = 1.0, timeout_s: float = 15.0
+    ) -> list[str]:
+        """Arm and take off, and wait until all fly.
+
+        Without names everybody who takes part does; who is not ready a while after the others stays behind.
+
+        Returns
+        -------
+        list of str
+            What keeps vehicles on the floor that stayed behind.
+
+        Raises
+        ------
+        RefusedError
+            A vehicle is killed, or came back to the floor; says why.
+        NotReachedError
+            Not all reached their height in time.
+        """
+        names = None if names is None else list(names)
+        self._refuse_killed(names)
+        behind = self._wait_for_most() if names is None else {}
+        vehicles = [name for name in self.present() if name not in behind] if names is None else list(names)
+        if names is not None:
+            self.wait_ready(vehicles)
+        self._wait_for_capacity()
+        self.arm(vehicles)
+        for name in vehicles:
+            if self.state_of(name).phase == "armed":
+                self[name].take_off(height_m)
+        climbing: set[str] = set()
+
+        def back_on_the_floor() -> list[str]:
+            states = [self.state_of(name) for name in vehicles]
+            climbing.update(state.name for state in states if state.airborne)
+            return [
+                state.summary()
+                for state in states
+                if state.transmitter_state == "killed" or (state.name in climbing and not state.airborne)
+            ]
+
+        # A vehicle flies once it has reached its height; until then it takes off, interrupted or not.
+        self.wait_until(
+            lambda: (
+                bool(back_on_the_floor()) or all(self.state_of(name).phase == "flying" for name in vehicles)
+            ),
+            timeout_s,
+            "not all vehicles have taken off",
+            vehicles,
+        )
+        if failed := back_on_the_floor():
+            raise RefusedError(f"take-off failed: {'; '.join(failed)}")
+        return [line for lines in behind.values() for line in lines]
+
+    def _refuse_killed(self, names: list[str] | None) -> None:
+        """Refuse at once where killed vehicles are named, or only they are there: a reset is up to people."""
+        self.wait_for_status(names)
+        wanted = self.present() if names is None else names
+        killed = [name for name in wanted if self.state_of(name).transmitter_state == "killed"]
+        if killed and (names is not None or len(killed) == len(wanted)):
+            raise RefusedError(f"killed: {', '.join(killed)}; reset first (rcopterx reset)")
+
+    def _wait_for_most(self) -> dict[str, list[str]]:
+        """Wait until everybody is ready, or for a while; what keeps the others, by vehicle."""
+        killed = [name for name in self.present() if self.state_of(name).transmitter_state == "killed"]
+        others = [name for name in self.present() if name not in killed]
+        try:
+            self.wait_ready(others, timeout_s=STAY_BEHIND_S)
+        except NotReachedError:
+            behind = {name: self.problems([name]) for name in self.present()}
+            if all(behind.values()):
+                self.wait_ready()
+                return {}
+            return {name: lines for name, lines in behind.items() if lines}
+        return {name: self.problems([name]) for name in killed}
+
+    def _wait_for_capacity(self) -> None:
+        """Wait, for a while, until agents know whether they are too many and control at half rate."""
+        if not self._hosts_measure():
+            return
+        with suppress(NotReachedError):
+            self.wait_until(
+                lambda: not self._hosts_measure(),
+                MEASURING_S,
+                "it is not known how many vehicles the hosts serve",
+            )
+
+    def _hosts_measure(self) -> bool:
+        return any(status.measuring for status in self.launchers().values())
+
+    def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
+        """Let a vehicle that does not take part yet take off and follow its leaders of the fleet file.
+
+        Returns
+        -------
+        str
+            Whom it follows, in words.
+
+        Raises
+        ------
+        RefusedError, RequestFailedError, NotReachedError
+            Somebody is above it or at the place it would take, it could not be started, or something is
+            missing; the others fly on.
+        """
+        problem = self._join_problem(name, height_m)
+        if problem is not None:
+            raise RefusedError(f"{name}: {problem}")
+        self[name].start()
+        started_s = self.session.clock()
+
+        def here() -> bool:
+            age_s = self.state_of(name).agent_age_s
+            return name in self.present() and age_s is not None and self.session.clock() - age_s > started_s
+
+        self.wait_until(here, timeout_s, f"{name} is not started")
+        self.wait_ready([name], timeout_s)
+        self.take_off([name], height_m)
+        leaders = [link.leader for link in self.file.vehicles[name].follow]
+        if leaders and all(self.state_of(leader).phase == "flying" for leader in leaders):
+            self.wait_for_formation([name], timeout_s=timeout_s)
+            return f"{name} follows {', '.join(leaders)}"
+        return f"{name} flies"
+
+    def _join_problem(self, name: str, height_m: float) -> str | None:
+        """Who is in the way, as its agent would say, too; None while nobody knows where it stands."""
+        self.wait_for_status()
+        state = self._moving_state_of(name, lambda state: state.seen_at_m is not None)
+        if state.seen_at_m is None or state.airborne:
+            return None
+        low_m, high_m = self.file.volume.min_m, self.file.volume.max_m
+        room = Room(low_m, high_m, limits_of(self.file, name).surveillance.minimum_distance_m)
+        following = links_of(self.file)[name]
+        return take_off_problem(name, np.array(state.seen_at_m), height_m, following, self.statuses(), room)
+
+    def leave(self, name: str, timeout_s: float = 15.0) -> None:
+        """Land a vehicle and end its agent; the others fly on.
+
+        Raises
+        ------
+        RefusedError
+            Others follow it; says who.
+        """
+        self.wait_for_status()
+        followers = self.followers(name)
+        if followers:
+            others = ", ".join(followers)
+            raise RefusedError(f"{name} leads {others}; let another vehicle lead them first, as promote does")
+        self.land([name], timeout_s)
+        self[name].stop()
+        self.wait_until(lambda: name not in self.present(), timeout_s, f"{name} does not leave")
+
+    def land(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
+        """Land and disarm vehicles, by default every one that is in the air.
+
+        Raises
+        ------
+        RefusedError, RequestFailedError, NotReachedError
+            A vehicle could not be told to land, or did not; all the others land and are disarmed first. What
+            went wrong with further vehicles is in the notes.
+        """
+        self.wait_for_status(names := None if names is None else list(names))
+        vehicles = [self[name] for name in (self.present() if names is None else names)]
+        problems: list[Exception] = []
+        told, refusals = [], {}
+        for vehicle in vehicles:
+            with _collected(problems):
+                try:
+                    if vehicle.state.airborne or vehicle.state.agent is None:
+                        vehicle.land()
+                except RefusedError as refusal:
+                    refusals[vehicle] = refusal
+                else:
+                    told.append(vehicle)
+        with _collected(problems):
+            self.wait_until(
+                lambda: not any(vehicle.state.airborne for vehicle in told),
+                timeout_s,
+                "not all vehicles have landed",
+                [vehicle.name for vehicle in told],
+            )
+        # Who touched down after its last status has nothing to land.
+        self._notifier.wait_until(lambda: not any(vehicle.state.airborne for vehicle in refusals), STATUS_S)
+        problems += [refusal for vehicle, refusal in refusals.items() if vehicle.state.airborne]
+        told += refusals
+        for vehicle in [vehicle for vehicle in told if not vehicle.state.airborne]:
+            if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
+                with _collected(problems):
+                    self._patiently(vehicle.disarm, self.session.clock() + DISARM_S)
+        # A take-off that follows must not mistake the last status before disarming for the present one.
+        self._notifier.wait_until(
+            lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S
+        )
+        if problems:
+            first, *others = problems
+            _add_notes(first, map(str, others))
+            raise first
+
+    def kill(self, names: Iterable[str] = (), reason: str = "operator", timeout_s: float = 1.0) -> None:
+        """Cut the motors of some or all vehicles now, latching; repeated until every arbiter confirms it.
+
+        Raises
+        ------
+        NotReachedError
+            An arbiter is not KILLED within `timeout_s`; says which.
+        """
+        message = Kill(source=SOURCE, reason=reason, vehicles=tuple(names))
+        wanted = message.vehicles or tuple(self.file.vehicles)
+        from_s = self.session.clock()
+        deadline_s = from_s + timeout_s
+
+        confirmed: set[str] = set()
+
+        def missing() -> list[str]:
+            # Who has confirmed once may have been reset by somebody since.
+            confirmed.update(name for name in wanted if self._killed_since(name, from_s))
+            return [name for name in wanted if name not in confirmed]
+
+        while True:
+            self.session.publish(channels.KILL, channels.FLEET_UNIT, message)
+            if self._notifier.wait_until(lambda: not missing(), KILL_REPEAT_S):
+                return
+            if self.session.clock() >= deadline_s:
+                states = "; ".join(self.state_of(name).summary() for name in missing())
+                raise NotReachedError(f"after {timeout_s:g} s: not killed: {states}")
+
+    def _killed_since(self, name: str, from_s: float) -> bool:
+        """Whether an arbiter has said after a time that it is killed; before it may have been reset."""
+        state = self.state_of(name)
+        age_s = state.transmitter_age_s
+        heard_s = -math.inf if age_s is None else self.session.clock() - age_s
+        return state.transmitter_state == "killed" and heard_s > from_s
+
+
+@contextmanager
+def _collected(problems: list[Exception]) -> Iterator[None]:
+    """Keep what goes wrong in the block for later, so that one vehicle does not hold up the others."""
+    try:
+        yield
+    except FLIGHT_ERRORS as error:
+        problems.append(error)
+
+
+def _add_notes(error: BaseException, notes: Iterable[str]) -> None:
+    for note in notes:
+        error.add_note(note)

@@ -1,0 +1,69 @@
+"""Which running fleet is meant, and making sure that it is the one that answers."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rcopterx.bus.requests import IdentifyReply
+from rcopterx.bus.session import Session
+from rcopterx.deploy.hosts.running import RunningFleet, running_fleets
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.snapshot import digest_of, read_snapshot
+
+
+class WrongFleetError(ConnectionError):
+    """Another fleet is up than the one that was named, or another version of it; says which."""
+
+
+def fleet_that_is_up() -> tuple[FleetFile, str]:
+    """The one fleet that is up on this computer, and which of its hosts this computer is.
+
+    Raises
+    ------
+    FleetError
+        None is up here, or several are; says which.
+    """
+    running = running_fleets()
+    if not running:
+        raise FleetError(
+            "no fleet is up on this computer; start one (rcopterx up FLEET), "
+            "or name the file of one that is up on another computer (-f FLEET)"
+        )
+    names = {(one.fleet, one.namespace) for one in running}
+    if len(names) > 1:
+        raise FleetError(f"several fleets are up: {_listed(running)}; name the file of one (-f FLEET)")
+    return read_snapshot(Path(running[0].snapshot)), running[0].host
+
+
+def check_identity(session: Session, file: FleetFile) -> None:
+    """Make sure that the routers that are linked belong to this fleet and to this version of its file.
+
+    A router of another make does not answer; then only the fleet's name in the keys keeps fleets apart.
+
+    Raises
+    ------
+    WrongFleetError
+        Says which fleet is up.
+    """
+    digest = digest_of(file)
+    for answer in session.identify():
+        problem = _difference(answer, file, digest)
+        if problem is not None:
+            raise WrongFleetError(problem)
+
+
+def _difference(answer: IdentifyReply, file: FleetFile, digest: str) -> str | None:
+    if answer.fleet != file.name:
+        return (
+            f"fleet {answer.fleet} ({', '.join(answer.vehicles)}) is up at this address, not {file.name}; "
+            "leave out -f to use the fleet that is up"
+        )
+    if answer.digest != digest:
+        return (
+            f"fleet {file.name} is up by another version of its file ({answer.digest} on host {answer.host}, "
+            f"this file is {digest}); leave out -f to use the fleet that is up, or start it anew"
+        )
+    return None
+
+
+def _listed(running: Sequence[RunningFleet]) -> str:
+    return ", ".join(sorted({one.fleet for one in running}))

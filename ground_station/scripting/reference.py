@@ -1,0 +1,64 @@
+"""Writes the calls of scripts into their page: `python -m rcopterx.ground_station.scripting.reference`.
+
+Names, parameters and texts are read from the classes, so that the page cannot say anything else.
+"""
+
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.launched import launched
+from rcopterx.ground_station.scripting.state import VehicleState
+from rcopterx.ground_station.scripting.vehicle import Vehicle
+
+BEGIN: Final = "<!-- begin: python -m rcopterx.ground_station.scripting.reference -->\n"
+END: Final = "<!-- end -->\n"
+PAGE: Final = Path(__file__).resolve().parents[2] / "docs" / "scripting.md"
+CLASSES: Final = (Fleet, Vehicle, VehicleState)
+INTERNAL: Final = frozenset({"statuses", "frame_period_s"})
+
+
+def reference() -> str:
+    """The generated part of the page."""
+    lines = ["### Functions", "", "| call | |", "| --- | --- |", f"| {_call('launched', launched)} |", ""]
+    for kind in CLASSES:
+        lines += [f"### {kind.__name__}", "", "| call or attribute | |", "| --- | --- |"]
+        lines += [f"| {row} |" for row in sorted(_rows(kind))]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def with_reference(page: str) -> str:
+    """The page with the generated part of now."""
+    head, rest = page.split(BEGIN)
+    return head + BEGIN + "\n" + reference() + "\n" + END + rest.split(END)[1]
+
+
+def _rows(kind: type) -> Iterator[str]:
+    for name, member in inspect.getmembers(kind):
+        if name.startswith("_") or name in INTERNAL:
+            continue
+        if inspect.isroutine(member):
+            yield _call(name, member)
+        elif isinstance(member, property):
+            yield f"`{name}` | {_purpose(member)}"
+
+
+def _call(name: str, function: object) -> str:
+    assert callable(function)
+    signature = inspect.signature(function)
+    kept = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
+    text = str(signature.replace(parameters=kept, return_annotation=inspect.Signature.empty))
+    text = re.sub(r"(?:[A-Za-z_]\w*\.)+(\w+)", r"\1", text).replace("'", "").replace("|", "\\|")
+    return f"`{name}{text}` | {_purpose(function)}"
+
+
+def _purpose(member: object) -> str:
+    return (inspect.getdoc(member) or "").splitlines()[0].replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(with_reference(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,192 @@
+"""A change of leaders of several vehicles in one operation: all of them at the same frame, or none.
+
+Every vehicle checks and prepares first; only then all are told the frame, which lies far enough ahead to take
+everything back if one of them cannot be told. Since all change at one frame, there is no graph in between.
+Even if whoever asks dies while telling, there is no cycle: leaders are told before their followers.
+"""
+
+import math
+import uuid
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+
+from rcopterx.agents.formation.present import formation_of
+from rcopterx.agents.formation.topology import TopologyError, exchanged, in_words, line_between, places, roots
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
+from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.vehicles.state import Array
+
+LEAD_TIME_S = 0.4
+"""From the first commit to the frame of the change; for every vehicle a little longer."""
+LEAD_TIME_PER_VEHICLE_S = 0.03
+COMMIT_LIMIT_S = 0.15
+"""For an answer: whoever keeps silent leaves time to tell the others to stay as they are."""
+TAKEN_LIMIT_S = 2.0
+
+Change = Mapping[str, tuple[LeaderLink, ...]]
+
+
+class RegroupError(RuntimeError):
+    """The leaders could not be changed together; says who could not and that nothing has changed."""
+
+
+def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tuple[Change, dict[str, Array]]:
+    """New leaders of everybody who gets other ones when two vehicles change roles, and all places.
+
+    Parameters
+    ----------
+    statuses
+        What the flying vehicles say of themselves.
+
+    Raises
+    ------
+    RegroupError
+        One of the two does not fly.
+    """
+    links, heads = formation_of(statuses)
+    where = places(links, heads)
+    for name in (first, second):
+        _expect_flying(statuses, name)
+    try:
+        return exchanged(links, where, first, second), where
+    except TopologyError as error:
+        raise RegroupError(str(error)) from None
+
+
+def _expect_flying(statuses: Mapping[str, AgentStatus], name: str) -> None:
+    if name not in statuses:
+        raise RegroupError(f"{name} is absent: nothing is heard from its agent")
+    if statuses[name].phase != "flying":
+        raise RegroupError(f"{name} does not fly, its phase is {statuses[name].phase}")
+
+
+def role(links: Sequence[LeaderLink]) -> str:
+    """What a vehicle with these leaders does, for people."""
+    return f"follows {', '.join(link.leader for link in links)}" if links else "leads"
+
+
+def change_lines(change: Change, before: Change) -> list[str]:
+    """A line for each vehicle that gets other leaders: what it will do, and what it does now."""
+    return [f"{name} {role(links)}; now it {role(before[name])}" for name, links in change.items()]
+
+
+def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
+    """The leader of the whole formation a vehicle flies in.
+
+    Raises
+    ------
+    RegroupError
+        It does not fly, leads already, or there are several; says which.
+    """
+    _expect_flying(statuses, name)
+    links, _ = formation_of(statuses)
+    heads = roots(links, name)
+    if heads == (name,):
+        raise RegroupError(f"{name} leads already")
+    if len(heads) > 1:
+        lines = "; ".join(in_words(line_between(links, name, head)) for head in heads)
+        raise RegroupError(f"{name} has several leaders at the head: {lines}; name one of them to swap with")
+    return heads[0]
+
+
+def regroup(
+    fleet: Observer, change: Change, where: Mapping[str, Array], before: Change | None = None
+) -> None:
+    """Carry out a change of leaders at one frame.
+
+    Parameters
+    ----------
+    fleet
+        The running fleet.
+    change
+        New leaders by vehicle.
+    where
+        Places of those that shall lead.
+    before
+        Their leaders up to now, to go back to if somebody breaks down between the commit and its frame.
+
+    Raises
+    ------
+    RegroupError
+        A vehicle refused or could not be asked; says whether everything is as before.
+    """
+    operation = f"regroup_{uuid.uuid4().hex[:8]}"
+    untold, committing = list(change), False
+    try:
+        for name, following in change.items():
+            _ask(fleet, name, _preparation(operation, following, where.get(name)))
+        plans = {name: _plan(fleet, name) for name in change}
+        newest = max(plans.values(), key=lambda plan: (plan.epoch, plan.frame))
+        lead_s = LEAD_TIME_S + LEAD_TIME_PER_VEHICLE_S * len(change)
+        frame = newest.frame + math.ceil(lead_s / fleet.frame_period_s(newest.source))
+        committing = True
+        for name in change:
+            commit = CommitLeaders(operation=operation, epoch=newest.epoch, frame=frame)
+            _ask(fleet, name, commit, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
+            untold.remove(name)
+    except RegroupError as error:
+        silent = set(_withdraw(fleet, operation, list(change)))
+        # Who never heard of a frame stays as it is, told or not; the one that was being told may have heard.
+        unsure = [name for name in change if name in silent and name not in untold[1:]] if committing else []
+        outcome = f"could not be told to stay: {', '.join(unsure)}" if unsure else "nothing has changed"
+        raise RegroupError(f"{error}; {outcome}") from None
+    late = _wait_until_taken(fleet, change)
+    if late and before is not None:
+        taken = {name: before[name] for name in change if name not in late}
+        regroup(fleet, taken, where)
+        raise RegroupError(f"{', '.join(late)} did not take the new leaders; everybody is as before")
+    if late:
+        raise RegroupError(f"{', '.join(late)} did not take their leaders")
+
+
+def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array | None) -> PrepareLeaders:
+    if following:
+        return PrepareLeaders(operation=operation, following=following)
+    if place is None:
+        raise RegroupError("the place of the new leader is not known")
+    x, y, z, yaw_rad = place.tolist()
+    return PrepareLeaders(operation=operation, set_point=SetPoint(position_m=(x, y, z), yaw_rad=yaw_rad))
+
+
+def _ask(fleet: Observer, name: str, request: Request, **limits: float) -> None:
+    try:
+        reply = fleet.session.request(name, request, **limits)
+    except RequestFailedError as error:
+        raise RegroupError(str(error)) from None
+    if not reply.accepted:
+        raise RegroupError(f"{name}: {reply.reason}")
+
+
+def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str]:
+    """Take a change back; names of those who could not be told."""
+    unsure = []
+    for name in names:
+        try:
+            _ask(fleet, name, WithdrawLeaders(operation=operation), timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
+        except RegroupError:
+            unsure.append(name)
+    return unsure
+
+
+def _plan(fleet: Observer, name: str) -> Plan:
+    plan = fleet.plan_of(name)
+    if plan is None:
+        raise RegroupError(f"{name}: no plan is heard")
+    return plan
+
+
+def _wait_until_taken(fleet: Observer, change: Change) -> list[str]:
+    """Names of those who have not taken their new leaders in time."""
+
+    def missing() -> list[str]:
+        return [
+            name
+            for name, following in change.items()
+            if {link.leader for link in _plan(fleet, name).following} != {link.leader for link in following}
+        ]
+
+    with suppress(TimeoutError):
+        fleet.wait_until(lambda: not missing(), TAKEN_LIMIT_S, "leaders not taken")
+    return missing()

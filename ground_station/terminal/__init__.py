@@ -1,0 +1,1 @@
+"""Tables, margins, logs and scenarios for the terminal."""

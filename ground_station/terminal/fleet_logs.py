@@ -1,0 +1,99 @@
+"""Logs of the processes of a fleet on all its hosts: read here, or asked for over the bus."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from rcopterx.bus.requests import ReadLogs, ReadLogsReply
+from rcopterx.bus.session import RequestFailedError
+from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.deploy.hosts.running import running_fleets
+from rcopterx.deploy.processes.log_reading import LogLine, ProcessLogs
+from rcopterx.deploy.processes.table import processes_of
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.ground_station.scripting.fleet import Fleet
+
+ANSWER_S: Final = 1.0
+"""For a host to answer, and at first to be found."""
+MOST_PAGES: Final = 500
+"""At once, of one host; what is left comes the next time."""
+OTHERS: Final = ("launcher", "spare")
+"""Who logs beside the processes of a host."""
+
+
+def hosts_here(file: FleetFile) -> set[str]:
+    """Hosts of a fleet that run on this computer, whose logs lie in one directory."""
+    up = (running for running in running_fleets() if running.fleet == file.name)
+    return {running.host for running in up if running.namespace == file.bus.namespace} & file.hosts.keys()
+
+
+class FleetLogs:
+    """New lines of all hosts of a fleet.
+
+    Parameters
+    ----------
+    file
+        The fleet file.
+    names
+        Processes or vehicles whose logs are read; none for all.
+    joined
+        The fleet, if it is up and other hosts are to be asked.
+
+    Attributes
+    ----------
+    directory
+        Where the logs of this computer are.
+    processes
+        Names of the processes that may have a log.
+    missing
+        Hosts that did not answer.
+    """
+
+    def __init__(self, file: FleetFile, names: Sequence[str], joined: Fleet | None) -> None:
+        self.directory = run_directory(file.name, file.bus.namespace) / "log"
+        self._here = ProcessLogs(self.directory, names)
+        here = hosts_here(file)
+        self._label = "+".join(sorted(here)) or "here"
+        self._names = tuple(names)
+        self._joined = joined
+        self._positions: dict[str, dict[str, int]] = {}
+        self._times: dict[tuple[str, str], str] = {}
+        # The only host of a fleet that is not up is this one, if any.
+        alone = joined is None and len(file.hosts) == 1
+        self._others = [] if alone else [host for host in file.hosts if host not in here]
+        self.missing = [host for host in self._others if self._page(host, {}, ANSWER_S) is None]
+        asked = [host for host in self._others if host not in self.missing]
+        known = {spec.name for host in asked for spec in processes_of(file, host)}
+        self.processes = sorted({*self._here.processes(), *known, *(OTHERS if asked else ())})
+
+    def new_lines(self) -> list[tuple[str, LogLine]]:
+        """Lines that were not seen before with their hosts, in the order of their times."""
+        lines = [(self._label, line) for line in self._here.new_lines()]
+        for host in self._others:
+            lines += [(host, line) for line in self._lines_of(host)]
+        # Stable: lines of one log with the same time keep their order.
+        return sorted(lines, key=lambda found: found[1].time)
+
+    def _lines_of(self, host: str) -> list[LogLine]:
+        found: list[LogLine] = []
+        for _ in range(MOST_PAGES):
+            page = self._page(host, self._positions.get(host, {}), 0.0)
+            if page is None:
+                break
+            self._positions[host] = page.positions
+            for line in page.lines:
+                time = line.time or self._times.get((host, line.process), "")
+                self._times[host, line.process] = time
+                found.append(LogLine(time, line.process, line.text))
+            if not page.more:
+                break
+        return found
+
+    def _page(self, host: str, positions: dict[str, int], patience_s: float) -> ReadLogsReply | None:
+        if self._joined is None:
+            return None
+        request = ReadLogs(names=self._names, positions=positions)
+        try:
+            reply = self._joined.session.request(host, request, ANSWER_S, patience_s)
+        except RequestFailedError:
+            return None
+        return reply if isinstance(reply, ReadLogsReply) else None

@@ -1,0 +1,21 @@
+"""Warnings about margins from a process that ends: what they take stays out of the one that launches."""
+
+import sys
+
+from rcopterx.deploy.processes.background import begun_behind_others
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.snapshot import encoded
+
+
+def warnings_apart(fleet: FleetFile) -> list[str]:
+    """`margins.configured_warnings` in a process of its own; a line that says why if it cannot tell them."""
+    try:
+        with begun_behind_others(
+            [sys.executable, "-m", "rcopterx.ground_station.terminal.margins"]
+        ) as process:
+            output, complaint = process.communicate(encoded(fleet))
+    except OSError as error:
+        return [f"margins are not known: {error}"]
+    if process.returncode:
+        return [f"margins are not known: {complaint.decode(errors='replace').strip()}"]
+    return output.decode().splitlines()

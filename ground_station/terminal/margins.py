@@ -1,0 +1,169 @@
+"""Margins of the vehicles of a fleet: as its file configures them, or as they fly.
+
+As a program it reads the snapshot of a fleet from its standard input and prints
+`configured_warnings`; see `margin_warnings`.
+"""
+
+import math
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
+from typing import Any, Final
+
+from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.loops import loops_of, unknown_loops
+from rcopterx.control.margins.search import (
+    DELAY_LIMIT_S,
+    FREQUENCY_LIMIT,
+    GAIN_LIMIT,
+    PHASE_LIMIT_RAD,
+    margins,
+    shortfalls,
+)
+from rcopterx.deploy.roles.run import end_with_parent
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.snapshot import snapshot_of
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.vehicles.model import Model
+
+COLUMNS: Final = (
+    "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "frequency up", "frequency down",
+    "below the rule",
+)  # fmt: skip
+_NEARLY: Final = 0.999
+
+
+def configured(file: FleetFile, vehicle: str) -> Configuration:
+    """Controller and estimator with which a vehicle starts."""
+    control = file.vehicles[vehicle].control
+    return Configuration(control.controller, control.estimator, control.settings, control.estimator_settings)
+
+
+def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
+    """Margins of vehicles as their fleet file configures them.
+
+    Parameters
+    ----------
+    file
+        The fleet file.
+    vehicles
+        Names.
+
+    Returns
+    -------
+    dict
+        JSON document: `fleet` and `vehicles` by name with `rule`, the margins their models' uncertainty asks
+        for, and `axes`; `axes` is null where margins are not known, and `unknown` then says why. Names carry
+        the units.
+
+    Raises
+    ------
+    FleetError
+        A setting that is not allowed.
+    """
+    return {"fleet": file.name, "vehicles": {name: _vehicle_margins(file, name) for name in vehicles}}
+
+
+def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
+    model, configuration = model_of(file, name), configured(file, name)
+    table: dict[str, Any] = {
+        "controller": configuration.controller,
+        "estimator": configuration.estimator,
+        "rule": asdict(model.uncertainty),
+        "unknown": unknown_loops(configuration),
+        "axes": None,
+    }
+    if table["unknown"] is None:
+        try:
+            loops = loops_of(model, file.vehicles[name].control.period_s, configuration)
+        except ValueError as error:
+            raise FleetError(f"vehicles.{name}.control: {error}") from None
+        table["axes"] = {
+            axis: asdict(margins(loop)) | {"below_rule": list(shortfalls(loop, model.uncertainty))}
+            for axis, loop in loops.items()
+        }
+    return table
+
+
+def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Rows of the table of a vehicle's margins, in `COLUMNS`: its axes, and what the rule asks for."""
+    if found["axes"] is None:
+        yield name, found["unknown"]
+        return
+    for axis, margin in found["axes"].items():
+        yield (
+            name,
+            axis,
+            _at_most(margin["gain_up"], GAIN_LIMIT, 2),
+            f"{margin['gain_down']:.2f}" if margin["gain_down"] * GAIN_LIMIT > 1.0 / _NEARLY else "any",
+            _at_most(math.degrees(margin["phase_rad"]), math.degrees(PHASE_LIMIT_RAD), 0),
+            _at_most(1000 * margin["delay_s"], 1000 * DELAY_LIMIT_S, 0),
+            _at_most(margin["frequency_up"], FREQUENCY_LIMIT, 2),
+            f"{margin['frequency_down']:.2f}"
+            if margin["frequency_down"] * FREQUENCY_LIMIT > 1.0 / _NEARLY
+            else "any",
+            ", ".join(margin["below_rule"]) or "-",
+        )
+    rule = found["rule"]
+    yield (
+        name,
+        "rule",
+        f"{rule['gain_factor']:.2f}",
+        f"{1 / rule['gain_factor']:.2f}",
+        "",
+        f"{1000 * rule['delay_s']:.0f}",
+        f"{1 + rule['frequency_fraction']:.2f}",
+        f"{1 - rule['frequency_fraction']:.2f}",
+        "",
+    )
+
+
+def _at_most(value: float, limit: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if value < _NEARLY * limit else f"> {limit:.{digits}f}"
+
+
+def configured_warnings(file: FleetFile) -> list[str]:
+    """What is below the rule as a fleet file configures its vehicles, a line each."""
+    return [
+        line
+        for name, vehicle in file.vehicles.items()
+        for line in _warnings(name, model_of(file, name), vehicle.control.period_s, configured(file, name))
+    ]
+
+
+def flying_warnings(fleet: Fleet) -> list[str]:
+    """What is below the rule as the vehicles of a running fleet are tuned now, a line each."""
+    lines = []
+    for vehicle in fleet:
+        agent = vehicle.state.agent
+        if agent is not None:
+            said = agent.diagnostics
+            configuration = Configuration(
+                said.controller, said.estimator, said.controller_settings, said.estimator_settings
+            )
+            period_s = fleet.file.vehicles[vehicle.name].control.period_s
+            lines += _warnings(vehicle.name, model_of(fleet.file, vehicle.name), period_s, configuration)
+    return lines
+
+
+def _warnings(name: str, model: Model, period_s: float, configuration: Configuration) -> list[str]:
+    """Lines about one vehicle; an agent refuses settings that are not allowed itself."""
+    if unknown_loops(configuration) is not None:
+        return []
+    loops = loops_of(model, period_s, configuration)
+    below: Mapping[str, tuple[str, ...]] = {
+        axis: shortfalls(loop, model.uncertainty) for axis, loop in loops.items()
+    }
+    return [
+        f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
+        "or identify the vehicle"
+        for axis, names in below.items()
+        if names
+    ]
+
+
+if __name__ == "__main__":
+    end_with_parent()
+    for warning in configured_warnings(snapshot_of(sys.stdin.buffer.read())):
+        print(warning)

@@ -1,0 +1,198 @@
+"""Whatever an estimator does, there is an estimate, and what happened is told."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+from support.failing import BrokenError
+from support.flight import ExactEstimator, still
+
+from rcopterx.agents.guards.estimator_guard import FIRST_CALLS, LATE, RAISED, UNUSABLE, EstimatorGuard
+from rcopterx.agents.guards.time_limit import NoTimeLimit
+from rcopterx.control.interfaces import Estimate, Measurement, TiltEstimate
+from rcopterx.control.models.finite import is_finite
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG
+
+PLACE = Measurement(np.array([0.1, 0.2, 1.0]), 0.3)
+HOVER = COAXIAL_LAG.hover_input
+METHODS = ("reset", "take_over", "predict", "correct", "estimate")
+
+
+class FailingEstimator(ExactEstimator):
+    """Fails in one method from a call on.
+
+    Parameters
+    ----------
+    method
+        Which one.
+    sound_calls
+        Calls of it that go well.
+    """
+
+    def __init__(self, method: str, sound_calls: int = 0) -> None:
+        super().__init__()
+        self._method = method
+        self._left = sound_calls
+
+    def _call(self, method: str) -> None:
+        if method == self._method:
+            self._left -= 1
+            if self._left < 0:
+                raise BrokenError("no covariance")
+
+    def reset(self, measurement: Measurement) -> None:
+        self._call("reset")
+        super().reset(measurement)
+
+    def take_over(self, estimate: Estimate) -> None:
+        self._call("take_over")
+        super().take_over(estimate)
+
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        self._call("predict")
+        super().predict(applied_input, period_s)
+
+    def correct(self, measurement: Measurement) -> bool:
+        self._call("correct")
+        return super().correct(measurement)
+
+    @property
+    def estimate(self) -> Estimate:
+        self._call("estimate")
+        return super().estimate
+
+
+def fly(guard: EstimatorGuard, periods: int = 20, together: bool = True) -> None:
+    guard.reset(PLACE)
+    for _ in range(periods):
+        if together:
+            guard.correct(PLACE, [(HOVER, 0.01), (HOVER, 0.01)])
+        else:
+            guard.predict(HOVER, 0.02)
+            guard.correct(PLACE)
+    guard.take_over(guard.estimate)
+
+
+@given(st.sampled_from(METHODS), st.integers(0, 30), st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_the_default_estimator_goes_on_from_the_last_good_estimate(
+    method: str, sound_calls: int, together: bool
+) -> None:
+    sound = EstimatorGuard(ExactEstimator())
+    guard = EstimatorGuard(FailingEstimator(method, sound_calls), ExactEstimator())
+    fly(sound, together=together)
+    fly(guard, together=together)
+    assert np.allclose(guard.estimate.motion, sound.estimate.motion)
+    assert np.allclose(guard.estimate.actuator, sound.estimate.actuator)
+    assert guard.replaced == (guard.calls.failures[RAISED] > 0)
+    assert guard.calls.failures[RAISED] <= 1
+    if guard.replaced:
+        assert guard.calls.failure == "FailingEstimator: BrokenError: no covariance"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_without_another_estimator_the_last_good_estimate_stays(method: str) -> None:
+    guard = EstimatorGuard(FailingEstimator(method))
+    fly(guard)
+    assert is_finite(guard.estimate)
+    assert guard.calls.failures[RAISED] > 0
+
+
+class Diverging(ExactEstimator):
+    """Tells what is no estimate."""
+
+    def __init__(self, change: dict[str, Any]) -> None:
+        super().__init__()
+        self._change = change
+
+    @property
+    def estimate(self) -> Estimate:
+        return replace(super().estimate, **self._change)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"motion": np.full(8, np.nan)},
+        {"motion": np.zeros(7)},
+        {"motion": np.zeros(8, dtype=np.float32)},
+        {"motion": [0.0] * 8},
+        {"disturbance": np.full(4, np.inf)},
+        {"tilt": TiltEstimate(np.zeros(4), np.zeros(3), np.zeros(2), np.zeros(2))},
+    ],
+)
+def test_what_is_no_estimate_is_not_used(change: dict[str, Any]) -> None:
+    guard = EstimatorGuard(Diverging(change), ExactEstimator())
+    fly(guard)
+    assert guard.replaced
+    assert guard.calls.failures[UNUSABLE] == 1
+    assert guard.estimate.motion[:2] == pytest.approx(PLACE.position_m[:2], abs=1e-2)
+
+
+def test_the_default_estimator_stays_until_somebody_chooses_again() -> None:
+    guard = EstimatorGuard(FailingEstimator("predict"), ExactEstimator())
+    fly(guard)
+    assert guard.replaced
+    guard.use(ExactEstimator(), started=True)
+    fly(guard)
+    assert not guard.replaced
+    assert not guard.calls.failure
+    assert guard.events == {RAISED: 1}
+
+
+def test_a_call_that_takes_too_long_is_a_failure_but_for_the_first_ones() -> None:
+    class Slow(NoTimeLimit):
+        def end(self, limit_s: float) -> bool:
+            return limit_s < 0.02
+
+    guard = EstimatorGuard(ExactEstimator(), ExactEstimator(), Slow())
+    guard.reset(PLACE)
+    for _ in range(FIRST_CALLS - 2):
+        guard.predict(HOVER, 0.02)
+    assert not guard.replaced
+    guard.predict(HOVER, 0.02)
+    assert guard.replaced
+    assert guard.calls.failures[LATE] == 1
+
+
+def test_what_an_estimator_counts_is_told() -> None:
+    class Counting(ExactEstimator):
+        events: ClassVar = {"restarts": 2}
+
+    assert EstimatorGuard(Counting()).events == {"restarts": 2}
+
+
+@pytest.mark.parametrize(
+    ("answer", "kind"), [(np.full(3, np.nan), UNUSABLE), (np.zeros(2), UNUSABLE), (None, RAISED)]
+)
+def test_uncertainty_that_cannot_be_told_is_unknown_and_the_estimator_stays(
+    answer: Array | None, kind: str
+) -> None:
+    class Telling(ExactEstimator):
+        def position_deviation_m(self) -> Array:
+            return answer
+
+    guard = EstimatorGuard(Telling(), default=ExactEstimator())
+    assert guard.position_deviation_m() is None
+    assert guard.calls.failures == {kind: 1}
+    assert not guard.replaced
+
+
+def test_uncertainty_is_told_if_the_estimator_does() -> None:
+    class Telling(ExactEstimator):
+        def position_deviation_m(self) -> Array:
+            return np.array([0.1, 0.2, 0.3])
+
+    told_m = EstimatorGuard(Telling()).position_deviation_m()
+    assert told_m is not None
+    assert told_m.tolist() == [0.1, 0.2, 0.3]
+    assert EstimatorGuard(ExactEstimator()).position_deviation_m() is None
+
+
+def test_before_anything_is_known_the_estimate_is_at_rest() -> None:
+    guard = EstimatorGuard(FailingEstimator("estimate"))
+    assert np.array_equal(guard.estimate.motion, still().motion)

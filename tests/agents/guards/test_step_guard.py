@@ -1,0 +1,253 @@
+"""Whatever a controller does, the vehicle has a command, and what happened is told."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.failing import FAILURES, FailingController
+from support.flight import ExactEstimator, Lab, NotedController, Plant, measured, still
+
+from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.guards.step_guard import (
+    DEFAULT_CONTROLLER,
+    LATE,
+    PATIENCE_S,
+    RAISED,
+    SHIFTED_PLAN,
+    SHIFTED_PLAN_LIMIT_S,
+    UNUSABLE,
+    StepGuard,
+)
+from rcopterx.agents.guards.step_guard import HOVER as HOVERING
+from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot, StampedMeasurement
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.references.trajectory import Trajectory, hold
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.types import COAXIAL_LAG
+
+PERIOD_S = 0.02
+HORIZON = 5
+PLACE = np.array([0.0, 0.0, 1.0])
+HOVER = COAXIAL_LAG.hover_input
+PATIENCE = round(PATIENCE_S / PERIOD_S)
+KINDS = sorted(FAILURES)
+
+
+def built(name: str) -> Controller:
+    return CONTROLLERS.build(name, COAXIAL_LAG, PERIOD_S, {"horizon": HORIZON})
+
+
+class Flight:
+    """A pilot that hovers with a failing controller, its default controller a PID."""
+
+    def __init__(self, course: list[str | None], default: Controller | None = None) -> None:
+        self.default = built("pid") if default is None else default
+        self.failing = FailingController(built("lqr"), course)
+        pilot = Pilot(
+            COAXIAL_LAG, self.failing, ExactEstimator(), Guidance(), default_controller=self.default
+        )
+        start = Estimate(still((0.0, 0.0, 1.0)).motion, HOVER, np.zeros(4))
+        self.lab = Lab(pilot, Plant(COAXIAL_LAG, start, acting=HOVER))
+        self.pilot = pilot
+        pilot.observe(StampedMeasurement(1, 0, PERIOD_S, measured(self.lab.plant.state)))
+        pilot.note_applied("armed", -1, HOVER)
+        pilot.estimator.take_over(start)
+        self.lab.frame = 1
+
+    def fly(self, seconds: float) -> None:
+        self.lab.run(seconds)
+
+    @property
+    def away_m(self) -> float:
+        return float(np.linalg.norm(self.lab.plant.state.motion[:3] - PLACE))
+
+
+courses = st.lists(st.one_of(st.none(), st.sampled_from(KINDS)), min_size=1, max_size=12)
+
+
+@given(courses)
+@settings(max_examples=25, deadline=None)
+def test_the_vehicle_keeps_its_place_with_sound_commands_however_its_controller_fails(
+    course: list[str | None],
+) -> None:
+    flight = Flight(course)
+    flight.fly(1.0)  # the laboratory checks every command
+    assert flight.away_m < 0.05
+    failed = sum(flight.pilot.step_guard.events[kind] for kind in (RAISED, UNUSABLE))
+    asked = [course[step % len(course)] for step in range(flight.failing.steps)]
+    assert failed == sum(failure is not None for failure in asked)
+    longest = max((len(run) for run in "".join("x" if f else " " for f in course * 12).split()), default=0)
+    assert flight.pilot.controller_replaced == (longest >= PATIENCE)
+
+
+@pytest.mark.parametrize("failure", KINDS)
+def test_a_failure_is_flown_by_the_shifted_plan_and_then_by_the_default_controller(failure: str) -> None:
+    flight = Flight([None] * 10 + [failure] * 100)
+    flight.fly(1.0)
+    fallbacks = flight.pilot.fallbacks
+    assert fallbacks[SHIFTED_PLAN] == PATIENCE
+    assert fallbacks[CONTROLLER_REPLACED] == 1
+    assert flight.pilot.controller is flight.default
+    assert flight.failing.steps == 10 + PATIENCE
+
+
+def test_without_a_plan_to_shift_the_default_controller_flies_at_once() -> None:
+    flight = Flight(["raises"])
+    flight.fly(0.06)
+    assert flight.pilot.fallbacks[DEFAULT_CONTROLLER] == 3
+    assert not flight.pilot.controller_replaced
+
+
+def test_a_controller_that_recovers_flies_on() -> None:
+    flight = Flight([None] * 20 + ["raises"] * (PATIENCE - 1))
+    flight.fly(3.0)
+    assert flight.pilot.controller is flight.failing
+    assert flight.pilot.fallbacks[CONTROLLER_REPLACED] == 0
+
+
+def test_the_default_controller_stays_until_somebody_chooses_again() -> None:
+    flight = Flight([None] * 5 + ["raises"] * 20 + [None] * 1000)
+    flight.fly(4.0)
+    assert flight.pilot.controller is flight.default
+    chosen = built("lqr")
+    flight.pilot.use_controller(chosen)
+    flight.fly(0.5)
+    assert flight.pilot.controller is chosen
+    assert not flight.pilot.remarks
+
+
+def test_what_was_raised_is_told_with_its_text() -> None:
+    flight = Flight([None, None, "raises"])
+    flight.fly(0.2)
+    (remark,) = flight.pilot.remarks
+    assert remark == "FailingController: BrokenError: a table is missing"
+    flight = Flight(["raises"])
+    flight.fly(0.5)
+    (remark,) = flight.pilot.remarks
+    assert "a table is missing; the default controller flies until one is chosen" in remark
+
+
+def test_the_replacement_does_not_bump() -> None:
+    flight = Flight([None] * 40 + ["returns nothing"] * 100)
+    flight.fly(2.0)
+    inputs = np.array([flown.input for flown in flight.lab.flights])
+    assert np.abs(np.diff(inputs, axis=0)).max() < 0.05
+
+
+def test_where_the_default_controller_fails_too_a_feedback_law_keeps_the_place() -> None:
+    default = FailingController(built("pid"), ["raises"])
+    flight = Flight(["inputs are not a number"], default)
+    flight.fly(3.0)
+    assert flight.away_m < 0.05
+    assert flight.pilot.fallbacks[HOVERING] > 100
+
+
+def test_a_default_controller_that_is_flown_itself_is_not_replaced_by_itself() -> None:
+    sound = FailingController(built("pid"), [None] * 20 + ["raises"] * 10)
+    guard = StepGuard(COAXIAL_LAG, sound)
+    estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, HORIZON)
+    guard.reset(sound, estimate, HOVER)
+    told = [guard.step(sound, estimate, reference, HOVER).fallback for _ in range(90)]
+    assert set(told) == {None, SHIFTED_PLAN}
+    assert guard.events[RAISED] == 30
+
+
+def test_a_shifted_plan_has_an_end() -> None:
+    failing = FailingController(built("lqr"), [None] + ["raises"] * 100)
+    guard = StepGuard(COAXIAL_LAG)
+    estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, HORIZON)
+    guard.reset(failing, estimate, HOVER)
+    told = [guard.step(failing, estimate, reference, HOVER).fallback for _ in range(60)]
+    shifted = round(SHIFTED_PLAN_LIMIT_S / PERIOD_S)
+    assert told == [None] + shifted * [SHIFTED_PLAN] + (59 - shifted) * [HOVERING]
+
+
+def test_an_estimate_that_is_not_finite_still_gives_a_command() -> None:
+    failing = FailingController(NotedController(HOVER[None, :]), ["raises"])
+    lost = Estimate(np.full(8, np.nan), np.full(4, np.nan), np.full(4, np.nan))
+    step = StepGuard(COAXIAL_LAG).step(failing, lost, hold(PLACE, 0.0, PERIOD_S, 8), HOVER)
+    assert np.isfinite(step.inputs).all()
+    assert np.isfinite(step.plan.samples).all()
+
+
+class Deaf(NotedController):
+    """Raises when it is told of others or of limits, and when it is reset."""
+
+    def reset(self, estimate: Estimate, last_input: Array) -> None:
+        raise ValueError("not now")
+
+
+def test_what_is_raised_in_a_reset_is_a_failure_like_any_other() -> None:
+    guard, deaf = StepGuard(COAXIAL_LAG), Deaf(HOVER[None, :])
+    guard.reset(deaf, still(), HOVER)
+    assert guard.events[RAISED] == 1
+    assert guard.calls.failure == "Deaf: ValueError: not now"
+
+
+class Slow(NotedController):
+    """Takes its time."""
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        step = super().step(estimate, reference, last_input)
+        LimitOfTests.used = 0.05
+        return step
+
+
+class LimitOfTests:
+    used = 0.0
+
+
+def test_a_step_that_took_too_long_does_not_count_although_it_came() -> None:
+    from rcopterx.agents.guards.time_limit import NoTimeLimit
+
+    class Measured(NoTimeLimit):
+        def end(self, limit_s: float) -> bool:
+            return LimitOfTests.used > limit_s
+
+    guard, slow = StepGuard(COAXIAL_LAG, limit=Measured()), Slow(HOVER[None, :])
+    estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, 8)
+    guard.reset(slow, estimate, HOVER)
+    assert guard.step(slow, estimate, reference, HOVER).fallback == HOVERING
+    assert guard.events[LATE] == 1
+
+
+class Answers(NotedController):
+    """Returns inputs and a plan of these numbers."""
+
+    def __init__(self, inputs: object, samples: object) -> None:
+        super().__init__(HOVER[None, :])
+        self.answer = inputs, samples
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        inputs, samples = self.answer
+        return ControlStep(inputs, Trajectory(samples, PERIOD_S), None, 0)  # type: ignore[arg-type]  # on purpose
+
+
+STAGES = 8
+INPUTS, SAMPLES = np.tile(HOVER, (STAGES - 1, 1)), np.zeros((STAGES, 12))
+
+
+@pytest.mark.parametrize(
+    ("inputs", "samples", "said"),
+    [
+        (INPUTS.tolist(), SAMPLES, "inputs are list and no array"),
+        (INPUTS, None, "plan are NoneType and no array"),
+        (INPUTS[:-1], SAMPLES, "inputs have shape (6, 4) of float64, not (7, 4) of float64"),
+        (INPUTS[0], SAMPLES, "inputs have shape (4,) of float64, not (7, 4) of float64"),
+        (INPUTS, SAMPLES[:, :11], "plan have shape (8, 11) of float64, not (8, 12) of float64"),
+        (INPUTS.astype(np.float32), SAMPLES, "inputs have shape (7, 4) of float32, not (7, 4) of float64"),
+        (INPUTS, SAMPLES.astype(">f8"), "plan have shape (8, 12) of >f8, not (8, 12) of float64"),
+        (INPUTS, SAMPLES.astype(object), "plan have shape (8, 12) of object, not (8, 12) of float64"),
+        (INPUTS[::-1], SAMPLES.astype(int), "plan have shape (8, 12) of int64, not (8, 12) of float64"),
+        (INPUTS, SAMPLES + np.nan, "the plan is not finite, or beyond all reason"),
+        (INPUTS + 9.0, SAMPLES, "inputs are not finite, or leave the limits of the vehicle"),
+    ],
+)
+def test_what_is_wrong_with_an_answer_is_told(inputs: object, samples: object, said: str) -> None:
+    guard, wrong = StepGuard(COAXIAL_LAG), Answers(inputs, samples)
+    estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, STAGES)
+    guard.reset(wrong, estimate, HOVER)
+    assert guard.step(wrong, estimate, reference, HOVER).fallback == HOVERING
+    assert guard.events == {UNUSABLE: 1}
+    assert guard.calls.failure == f"Answers: {said}"

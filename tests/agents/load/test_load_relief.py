@@ -1,0 +1,261 @@
+"""Promises of an agent that cannot keep up: what it decided takes effect by a note, and vehicles fly on."""
+
+import numpy as np
+import pytest
+from agent_bench import Bench
+from pilot_bench import airborne, noted, seen
+
+from rcopterx.agents.load.load_relief import NEAREST, LoadRelief
+from rcopterx.agents.load.overload import Relief
+from rcopterx.agents.load.pacing import Pacing
+from rcopterx.agents.separation.traffic import MOST, Traffic
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.subscription import Inbox
+
+LATE_S = 0.05
+
+
+class NoteBus:
+    """Takes notes, and lets them take effect when the test says so."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+        self.effective: set[str] = set()
+        self.telling = True
+        self.now_s = 10.0
+
+    def clock(self) -> float:
+        return self.now_s
+
+    def note(self, word: str) -> None:
+        self.notes.append(word)
+
+    @property
+    def words(self) -> set[str]:
+        return self.effective
+
+    def tell_steps(self, wanted: bool) -> None:
+        self.telling = wanted
+
+
+class Scene:
+    def __init__(self) -> None:
+        self.launcher = Inbox(channels.LAUNCHER)
+        self.bus, self.pacing = NoteBus(), Pacing(0.02)
+        self.traffic = Traffic("h1", None, lambda _: pytest.fail("nobody is near"))
+        self.used_s = 0.0
+        self.relief = LoadRelief(
+            self.bus,  # type: ignore[arg-type]  # what it needs of a bus
+            0.02,
+            self.pacing,
+            self.traffic,
+            self.launcher,
+            lambda: self.used_s,
+        )
+
+    def take_effect(self) -> bool:
+        self.bus.effective, self.bus.notes = set(self.bus.notes[-1:]), []
+        return self.relief.settle()
+
+    def hear(self, agents: int, flies: int | None) -> bool:
+        """What the launcher tells takes effect at the next step, without a note."""
+        status = LauncherStatus(running=tuple(f"h{n}" for n in range(agents)), absent=(), flies=flies)
+        self.launcher.store(encode(status), self.bus.now_s)
+        self.bus.effective = set()
+        return self.relief.settle()
+
+    def overload(self) -> None:
+        while not self.bus.notes:
+            self.relief.watch(LATE_S, flying=True)
+
+    def doing(self) -> tuple[bool, int, int]:
+        return self.bus.telling, self.traffic.most, self.pacing.every
+
+
+def test_nothing_changes_before_the_note_takes_effect() -> None:
+    scene = Scene()
+    scene.overload()
+    assert scene.relief.relief is Relief.NONE
+    assert scene.relief.remark == ""
+    assert scene.take_effect()
+    assert scene.relief.relief is Relief.STATUSES
+    scene.bus.effective.clear()
+    assert not scene.relief.settle()
+
+
+def test_one_thing_after_the_other_is_left_out_and_counted() -> None:
+    scene = Scene()
+    found = []
+    for _ in range(4):
+        scene.overload()
+        scene.take_effect()
+        found.append(scene.doing())
+    assert found == [(True, MOST, 1), (False, MOST, 1), (False, NEAREST, 1), (False, NEAREST, 2)]
+    assert scene.relief.remark.endswith("control at half rate")
+    assert scene.relief.events == {
+        "left_out_statuses": 1, "left_out_telemetry": 1, "left_out_far_plans": 1, "left_out_half_rate": 1
+    }  # fmt: skip
+
+
+def test_on_the_floor_everything_is_done_again() -> None:
+    scene = Scene()
+    for _ in range(4):
+        scene.overload()
+        scene.take_effect()
+    scene.relief.watch(LATE_S, flying=False)
+    assert scene.take_effect()
+    assert scene.doing() == (True, MOST, 1)
+    assert scene.relief.remark == ""
+
+
+def test_missed_periods_count_as_late() -> None:
+    scene = Scene()
+    for _ in range(100):
+        scene.pacing.missed_ticks += 1
+        scene.relief.watch(0.0, flying=True)
+    assert scene.bus.notes
+
+
+def test_the_share_of_a_processor_is_that_since_the_last_look() -> None:
+    scene = Scene()
+    scene.used_s, scene.bus.now_s = 0.3, 12.0
+    assert scene.relief.processor_share() == pytest.approx(0.15)
+    scene.used_s, scene.bus.now_s = 0.8, 13.0
+    assert scene.relief.processor_share() == pytest.approx(0.5)
+    assert scene.relief.processor_share() == 0.0
+
+
+def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_other(bench: Bench) -> None:
+    bench.start()
+    bench.agent._bus.note("relief_4")
+    bench.step_until(lambda: bench.agent._parts.pacing.every == 2, "half rate does not begin")
+    # The second vehicle of the fleet, so its turn is with odd frames.
+    if bench.frame % 2 == 0:
+        bench.see()
+    bench.sent.clear()
+    missed_ticks = bench.agent._parts.pacing.missed_ticks
+    for _ in range(4):
+        bench.see()
+        bench.see()
+        bench.command_of(bench.frame)
+    assert all(command.frame % 2 == 1 for command in bench.sent)
+    assert bench.pilot.fallbacks["control_left_out"] >= 3
+    bench.clock.advance(0.4)  # Statuses come half as often.
+    diagnostics = bench.status().diagnostics
+    assert diagnostics.missed_ticks == missed_ticks
+    assert "half rate" in diagnostics.remarks[0]
+
+
+def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Bench) -> None:
+    bench.start()
+    status = LauncherStatus(running=("h1", "h9"), absent=(), flies=1)
+
+    def told() -> bool:
+        bench.others.publish(channels.LAUNCHER, "main", status)
+        return bench.agent._parts.relief.relief is Relief.QUARTER_RATE
+
+    bench.step_until(told, "the agent does not hear the launcher")
+    for _ in range(8):
+        bench.see()
+    assert bench.agent._parts.pacing.every == 4
+    rests_s = []
+    for _ in range(4):
+        bench.see()
+        seen = bench.agent._parts.observation.seen
+        assert seen is not None
+        rests_s.append(bench.agent.rest_until_s - seen.arrived_s)
+    assert sorted(rests_s) == pytest.approx([0.0, 0.0, 0.0, 3.5 * 0.02])
+
+
+def test_a_period_that_is_left_out_is_predicted_with_the_input_planned_for_it() -> None:
+    rows = np.array([[0.01 * row, 0.0, 0.5, 0.0] for row in range(7)])
+    pilot = airborne(noted(inputs=rows))
+    pilot.observe(seen(1))
+    output = pilot.control({})
+    pilot.observe(seen(2))
+    sequence = pilot.sequence
+    pilot.fly_as_planned()
+    assert pilot.sequence == sequence
+    assert np.array_equal(pilot.input_history.newest, output.next_inputs[0])
+    assert pilot.fallbacks["control_left_out"] == 1
+
+
+def test_a_vehicle_on_the_floor_has_nothing_planned() -> None:
+    pilot = noted()
+    pilot.observe(seen(1, (0.0, 0.0, 0.0)))
+    pilot.control({})
+    pilot.fly_as_planned()
+    assert pilot.fallbacks["control_left_out"] == 0
+
+
+def test_periods_behind_which_it_lags_count_all_and_those_without_poses_once() -> None:
+    lagging, blind = Scene(), Scene()
+    lagging.pacing.on_begin(1, 0, flying=True)
+    for turn in range(4):
+        for place in range(5):
+            lagging.pacing.on_begin(1, 1 + 5 * turn + place, flying=True)
+        blind.pacing.missed_ticks += 5
+        for scene in (lagging, blind):
+            scene.relief.watch(0.0, flying=True)
+    assert lagging.bus.notes
+    assert not blind.bus.notes
+
+
+def test_where_more_agents_run_than_the_computer_serves_half_rate_is_planned() -> None:
+    scene = Scene()
+    assert not scene.hear(agents=10, flies=None)
+    assert not scene.hear(agents=10, flies=10)
+    assert scene.hear(agents=11, flies=10)
+    assert scene.doing() == (False, NEAREST, 2)
+    assert "more agents" in scene.relief.remark
+    assert "half rate" in scene.relief.remark
+    assert not scene.hear(agents=11, flies=10)
+    # Neither calm nor a landing ends it.
+    for flying in (True, False):
+        for _ in range(2000):
+            scene.relief.watch(0.0, flying)
+    assert scene.bus.notes == []
+    assert scene.hear(agents=10, flies=10)
+    assert scene.doing() == (True, MOST, 1)
+
+
+@pytest.mark.parametrize(
+    ("agents", "flies", "relief"),
+    [
+        (10, 10, Relief.NONE),
+        (11, 10, Relief.HALF_RATE),
+        (13, 10, Relief.HALF_RATE),
+        (14, 10, Relief.QUARTER_RATE),
+        (1, 0, Relief.QUARTER_RATE),
+    ],
+)
+def test_the_more_agents_too_many_the_lower_the_rate(agents: int, flies: int, relief: Relief) -> None:
+    scene = Scene()
+    scene.hear(agents, flies)
+    assert scene.relief.relief is relief
+
+
+def test_on_the_floor_the_rate_is_never_below_half_because_arming_asks_for_fresh_commands() -> None:
+    scene = Scene()
+    scene.hear(agents=9, flies=6)
+    assert scene.pacing.every == 2
+    scene.relief.watch(0.0, flying=True)
+    assert scene.pacing.every == 4
+    assert "quarter rate" in scene.relief.remark
+    scene.relief.watch(0.0, flying=False)
+    assert scene.pacing.every == 2
+
+
+def test_what_was_decided_under_another_load_is_forgotten() -> None:
+    scene = Scene()
+    for _ in range(2):
+        scene.overload()
+        scene.take_effect()
+    assert scene.hear(agents=11, flies=10)
+    assert scene.hear(agents=10, flies=10)
+    assert scene.relief.relief is Relief.NONE
+    scene.overload()
+    scene.take_effect()
+    assert scene.relief.relief is Relief.STATUSES

@@ -1,0 +1,214 @@
+"""Promises of the place of compiled kernels: private, found again, no obstacle where nothing is writable."""
+
+import fcntl
+import os
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from rcopterx.compiling import __main__ as compiling
+from rcopterx.compiling import cache
+
+KERNEL = """
+import sys
+from rcopterx.compiling.compiled import NUMBER, compiled
+
+@compiled(NUMBER)
+def doubled(number):
+    return 2.0 * number
+
+print(doubled(21.0))
+"""
+
+USER = """
+import sys
+from rcopterx.compiling import cache
+
+print(cache.directory(), flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The process has used no kernels yet, and gives those of the test back at its end."""
+    held: list[int] = []
+    monkeypatch.setattr(cache, "_held", held)
+    cache.directory.cache_clear()
+    yield
+    cache.directory.cache_clear()
+    for descriptor in held:
+        os.close(descriptor)
+
+
+def test_kernels_lie_in_a_private_directory_of_their_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "here"))
+    path = cache.directory()
+    assert path is not None
+    assert path.parent == tmp_path / "here"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+def test_other_sources_are_other_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    first = cache.directory()
+    monkeypatch.setattr(cache, "MODULES", (*cache.MODULES, "compiling.cache"))
+    cache.directory.cache_clear()
+    assert cache.directory() != first
+
+
+def test_the_next_place_is_taken_where_one_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = cache.directory()
+    assert path is not None
+    assert path.parent == tmp_path / "cache" / "rcopterx"
+
+
+def test_there_may_be_no_place_at_all(tmp_path: Path) -> None:
+    """Kernels are compiled all the same."""
+    script = "from rcopterx.compiling import cache; cache._bases = lambda: iter(())" + KERNEL
+    (tmp_path / "kernel.py").write_text(script)
+    done = run(tmp_path, {})
+    assert (done.returncode, done.stdout) == (0, "42.0\n"), done.stderr
+
+
+def run(directory: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    process = started(directory, environment)
+    stdout, stderr = process.communicate(timeout=300)
+    return subprocess.CompletedProcess([], process.returncode, stdout, stderr)
+
+
+def started(directory: Path, environment: dict[str, str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, str(directory / "kernel.py")],
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])} | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_of_processes_that_start_at_the_same_time_one_compiles_and_says_so(tmp_path: Path) -> None:
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    environment = {cache.VARIABLE: str(tmp_path / "kept")}
+    processes = [started(tmp_path, environment) for _ in range(2)]
+    outputs = [process.communicate(timeout=300) for process in processes]
+    assert [stdout for stdout, _ in outputs] == ["42.0\n", "42.0\n"]
+    assert sorted("once" in stderr for _, stderr in outputs) == [False, True]
+
+
+def test_everything_is_compiled_in_a_process_of_its_own_unless_it_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commands = []
+
+    def ran(command: list[str], check: bool) -> subprocess.CompletedProcess[str]:
+        commands.append(command)
+        return subprocess.CompletedProcess(command, 3)
+
+    monkeypatch.setattr("rcopterx.compiling.cache.subprocess.run", ran)
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    with pytest.raises(OSError, match="ended with 3"):
+        cache.compile_all()
+    assert commands == [[sys.executable, "-m", "rcopterx.compiling"]]
+    path = cache.directory()
+    assert path is not None
+    (path / cache.COMPLETE).touch()
+    cache.compile_all()
+    assert len(commands) == 1
+
+
+def test_modules_that_cannot_be_compiled_are_named_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setattr(compiling, "MODULES", ("compiling.cache", "nowhere"))
+    assert compiling.main() == 1
+    assert "nowhere: " in capsys.readouterr().err
+    monkeypatch.setattr(compiling, "MODULES", ("compiling.cache",))
+    assert compiling.main() == 0
+    assert "... compiled in" in capsys.readouterr().err
+    assert compiling.main() == 0
+    assert capsys.readouterr().err == ""
+
+
+def kernels_of_the_past(base: Path, count: int) -> list[Path]:
+    """Directories of other versions, the oldest first, each with a file."""
+    paths = [base / f"kernels-{index:016x}" for index in range(count)]
+    for index, path in enumerate(paths, start=1):
+        path.mkdir()
+        (path / "kernel.nbi").touch()
+        os.utime(path, (index, index))
+    return paths
+
+
+def test_kernels_used_last_are_kept_and_older_ones_removed(tmp_path: Path) -> None:
+    paths = kernels_of_the_past(tmp_path, cache.KEPT + 2)
+    (tmp_path / "flights").mkdir()
+    assert cache.remove_unused(tmp_path) == [paths[1].name, paths[0].name]
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "flights", *paths[2:]]
+
+
+def test_a_use_of_kernels_counts_from_its_last_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    own = cache.directory()
+    assert own is not None
+    os.utime(own, (0, 0))
+    cache.directory.cache_clear()
+    assert cache.directory() == own
+    others = kernels_of_the_past(tmp_path, cache.KEPT)
+    assert cache.remove_unused(tmp_path) == [others[0].name]
+
+
+def test_kernels_that_a_process_uses_are_kept_however_old_they_are(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", USER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), cache.VARIABLE: str(tmp_path)},
+    )  # fmt: skip
+    assert process.stdout is not None
+    used = Path(process.stdout.readline().strip())
+    others = kernels_of_the_past(tmp_path, cache.KEPT)
+    os.utime(used, (0, 0))
+    assert cache.remove_unused(tmp_path) == []
+    process.communicate(timeout=300)
+    assert cache.remove_unused(tmp_path) == [used.name]
+    assert sorted(tmp_path.glob("kernels-*")) == others
+
+
+def test_kernels_that_are_removed_while_somebody_waits_for_them_are_made_anew(tmp_path: Path) -> None:
+    (path,) = kernels_of_the_past(tmp_path, 1)
+    remover = cache._locked(path, fcntl.LOCK_EX)
+    with ThreadPoolExecutor(1) as pool:
+        user = pool.submit(cache._use, path)
+        path.rename(tmp_path / "removed")
+        os.close(remover)
+        descriptor = user.result(timeout=300)
+    assert os.path.samestat(os.fstat(descriptor), path.stat())
+    os.close(descriptor)
+    assert list(path.iterdir()) == []
+
+
+def test_what_was_not_removed_completely_goes_the_next_time(tmp_path: Path) -> None:
+    (tmp_path / "removed-0000000000000000" / "left").mkdir(parents=True)
+    assert cache.remove_unused(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_compiling_removes_what_older_versions_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setattr(compiling, "MODULES", ("compiling.cache",))
+    oldest, *others = kernels_of_the_past(tmp_path, cache.KEPT)
+    assert compiling.main() == 0
+    assert not oldest.exists()
+    assert all(path.exists() for path in others)

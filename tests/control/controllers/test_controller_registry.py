@@ -1,0 +1,79 @@
+"""Controllers by name, and what a wrong setting is told."""
+
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.plugins import registry
+from rcopterx.control.plugins.plain_settings import SettingsError
+from rcopterx.vehicles.types import COAXIAL_LAG
+
+
+def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "entry_points", lambda group: [])
+    assert "paper" in CONTROLLERS.available()
+    for name in ("cascade", "lqr", "paper", "pid"):
+        controller = CONTROLLERS.build(name, COAXIAL_LAG, 0.02, {"horizon": 12})
+        assert (controller.horizon, controller.period_s) == (12, 0.02)
+
+
+def test_an_installed_package_adds_a_controller(monkeypatch: pytest.MonkeyPatch) -> None:
+    added = EntryPoint(
+        "mine", "rcopterx.control.controllers.paper.controller:PaperController", CONTROLLERS.entry_point_group
+    )
+    monkeypatch.setattr(registry, "entry_points", lambda group: [added])
+    assert "mine" in CONTROLLERS.available()
+    assert CONTROLLERS.build("mine", COAXIAL_LAG, 0.02, {"horizon": 5}).horizon == 5
+
+
+def test_a_package_that_cannot_be_imported_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = EntryPoint("broken", "no_such_package:Thing", CONTROLLERS.entry_point_group)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [broken])
+    with pytest.raises(SettingsError, match=r"'broken' \(no_such_package:Thing\) cannot be imported"):
+        CONTROLLERS.load("broken")
+
+
+def test_an_unknown_controller_is_told_what_is_allowed() -> None:
+    with pytest.raises(SettingsError, match=r"no controller is called 'mpc'; allowed are .*paper"):
+        CONTROLLERS.build("mpc", COAXIAL_LAG, 0.02, {})
+
+
+def test_importing_the_registry_imports_no_controller() -> None:
+    code = (
+        "import sys, rcopterx.control.controllers.registry as r; r.CONTROLLERS.available();"
+        "assert not {'osqp', 'scipy', 'rcopterx.control.controllers.paper.controller'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"horizon": 1}, r">= 2 - at `\$.horizon`"),
+        ({"horizon": 201}, r"<= 200 - at `\$.horizon`"),
+        ({"horizon": 10.5}, r"Expected `int`.*horizon"),
+        ({"horizn": 20}, r"unknown setting 'horizn'; allowed are .*horizon"),
+        ({"input_weights": [1, 1, 0, 1]}, r"> 0.0 - at `\$.input_weights\[2\]`"),
+        ({"input_weights": [1, 1, 1]}, r"length 4, got 3 - at `\$.input_weights`"),
+        ({"input_weights": [1, float("inf"), 1, 1]}, r"input_weights: every number must be finite"),
+        (
+            {"state_min": [2.0, -1, 0, -1, -1, -1, -1]},
+            r"state_min of x must be below state_max, got 2 and 1.2",
+        ),
+        ({"input_max": [2.0, 1, 1, 0.4]}, r"of pitch: \[-1, 2\] leaves the vehicle's range \[-1, 1\]"),
+        ({"input_max": [1, 1, 0.5, 0.4]}, r"of thrust: \[0, 0.5\] must contain 0.545"),
+        ({"time_limit_s": 0}, r"> 0.0 - at `\$.time_limit_s`"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_what_is_allowed(settings: dict[str, object], message: str) -> None:
+    with pytest.raises(SettingsError, match=message) as refused:
+        CONTROLLERS.build("paper", COAXIAL_LAG, 0.02, settings)
+    assert "controller 'paper'" in str(refused.value)
+
+
+def test_a_period_outside_the_range_is_refused() -> None:
+    with pytest.raises(SettingsError, match="period_s must be from"):
+        CONTROLLERS.build("paper", COAXIAL_LAG, 0.0, {})

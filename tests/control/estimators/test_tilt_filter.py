@@ -1,0 +1,145 @@
+"""Promises of the tilt filter: it finds tilt, trim and crooked markers, with or without a measured tilt."""
+
+from collections.abc import Callable
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.control.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
+from rcopterx.control.estimators.tilt_kalman import TiltKalmanEstimator
+from rcopterx.control.interfaces import Estimate, Measurement
+from rcopterx.control.models.lateral import POSITION, LateralSystem, demand_matrix
+from rcopterx.native.kalman import predict_tilt
+from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL
+
+PERIOD_S = 0.02
+
+
+def predict(found: TiltFilter, stick: Array, yaw_rad: float) -> None:
+    predict_tilt(found.states, found.covariances, stick, yaw_rad, *found.periods[PERIOD_S])
+
+
+def new_filter() -> TiltFilter:
+    return TiltFilter(COAXIAL, 0.0005, 0.004, 0.01, 2.0, 0.15)
+
+
+class Vehicle:
+    """The model itself, with a trim, markers glued on crookedly, and a heading."""
+
+    def __init__(self, yaw_rad: float, trim: np.ndarray, offset_rad: np.ndarray) -> None:
+        self.system = LateralSystem(COAXIAL, PERIOD_S)
+        self.state = np.zeros(self.system.size)
+        self.yaw_rad, self.trim, self.offset_rad = yaw_rad, trim, offset_rad
+
+    def fly(self, stick: np.ndarray) -> None:
+        demand = demand_matrix(COAXIAL, self.yaw_rad) @ (stick + self.trim)
+        self.state = self.system.transition @ self.state + self.system.demand @ demand
+
+    @property
+    def measured_tilt(self) -> np.ndarray:
+        return self.state[self.system.tilt] + heading_matrix(self.yaw_rad) @ self.offset_rad
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.floats(-3.0, 3.0),
+    st.tuples(st.floats(-0.03, 0.03), st.floats(-0.03, 0.03)),
+    st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08)),
+    st.integers(0, 99),
+)
+def test_state_trim_and_body_frame_are_found(
+    yaw_rad: float, trim: tuple[float, float], offset: tuple[float, float], seed: int
+) -> None:
+    vehicle = Vehicle(yaw_rad, np.array(trim), np.array(offset))
+    found = new_filter()
+    found.stand(np.zeros(2), heading_matrix(yaw_rad) @ np.array(offset) + 0.01, yaw_rad)
+    rng = np.random.default_rng(seed)
+    for _ in range(1500):
+        # a controller that keeps the vehicle near, with some excitation
+        body = heading_matrix(yaw_rad).T @ (-1.0 * vehicle.state[:2] - 1.5 * vehicle.state[2:4])
+        stick = np.clip(0.3 * body, -0.2, 0.2) - vehicle.trim + rng.normal(0.0, 0.03, 2)
+        vehicle.fly(stick)
+        predict(found, stick, yaw_rad)
+        found.correct(vehicle.state[POSITION], vehicle.measured_tilt, yaw_rad)
+    tilt = vehicle.state[vehicle.system.tilt]
+    assert found.position_m == pytest.approx(vehicle.state[:2], abs=1e-3)
+    assert found.horizontal[2:] == pytest.approx(vehicle.state[2:4], abs=0.01)
+    assert found.estimate.core[:2] == pytest.approx(tilt, abs=0.006)
+    assert found.estimate.trim == pytest.approx(vehicle.trim, abs=0.012)
+    assert found.body_offset_rad == pytest.approx(vehicle.offset_rad, abs=0.008)
+    assert np.linalg.eigvalsh(found.covariance).min() > 0.0
+
+
+def test_without_a_measured_tilt_the_state_is_found_from_positions() -> None:
+    vehicle = Vehicle(0.4, np.array([0.02, -0.01]), np.zeros(2))
+    found = new_filter()
+    found.start(np.zeros(2), np.zeros(2), None, 0.4)
+    for step in range(1000):
+        stick = -vehicle.trim + 0.05 * np.array([np.sin(step / 9), np.cos(step / 13)])
+        vehicle.fly(stick)
+        predict(found, stick, 0.4)
+        found.correct(vehicle.state[POSITION], None, 0.4)
+    assert found.horizontal[2:] == pytest.approx(vehicle.state[2:4], abs=0.02)
+    assert found.estimate.core[:2] == pytest.approx(vehicle.state[vehicle.system.tilt], abs=0.02)
+
+
+def test_a_tilt_of_markers_mixed_up_is_left_out_and_counted() -> None:
+    found = new_filter()
+    found.start(np.zeros(2), np.zeros(2), np.zeros(2), 0.0)
+    predict(found, np.zeros(2), 0.0)
+    found.correct(np.zeros(2), np.array([0.9, 0.0]), 0.0)
+    assert found.tilts_left_out == 1
+    assert np.abs(found.estimate.core).max() < 1e-6
+
+
+def test_a_standing_vehicle_shows_how_its_markers_are_glued_on() -> None:
+    found = new_filter()
+    found.stand(np.zeros(2), np.array([0.05, -0.02]), 0.0)
+    assert found.body_offset_rad == pytest.approx([0.05, -0.02])
+    assert found.estimate.core[:2] == pytest.approx([0.0, 0.0])
+    found.stand(np.zeros(2), np.array([0.9, 0.0]), 0.0)
+    assert np.abs(found.body_offset_rad).max() <= OFFSET_LIMIT_RAD
+
+
+def test_the_filter_of_a_helicopter_is_the_one_with_a_tilt_and_can_do_without_it() -> None:
+    for settings_of in ({}, {"measured_tilt": False}):
+        estimator = ESTIMATORS.build("extended_kalman", COAXIAL, PERIOD_S, settings_of)
+        assert isinstance(estimator, TiltKalmanEstimator)
+        estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0, np.array([0.04, 0.0])))
+        expected = 0.04 if not settings_of else 0.0
+        assert estimator.tilt_filter.body_offset_rad[0] == pytest.approx(expected)
+
+
+def test_an_estimate_of_a_helicopter_stays_what_it_was_and_the_next_one_is_new() -> None:
+    estimator = ESTIMATORS.build("extended_kalman", COAXIAL, PERIOD_S, {})
+    assert isinstance(estimator, TiltKalmanEstimator)
+    estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(2)))
+    changes: list[Callable[[], object]] = [
+        lambda: estimator.predict(COAXIAL.hover_input, PERIOD_S),
+        lambda: estimator.predict(COAXIAL.hover_input + np.array([0.2, 0.0, 0.0, 0.0]), PERIOD_S),
+        lambda: estimator.correct(Measurement(np.array([0.002, 0.0, 1.0]), 0.0, np.array([0.05, 0.0]))),
+        lambda: estimator.take_over(replace(estimator.estimate, motion=np.full(8, 0.1))),
+        lambda: estimator.reset(Measurement(np.array([0.3, 0.0, 1.0]), 0.0, np.array([0.1, 0.0]))),
+    ]
+    for change in changes:
+        before = estimator.estimate
+        assert estimator.estimate is before
+        kept = deepcopy(before)
+        change()
+        assert_same(before, kept)
+        assert estimator.estimate is not before
+
+
+def assert_same(one: Estimate, other: Estimate) -> None:
+    assert one.tilt is not None
+    assert other.tilt is not None
+    for name in ("motion", "actuator", "disturbance"):
+        assert (getattr(one, name) == getattr(other, name)).all()
+    for name in ("core", "servo", "wind_m_s2", "trim"):
+        assert (getattr(one.tilt, name) == getattr(other.tilt, name)).all()

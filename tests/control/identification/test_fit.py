@@ -1,0 +1,144 @@
+"""The fit finds what a vehicle is, says how well it knows it, and refuses what a flight does not show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_flight import simulated_flight, still_flight
+
+from rcopterx.control.identification.fit import Identification, identify
+from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR
+
+
+def other_helicopter() -> Model:
+    """A vehicle of the type that differs from its middle in everything."""
+    assert COAXIAL.tilt is not None
+    tilt = replace(
+        COAXIAL.tilt, frequency_rad_s=10.0, damping_ratio=0.4, servo_lag_s=0.025, upper_phase_rad=-0.05
+    )
+    return replace(
+        COAXIAL,
+        input_gain=(2.4, 1.8, 16.5, 90.0),
+        damping=(*COAXIAL.damping[:3], -4.2),
+        lag_s=(*COAXIAL.lag_s[:2], 0.13, 0.14),
+        delay_s=0.04,
+        thrust_coupling=3.5,
+        tilt=tilt,
+    )
+
+
+@pytest.fixture(scope="module")
+def flight() -> FlightRecording:
+    return simulated_flight(other_helicopter())
+
+
+@pytest.fixture(scope="module")
+def found(flight: FlightRecording) -> Identification:
+    return identify(flight, COAXIAL)
+
+
+def numbers(identification: Identification) -> dict[str, float]:
+    return {number.name: number.value for number in identification.parameters}
+
+
+def test_parameters_of_a_vehicle_are_found(found: Identification) -> None:
+    true, tilt = other_helicopter(), found.model.tilt
+    assert found.problems == ()
+    assert tilt is not None
+    assert found.model.input_gain[:3] == pytest.approx(true.input_gain[:3], rel=0.06)
+    assert tilt.frequency_rad_s == pytest.approx(10.0, rel=0.03)
+    assert tilt.damping_ratio == pytest.approx(0.4, rel=0.1)
+    assert found.model.delay_s == pytest.approx(0.04, abs=0.005)
+    assert found.model.lag_s[2] == pytest.approx(0.13, rel=0.1)
+    assert found.model.input_gain[3] == pytest.approx(90.0, rel=0.1)
+    assert found.model.damping[3] == pytest.approx(-4.2, rel=0.1)
+    assert found.model.lag_s[3] == pytest.approx(0.14, rel=0.1)
+    assert found.model.thrust_coupling == pytest.approx(3.5, rel=0.1)
+
+
+def test_offsets_of_the_flight_are_told_apart_from_its_model(found: Identification) -> None:
+    assert found.offsets.trim == pytest.approx((0.01, -0.02), abs=0.006)
+    assert found.offsets.body_rad == pytest.approx((0.03, -0.04), abs=0.006)
+
+
+def test_deviations_cover_the_truth(found: Identification) -> None:
+    true = other_helicopter()
+    by_name = {number.name: number for number in found.parameters}
+    for name, value in (
+        ("pitch gain", true.input_gain[0]),
+        ("roll gain", true.input_gain[1]),
+        ("tilt frequency", 10.0),
+        ("transport delay", 0.04),
+    ):
+        assert abs(by_name[name].value - value) < 4.0 * by_name[name].deviation
+        assert by_name[name].deviation < 0.1 * abs(value)
+
+
+def test_predictions_of_flight_that_was_not_fitted_become_better(found: Identification) -> None:
+    assert found.after.yaw_rad < found.before.yaw_rad
+    assert found.after.height_m < found.before.height_m
+
+
+def test_a_fitted_model_is_more_certain_than_a_type(found: Identification) -> None:
+    assert found.model.uncertainty == IDENTIFIED
+
+
+def test_positions_alone_are_enough(flight: FlightRecording) -> None:
+    found = identify(flight.without_tilt(), COAXIAL)
+    assert found.problems == ()
+    assert found.model.input_gain[:2] == pytest.approx((2.4, 1.8), rel=0.1)
+    assert found.model.tilt is not None
+    assert found.model.tilt.frequency_rad_s == pytest.approx(10.0, rel=0.05)
+    assert "body offset forward" not in numbers(found)
+
+
+def test_a_flight_without_excitation_is_refused() -> None:
+    found = identify(still_flight(COAXIAL), COAXIAL)
+    assert any(problem.startswith("too little excitation: pitch gain") for problem in found.problems)
+
+
+def test_a_flight_with_sticks_of_another_vehicle_is_refused(flight: FlightRecording) -> None:
+    swapped = replace(flight, inputs=flight.inputs[:, [1, 0, 2, 3]])
+    assert identify(swapped, COAXIAL).problems
+
+
+def test_a_single_wild_pose_does_not_spoil_the_fit(flight: FlightRecording, found: Identification) -> None:
+    position = flight.position_m.copy()
+    position[700, 0] += 0.2
+    spoilt = identify(replace(flight, position_m=position), COAXIAL)
+    assert spoilt.model.input_gain[:2] == pytest.approx(found.model.input_gain[:2], rel=0.05)
+
+
+def test_a_tilt_without_bar_is_fitted_too() -> None:
+    plain = replace(COAXIAL, tilt=TiltModel(frequency_rad_s=14.0, damping_ratio=0.7))
+    known = replace(COAXIAL, tilt=TiltModel(frequency_rad_s=11.0, damping_ratio=0.5))
+    found = identify(simulated_flight(plain, body_rad=(0.0, 0.0)), known)
+    assert found.problems == ()
+    assert found.model.tilt is not None
+    assert found.model.tilt.frequency_rad_s == pytest.approx(14.0, rel=0.06)
+
+
+def test_a_vehicle_without_tilt_model_gets_gains_and_lag(flight: FlightRecording) -> None:
+    found = identify(replace(flight, kind=COAXIAL_LAG.kind), COAXIAL_LAG)
+    assert found.model.tilt is None
+    assert found.model.lag_s[0] > COAXIAL_LAG.lag_s[0]
+
+
+def test_short_recordings_and_those_of_other_types_are_refused(flight: FlightRecording) -> None:
+    with pytest.raises(ValueError, match=r"lasts 12\.0 s, at least 20 s"):
+        identify(flight.part(0.0, 0.4), COAXIAL)
+    with pytest.raises(ValueError, match="of type coaxial, not quadrotor"):
+        identify(flight, QUADROTOR)
+
+
+def test_hover_thrust_is_the_mean_of_the_flight(flight: FlightRecording, found: Identification) -> None:
+    assert found.model.hover_thrust == pytest.approx(float(np.mean(flight.inputs[:, 2])))
+
+
+def test_height_is_as_certain_as_its_noise_permits(found: Identification) -> None:
+    (thrust,) = [number for number in found.parameters if number.name == "thrust gain"]
+    assert 0.002 * thrust.value < thrust.deviation < 0.1 * thrust.value
+    assert abs(thrust.value - 16.5) < 4.0 * thrust.deviation

@@ -1,0 +1,124 @@
+"""The linear loop that margins are computed from is the loop that flies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
+from rcopterx.control.controllers.cascade.terms import riccati_cost
+from rcopterx.control.controllers.chains.chain import ChainParameters
+from rcopterx.control.controllers.chains.lateral_chain import LateralChain
+from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.control.estimators.tilt_kalman import TiltKalmanEstimator
+from rcopterx.control.interfaces import Measurement
+from rcopterx.control.margins.axes import lag_loop, tilt_loop
+from rcopterx.control.margins.loop import FeedbackLoop, Perturbation
+from rcopterx.control.models.lateral import LateralSystem
+from rcopterx.control.models.linear import zero_order_hold
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
+from rcopterx.vehicles.types import COAXIAL
+
+PERIOD_S = 0.02
+EVEN = replace(COAXIAL, input_gain=(2.0, 2.0, 18.0, 111.0))
+"""The loop takes the gains of both sticks as one."""
+
+
+def delayed_integrator(delay_s: float, gain: float) -> FeedbackLoop:
+    """Velocity from thrust, known exactly: a loop whose limits are known in closed form."""
+
+    def step(_: float, time_s: float) -> tuple[Array, Array]:
+        return zero_order_hold(np.zeros((1, 1)), np.ones(1), time_s)
+
+    return FeedbackLoop(
+        plant_step=step,
+        measured=np.eye(1),
+        filter_step=lambda time_s: step(1.0, time_s),
+        filter_measured=np.eye(1),
+        filter_gain=np.eye(1),
+        feedback=np.array([gain]),
+        period_s=PERIOD_S,
+        delay_s=delay_s,
+    )
+
+
+def test_a_sampled_integrator_becomes_unstable_at_twice_the_deadbeat_gain() -> None:
+    loop = delayed_integrator(0.0, 0.5 / PERIOD_S)
+    assert loop.stable(Perturbation(gain=3.99))
+    assert not loop.stable(Perturbation(gain=4.01))
+    assert not loop.stable(Perturbation(gain=-0.01))
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.007, 0.02, 0.033, 0.06])
+def test_a_known_delay_is_predicted_so_that_the_poles_stay_where_they_were(delay_s: float) -> None:
+    poles = np.abs(np.linalg.eigvals(delayed_integrator(delay_s, 10.0).closed_loop()))
+    assert poles.max() == pytest.approx(1.0 - 10.0 * PERIOD_S)
+    assert (np.sort(poles)[:-1] < 1e-4).all()
+
+
+def test_a_delay_of_a_period_is_the_same_from_above_and_below() -> None:
+    loop = tilt_loop(COAXIAL, PERIOD_S, (100.0, 1.0, 2.4))
+    below, above = (
+        np.abs(np.linalg.eigvals(loop.closed_loop(Perturbation(delay_s=delay_s)))).max()
+        for delay_s in (0.02 - 1e-7, 0.02 + 1e-7)
+    )
+    assert below == pytest.approx(above, abs=1e-5)
+
+
+def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
+    parameters = ChainParameters(
+        stages=20, period_s=PERIOD_S, gain=EVEN.b[:2], pole=None, rate_feedback=np.zeros(2),
+        position_weights=np.full(2, 100.0), velocity_weights=np.ones(2),
+        input_weights=np.full(2, 10.0), soft_weight=1e5, position_bounded=(True, True),
+    )  # fmt: skip
+    gain = LateralChain(parameters, LateralSystem(EVEN, PERIOD_S)).gain
+    loop = tilt_loop(EVEN, PERIOD_S, (100.0, 1.0, 10.0 / 4.0))
+    known = gain.shape[1] // 2
+    assert loop.feedback[:known] == pytest.approx(gain[0, 0::2] + 1j * gain[1, 0::2], rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("axis", [U_THRUST, U_YAW])
+def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
+    controller = CascadeController(COAXIAL, PERIOD_S, CascadeSettings(horizon=20))
+    steady = controller._steady_chain
+    cost = riccati_cost(steady, controller._decay[2:])
+    a = np.eye(6)
+    a[:2, 2:4] = PERIOD_S * np.eye(2)
+    a[2:4, 2:4] = np.diag(controller._decay[2:])
+    assert steady.pole is not None
+    a[2:4, 4:], a[4:, 4:] = PERIOD_S * np.diag(steady.gain), np.diag(steady.pole)
+    a[4:, 2:4] = -np.diag((1.0 - steady.pole) * steady.rate_feedback)
+    b = np.vstack((np.zeros((4, 2)), np.diag(1.0 - steady.pole)))
+    gain = np.linalg.solve(np.diag(steady.input_weights) + b.T @ cost @ b, b.T @ cost @ a)
+    at = axis - U_THRUST
+    weights = steady.position_weights[at], steady.velocity_weights[at], steady.input_weights[at]
+    loop = lag_loop(COAXIAL, PERIOD_S, axis, weights)
+    assert loop.feedback[:3] == pytest.approx(gain[at, at::2], rel=1e-6)
+    assert loop.feedback[3] * COAXIAL.input_gain[axis] == pytest.approx(1.0 + loop.feedback[2])
+
+
+@pytest.mark.parametrize("model", [EVEN, replace(EVEN, tilt=replace(EVEN.tilt, bar_time_constant_s=None))])
+def test_the_filter_of_the_loop_answers_as_the_one_that_flies(model: Model) -> None:
+    """Gain of the filter after a minute, columns of measured position and tilt."""
+    estimator = TiltKalmanEstimator(model, PERIOD_S, ExtendedKalmanSettings())
+    at = Measurement(np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(2))
+    estimator.reset(at)
+    for _ in range(3000):
+        estimator.predict(model.hover_input, PERIOD_S)
+        estimator.correct(at)
+    before = np.array(estimator.tilt_filter.estimate.core)
+    estimator.predict(model.hover_input, PERIOD_S)
+    estimator.correct(Measurement(np.array([1e-3, 0.0, 1.0]), at.yaw_rad, np.array([0.0, 1e-3])))
+    change = (np.array(estimator.tilt_filter.estimate.core) - before) / 1e-3
+    loop = tilt_loop(model, PERIOD_S, (100.0, 1.0, 2.4))
+    # position forward, tilt to the left
+    expected = loop.filter_gain @ np.array([1.0, 1j])
+    core = expected[2 : 2 + len(change) // 2]
+    # the direction of the bar settles over minutes
+    assert change[0::2] + 1j * change[1::2] == pytest.approx(core, rel=0.05, abs=1e-3)
+
+
+def test_complex_numbers_turn_as_headings_do() -> None:
+    turned = heading_matrix(0.3)
+    assert turned[0, 0] + 1j * turned[1, 0] == pytest.approx(np.exp(0.3j))

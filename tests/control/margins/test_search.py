@@ -1,0 +1,55 @@
+"""Margins say how far a vehicle may be from its model: on this side stable, beyond unstable."""
+
+import math
+
+import pytest
+
+from rcopterx.control.margins.axes import lag_loop, tilt_loop
+from rcopterx.control.margins.loop import FeedbackLoop, Perturbation
+from rcopterx.control.margins.search import DELAY_LIMIT_S, GAIN_LIMIT, bears, margins, shortfalls
+from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
+
+PERIOD_S = 0.02
+LOOPS = {
+    "tilt": tilt_loop(COAXIAL, PERIOD_S, (100.0, 1.0, 0.12)),
+    "lag": lag_loop(COAXIAL_LAG, PERIOD_S, 0, (800.0, 1.0, 1.5)),
+}
+
+
+@pytest.mark.parametrize("loop", LOOPS.values(), ids=LOOPS)
+def test_inside_its_margins_a_loop_is_stable_and_beyond_not(loop: FeedbackLoop) -> None:
+    found = margins(loop)
+    assert 1.0 < found.gain_up < GAIN_LIMIT
+    assert 0.0 < found.delay_s < DELAY_LIMIT_S
+    assert loop.stable(Perturbation(gain=found.gain_up))
+    assert not loop.stable(Perturbation(gain=1.02 * found.gain_up))
+    assert loop.stable(Perturbation(delay_s=found.delay_s))
+    assert not loop.stable(Perturbation(delay_s=found.delay_s + 0.003))
+    assert loop.stable(Perturbation(frequency=found.frequency_down))
+    assert not loop.stable(Perturbation(frequency=0.98 * found.frequency_down))
+
+
+def test_an_unstable_loop_has_no_margins() -> None:
+    loop = LOOPS["lag"]
+    backwards = FeedbackLoop(
+        loop.plant_step, loop.measured, loop.filter_step, loop.filter_measured, loop.filter_gain,
+        -loop.feedback, loop.period_s, loop.delay_s,
+    )  # fmt: skip
+    found = margins(backwards)
+    assert (found.gain_up, found.gain_down, found.phase_rad, found.delay_s) == (1.0, 1.0, 0.0, 0.0)
+    assert len(shortfalls(backwards, IDENTIFIED)) == 5
+    assert not bears(backwards, IDENTIFIED)
+
+
+def test_phase_and_delay_margins_belong_to_the_same_crossing() -> None:
+    """A delay shifts the phase by the crossing's frequency times the delay: both say 1 to 2 Hz here."""
+    found = margins(LOOPS["lag"])
+    assert 0.5 < found.phase_rad / found.delay_s / math.tau < 3.0
+
+
+def test_what_falls_short_of_the_rule_is_named() -> None:
+    aggressive = tilt_loop(COAXIAL, PERIOD_S, (100.0, 1.0, 0.002))
+    assert shortfalls(aggressive, UNIDENTIFIED) == ("frequency down", "delay")
+    assert not bears(aggressive, UNIDENTIFIED)
+    assert shortfalls(tilt_loop(COAXIAL, PERIOD_S, (100.0, 40.0, 1.5)), UNIDENTIFIED) == ()

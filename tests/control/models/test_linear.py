@@ -1,0 +1,58 @@
+"""Promises of the zero-order hold, with real and with complex numbers."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rcopterx.control.models.linear import PERIOD_DIGITS, ByPeriod, as_complex, zero_order_hold
+
+A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 2.0], [0.0, 0.0, -5.0]])
+B = np.array([0.0, 0.5, 5.0])
+
+
+@given(st.floats(0.001, 0.5), st.floats(0.0, 1.0))
+def test_two_parts_of_a_time_are_the_whole(time_s: float, share: float) -> None:
+    whole, pushed = zero_order_hold(A, B, time_s)
+    first, second = zero_order_hold(A, B, share * time_s), zero_order_hold(A, B, (1.0 - share) * time_s)
+    assert second[0] @ first[0] == pytest.approx(whole, abs=1e-9)
+    assert second[0] @ first[1] + second[1] == pytest.approx(pushed, abs=1e-9)
+
+
+def test_several_inputs_are_held_as_one_by_one() -> None:
+    inputs = np.column_stack((B, 2.0 * B[::-1]))
+    transition, pushed = zero_order_hold(A, inputs, 0.02)
+    assert transition == pytest.approx(zero_order_hold(A, B, 0.02)[0])
+    for column in range(2):
+        assert pushed[:, column] == pytest.approx(zero_order_hold(A, inputs[:, column], 0.02)[1])
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_maps_that_commute_with_rotations_are_complex_numbers(real: float, imaginary: float) -> None:
+    plane = np.kron(A, np.array([[real, -imaginary], [imaginary, real]]))
+    assert as_complex(plane) == pytest.approx(complex(real, imaginary) * A)
+    inputs = np.kron(B[:, None], np.eye(2))
+    transition, pushed = zero_order_hold(plane, inputs, 0.02)
+    of_complex = zero_order_hold(as_complex(plane), as_complex(inputs)[:, 0], 0.02)
+    assert as_complex(transition) == pytest.approx(of_complex[0], abs=1e-9)
+    assert as_complex(pushed)[:, 0] == pytest.approx(of_complex[1], abs=1e-9)
+
+
+def test_sums_of_times_are_prepared_for_once_and_tracker_rates_apart() -> None:
+    prepared = []
+
+    def prepare(period_s: float) -> float:
+        prepared.append(period_s)
+        return period_s
+
+    kept = ByPeriod(prepare)
+    for period_s in (0.1 + 0.2, 0.3, 1 / 120, 1 / 119, 0.3):
+        assert kept[round(period_s, PERIOD_DIGITS)] == pytest.approx(period_s, abs=1e-6)
+    assert len(prepared) == 3
+
+
+def test_what_is_prepared_for_many_periods_is_forgotten() -> None:
+    kept = ByPeriod(lambda period_s: period_s)
+    for number in range(200):
+        assert kept[float(number)] == number
+    assert len(kept) < 100

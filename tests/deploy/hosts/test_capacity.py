@@ -1,0 +1,166 @@
+"""Promises of measuring how many vehicles a computer flies."""
+
+import os
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.fleets import PAIR
+from support.waiting import wait_for
+
+from rcopterx.benchmarks.memory import descendants
+from rcopterx.deploy.hosts import capacity
+from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded, vehicles_flown
+from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.watchdog.processor_time import ThreadTime
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.snapshot import write_snapshot
+
+PERIOD_S = 0.02
+
+
+@given(
+    share=st.floats(1e-3, 1.0),
+    control_s=st.floats(1e-5, 1.0),
+    period_s=st.floats(1e-3, 0.1),
+    processors=st.integers(1, 64),
+    factor=st.integers(2, 5),
+)
+def test_faster_and_more_processors_fly_more(
+    share: float, control_s: float, period_s: float, processors: int, factor: int
+) -> None:
+    flown = vehicles_flown(share, control_s, period_s, processors)
+    assert vehicles_flown(share, control_s, period_s, factor * processors) >= factor * flown
+    assert vehicles_flown(factor * share, factor * control_s, period_s, processors) <= flown / factor + 1e-9
+
+
+def test_a_vehicle_costs_what_it_costs_standing_and_its_control_periods() -> None:
+    # 0.1 of a processor each, and 2 ms of 20: six of them take 1.2 of two processors, seven 1.4.
+    assert vehicles_flown(0.0999, 0.002, PERIOD_S, 2) == 6
+
+
+def test_only_so_few_agents_as_any_computer_serves_take_off_before_that_is_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+    assert [agents for agents in range(20) if may_be_crowded(agents)] == list(range(7, 20))
+
+
+@pytest.fixture(scope="module")
+def forks() -> Iterator[ForkServer]:
+    with closing(ForkServer(["rcopterx.deploy.roles.agent"])) as server:
+        yield server
+
+
+def measurement_of(forks: ForkServer, tmp_path: Path, text: str = PAIR) -> CapacityMeasurement:
+    snapshot = tmp_path / "fleet.json"
+    write_snapshot(parse_fleet(text), snapshot)
+    # This process stands for the whole fleet.
+    return CapacityMeasurement(snapshot, "h2", PERIOD_S, forks, lambda: {os.getpid(): AGENT})
+
+
+def told_by(measurement: CapacityMeasurement) -> int | str:
+    told: list[int | str] = []
+
+    def looked() -> bool:
+        told.extend(found for found in [measurement.look(ready=True)] if found is not None)
+        return bool(told)
+
+    wait_for(looked, "nothing is told", deadline_s=500)
+    assert measurement.look(ready=True) is None
+    return told[0]
+
+
+@pytest.mark.timeout(600)
+def test_this_computer_flies_some_vehicles_and_nothing_stays(tmp_path: Path, forks: ForkServer) -> None:
+    assert isinstance(told_by(measurement_of(forks, tmp_path)), int)
+    assert descendants(os.getpid()) == [forks.pid]
+
+
+@pytest.mark.timeout(600)
+def test_processes_of_a_standing_fleet_are_shared_out_among_its_agents(
+    tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    running = {1: AGENT, 2: AGENT, 3: "router", 4: AGENT}
+    ran_s, now_s = [0.0], [0.0]
+    write_snapshot(parse_fleet(PAIR), tmp_path / "fleet.json")
+    monkeypatch.setattr(
+        capacity, "threads_of", lambda process: {process: ThreadTime("S", process * ran_s[0], 0.0)}
+    )
+
+    shares: list[float] = []
+
+    def flown(share: float, *_: float) -> int:
+        shares.append(share)
+        return 7
+
+    monkeypatch.setattr(capacity, "vehicles_flown", flown)
+    measurement = CapacityMeasurement(
+        tmp_path / "fleet.json", "h1", PERIOD_S, forks, lambda: running, lambda: now_s[0]
+    )
+    assert measurement.look(ready=True) is None
+    # One agent has ended meanwhile, and another process is new.
+    running = {1: AGENT, 2: AGENT, 3: "router", 5: AGENT}
+    ran_s, now_s = [0.1], [4.0]
+    assert told_by(measurement) == 7
+    assert shares == [pytest.approx((0.1 + 0.2 + 0.3) / 4.0 / 2)]
+
+
+def test_a_measurement_that_fails_says_so(
+    tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(capacity, "MODULE", "no_such_module")
+    told = str(told_by(measurement_of(forks, tmp_path)))
+    assert told.startswith("how many vehicles this computer flies cannot be measured: exit code 1 ")
+    assert "no_such_module" in told
+
+
+@pytest.mark.timeout(600)
+def test_a_vehicle_that_cannot_be_built_says_why(tmp_path: Path, forks: ForkServer) -> None:
+    told = told_by(measurement_of(forks, tmp_path, PAIR + 'control = { controller = "x" }'))
+    assert "no controller is called 'x'" in str(told)
+
+
+@pytest.mark.timeout(600)
+def test_a_measurement_that_takes_too_long_is_given_up(
+    tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(capacity, "LIMIT_S", 0.0)
+    assert "it takes more than 0 s" in str(told_by(measurement_of(forks, tmp_path)))
+    assert descendants(os.getpid()) == [forks.pid]
+
+
+def test_nothing_is_begun_before_the_computer_is_ready_and_agents_run(tmp_path: Path) -> None:
+    forks = ForkServer()
+    assert measurement_of(forks, tmp_path).look(ready=False) is None
+    alone = CapacityMeasurement(tmp_path / "fleet.json", "h2", PERIOD_S, forks, lambda: {1: "router"})
+    assert alone.look(ready=True) is None
+    assert forks.pid is None
+
+
+@pytest.mark.timeout(600)
+def test_a_measurement_is_given_up_for_a_flight_and_begun_again_after_it(
+    tmp_path: Path, forks: ForkServer
+) -> None:
+    measurement = measurement_of(forks, tmp_path)
+    assert measurement.look(ready=True) is None
+    assert len(descendants(os.getpid())) == 2
+    assert measurement.look(ready=False) is None
+    assert descendants(os.getpid()) == [forks.pid]
+    assert not measurement.done
+    assert isinstance(told_by(measurement), int)
+    assert measurement.done
+
+
+@pytest.mark.timeout(600)
+def test_a_measurement_that_is_closed_tells_nothing_and_leaves_nothing(
+    tmp_path: Path, forks: ForkServer
+) -> None:
+    measurement = measurement_of(forks, tmp_path)
+    assert measurement.look(ready=True) is None
+    measurement.close()
+    assert measurement.look(ready=True) is None
+    assert descendants(os.getpid()) == [forks.pid]

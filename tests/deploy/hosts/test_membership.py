@@ -1,0 +1,255 @@
+"""Promises of the launcher's membership service: vehicles come and go by request, never out of the air."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from support.bus import asked
+from support.statuses import flying_status
+from support.waiting import DEADLINE_S, wait_for
+
+from rcopterx.bus import channels
+from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.requests import (
+    ReadLogs,
+    ReadLogsReply,
+    StartHost,
+    StartVehicle,
+    StopHost,
+    StopVehicle,
+    TakeVehicle,
+)
+from rcopterx.bus.session import BusAddress, NobodyServesError, Session
+from rcopterx.deploy.hosts.membership import MembershipService
+from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.deploy.processes.table import ProcessSpec
+
+Join = Callable[..., Session]
+
+
+@pytest.fixture
+def supervisor(tmp_path: Path) -> Supervisor:
+    specs = [ProcessSpec("router", "router", "main", 4)]
+    specs += [ProcessSpec(f"agent-{name}", "agent", name, 0) for name in ("h1", "h2")]
+    return Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer(), without=["agent-h2"])
+
+
+@pytest.fixture
+def membership(
+    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path
+) -> Iterator[MembershipService]:
+    service = MembershipService(
+        bus_address, "main", supervisor, deque(["router: started"]), ["h1", "h2"], tmp_path
+    )
+    yield service
+    service.close()
+
+
+def told(session: Session, condition: Callable[[LauncherStatus], bool]) -> LauncherStatus:
+    inbox = session.subscribe(channels.LAUNCHER, "main")
+    statuses: list[LauncherStatus] = []
+
+    def heard() -> bool:
+        received = inbox.latest()
+        if received is not None and condition(received.message):
+            statuses.append(received.message)
+        return bool(statuses)
+
+    wait_for(heard, "the launcher does not say so")
+    return statuses[0]
+
+
+def test_the_launcher_says_who_takes_part(membership: MembershipService, join: Join) -> None:
+    status = told(join(), lambda _: True)
+    assert (status.running, status.absent) == (("h1",), ("h2",))
+    assert status.restarts == {"router": 0, "agent-h1": 0, "agent-h2": 0}
+    assert not status.spare_ready
+    assert (status.watchdog, status.hung, status.forgiven) == (False, {}, {})
+    assert status.longest_silence_s == {}
+
+
+def test_the_launcher_says_while_it_measures_what_the_host_flies(
+    membership: MembershipService, join: Join
+) -> None:
+    session = join()
+    assert told(session, lambda _: True).crowding == 0.0
+    membership.measuring = True
+    assert told(session, lambda status: status.measuring).flies is None
+    membership.measuring, membership.flies = False, 2
+    status = told(session, lambda status: not status.measuring)
+    assert (status.flies, status.crowding) == (2, 0.5)
+
+
+def test_that_it_is_not_known_what_the_host_flies_is_said_from_the_first_status_on(
+    bus_address: BusAddress,
+    supervisor: Supervisor,
+    join: Join,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("rcopterx.deploy.hosts.membership.may_be_crowded", lambda agents: agents == 1)
+    inbox = join().subscribe(channels.LAUNCHER, "main", depth=64)
+    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1", "h2"], tmp_path)
+    try:
+        heard: list[bool] = []
+        wait_for(
+            lambda: heard.extend(told.message.measuring for told in inbox.drain()) or heard,
+            "no status arrives",
+        )
+        assert heard[0]
+    finally:
+        service.close()
+
+
+def test_the_launcher_says_what_hung(
+    membership: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    supervisor.children["agent-h1"].hung = 2
+    supervisor.spares_hung = 1
+    assert told(join(), lambda status: bool(status.hung)).hung == {"agent-h1": 2, "spare": 1}
+
+
+@pytest.fixture
+def begun() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def daemon(
+    bus_address: BusAddress, supervisor: Supervisor, begun: list[str], tmp_path: Path
+) -> Iterator[MembershipService]:
+    """The service of a host with a daemon, on which only the router runs at first."""
+    for name, child in supervisor.children.items():
+        child.wanted = name == "router"
+    service = MembershipService(
+        bus_address, "main", supervisor, deque(), ["h1", "h2"], tmp_path, lambda: begun.append("flight")
+    )
+    yield service
+    service.close()
+
+
+def wanted(supervisor: Supervisor) -> set[str]:
+    return {name for name, child in supervisor.children.items() if child.wanted}
+
+
+def test_a_host_is_started_and_stopped_by_request(
+    daemon: MembershipService, supervisor: Supervisor, begun: list[str], join: Join
+) -> None:
+    session = join()
+    reply = asked(session, "main", StartHost(without=("h2",)))
+    assert (reply.accepted, reply.reason) == (True, "main is started")
+    assert (wanted(supervisor), begun) == ({"router", "agent-h1"}, ["flight"])
+    again = asked(session, "main", StartHost())
+    assert (again.accepted, again.reason) == (True, "main runs already")
+    assert (wanted(supervisor), begun) == ({"router", "agent-h1"}, ["flight"])
+    assert asked(session, "main", StopHost()).accepted
+    assert wanted(supervisor) == {"router"}
+
+
+def test_a_host_does_not_stop_while_vehicles_are_in_the_air(
+    daemon: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session = join()
+    asked(session, "main", StartHost())
+    session.publish(channels.AGENT_STATUS, "h7", flying_status())
+
+    def refused() -> bool:
+        reply = asked(session, "main", StopHost())
+        return not reply.accepted and reply.reason == "h7 in the air; land first"
+
+    wait_for(refused, "the host stops although h7, an agent of another host, flies")
+
+
+def test_the_logs_of_a_host_are_read_by_request_and_not_recorded(
+    membership: MembershipService, tmp_path: Path, join: Join
+) -> None:
+    (tmp_path / "agent-h1.log").write_text("2026-11-22T03:00:01.000Z INFO started\n")
+    session = join()
+    answered = session.subscribe(channels.ANSWERED, "main", depth=8)
+    reply = asked(session, "main", ReadLogs(names=("h1",)))
+    assert isinstance(reply, ReadLogsReply)
+    assert [(line.process, line.text) for line in reply.lines] == [("agent-h1", "INFO started")]
+    asked(session, "main", StartVehicle(vehicle="h1"))
+    wait_for(lambda: len(answered.drain()) == 1, "the later request is not recorded, or the first one is")
+
+
+def test_a_host_without_a_daemon_is_not_started_by_request(membership: MembershipService, join: Join) -> None:
+    with pytest.raises(NobodyServesError):
+        join().request("main", StartHost(), timeout_s=DEADLINE_S)
+
+
+def test_a_vehicle_takes_part_and_leaves_by_request(
+    membership: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session = join()
+    reply = asked(session, "main", StartVehicle(vehicle="h2"))
+    assert (reply.accepted, reply.reason) == (True, "h2 is started")
+    assert supervisor.children["agent-h2"].wanted
+    assert told(session, lambda status: not status.absent).running == ("h1", "h2")
+    assert asked(session, "main", StartVehicle(vehicle="h2")).reason == "h2 takes part already"
+    reply = asked(session, "main", StopVehicle(vehicle="h2"))
+    assert (reply.accepted, reply.reason) == (True, "h2 leaves")
+    assert not supervisor.children["agent-h2"].wanted
+    told(session, lambda status: status.absent == ("h2",))
+
+
+def test_a_vehicle_in_the_air_keeps_its_agent(
+    membership: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session = join()
+
+    def refused() -> bool:
+        session.publish(channels.AGENT_STATUS, "h1", flying_status())
+        supervisor.children["agent-h1"].wanted = True
+        reply = asked(session, "main", StopVehicle(vehicle="h1"))
+        return reply.reason == "h1 is in the air, its phase is flying; land it first"
+
+    wait_for(refused, "it may leave")
+    assert supervisor.children["agent-h1"].wanted
+
+
+@pytest.fixture
+def spare_host(
+    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path
+) -> Iterator[MembershipService]:
+    """The service of a host that may run the agent of h2, which runs elsewhere by the fleet file."""
+    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1"], tmp_path)
+    yield service
+    service.close()
+
+
+def test_an_agent_that_may_run_here_but_does_not_is_not_absent(
+    spare_host: MembershipService, join: Join
+) -> None:
+    status = told(join(), lambda _: True)
+    assert (status.running, status.absent) == (("h1",), ())
+
+
+def test_an_agent_is_taken_over_by_request_and_only_where_the_fleet_file_lets_it_run(
+    spare_host: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session, child = join(), supervisor.children["agent-h2"]
+    reply = asked(session, "main", TakeVehicle(vehicle="h2"))
+    assert (reply.accepted, reply.reason) == (True, "the agent of h2 starts on main")
+    assert (child.wanted, child.take_over) == (True, True)
+    reply = asked(session, "main", TakeVehicle(vehicle="h2"))
+    assert (reply.accepted, reply.reason) == (True, "the agent of h2 runs on main already")
+    reply = asked(session, "main", TakeVehicle(vehicle="h7"))
+    assert not reply.accepted
+    assert reply.reason == "the fleet file does not let the agent of h7 run on main"
+
+
+def test_an_agent_that_does_not_fly_its_vehicle_may_be_stopped_in_flight(
+    spare_host: MembershipService, supervisor: Supervisor, join: Join
+) -> None:
+    session, child = join(), supervisor.children["agent-h2"]
+
+    def stopped() -> bool:
+        session.publish(channels.AGENT_STATUS, "h2", flying_status(host="second"))
+        child.wanted = True
+        return asked(session, "main", StopVehicle(vehicle="h2")).accepted
+
+    wait_for(stopped, "it is not stopped")
+    assert not child.wanted

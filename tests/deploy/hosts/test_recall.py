@@ -1,0 +1,150 @@
+"""Promises of the launcher's recall: an agent that restarts learns what its predecessor meant to do."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from support.bus import asked
+from support.waiting import DEADLINE_S, wait_for
+
+from rcopterx.bus import channels
+from rcopterx.bus.intent import Intent
+from rcopterx.bus.messages import Applied, LauncherStatus, LeaderLink, SetPoint, TransmitterStatus
+from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
+from rcopterx.bus.session import BusAddress, Session
+from rcopterx.deploy.hosts.recall import RecallService
+
+INTENT = Intent(
+    phase="flying",
+    epoch=1,
+    frame=100,
+    controller="paper",
+    estimator="kalman",
+    set_point=SetPoint(position_m=(0.1, 0.2, 1.0), yaw_rad=0.5),
+    assigned=(LeaderLink(leader="h2", offset_m=(0.4, 0.0, 0.0)),),
+)
+
+
+def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    service = RecallService(
+        replace(bus_address, host="main"), ["h1", "h2"], ["h1"], {"h1": 2, "h2": 0}.__getitem__
+    )
+    agent = join()
+
+    def recalled() -> RecallReply:
+        reply = asked(agent, "main", Recall(vehicle="h1"))
+        assert isinstance(reply, RecallReply)
+        return reply
+
+    try:
+        first = recalled()
+        assert not first.accepted
+        assert first.reason == "h1 has not reported anything yet"
+        assert first.quick_deaths == 2
+
+        def remembered() -> bool:
+            agent.publish(channels.INTENT, "h1", INTENT)
+            return recalled().accepted
+
+        wait_for(remembered, "the intent is not remembered")
+        reply = recalled()
+        assert reply.intent == INTENT
+        assert 0 <= reply.age_s < DEADLINE_S
+        assert reply.quick_deaths == 2
+        other = asked(agent, "main", Recall(vehicle="h2"))
+        assert not other.accepted
+    finally:
+        service.close()
+
+
+def transmitter_status(state: str) -> TransmitterStatus:
+    return TransmitterStatus(state=state, reason="", link="lost", module="", ready=False)
+
+
+APPLIED = Applied(
+    state="armed",
+    input=(0.0, 0.0, 0.5, 0.0),
+    pulse_width_us=(1500.0,),
+    epoch=1,
+    frame=1,
+    sequence=1,
+    fresh=True,
+)
+
+
+def test_kill_is_recalled_although_it_could_not_be_written_and_a_reset_ends_it(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    service = RecallService(replace(bus_address, host="main"), [], ["h1"])
+    gateway = join()
+
+    def recalled() -> RecallTransmitterReply:
+        reply = asked(gateway, "h1", RecallTransmitter())
+        assert isinstance(reply, RecallTransmitterReply)
+        return reply
+
+    def killed() -> bool:
+        gateway.publish(channels.TRANSMITTER_STATUS, "h1", transmitter_status("killed"))
+        return recalled().killed
+
+    def reset() -> bool:
+        gateway.publish(channels.TRANSMITTER_STATUS, "h1", transmitter_status("disarmed"))
+        return not recalled().killed
+
+    def written() -> bool:
+        gateway.publish(channels.APPLIED, "h1", APPLIED)
+        return recalled().applied == APPLIED
+
+    try:
+        assert not recalled().accepted
+        wait_for(killed, "the kill is not remembered")
+        assert recalled().applied is None
+        wait_for(reset, "the reset is not remembered")
+        wait_for(written, "what was written is not remembered")
+        assert not recalled().killed
+        wait_for(killed, "the kill is not remembered")
+        assert recalled().applied == APPLIED
+    finally:
+        service.close()
+
+
+def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    service = RecallService(replace(bus_address, host="spare"), ["h1"], [], guarded=["h1"])
+    other = join()
+    launcher = LauncherStatus(running=("h1",), absent=())
+
+    def known(state: str) -> bool:
+        status = TransmitterStatus(
+            state=state, reason="", link="ready", module="", ready=True, command_age_s=2.0
+        )
+        other.publish(channels.LAUNCHER, "home", launcher)
+        other.publish(channels.TRANSMITTER_STATUS, "h1", status)
+        found = service.on_floor(["h1", "h2"])
+        return found.keys() == {"h1"} and found["h1"].runner.host == "home"
+
+    try:
+        wait_for(lambda: known("disarmed"), "the vehicle on the floor is not known")
+        wait_for(lambda: not known("armed"), "a vehicle in flight is taken for one on the floor")
+    finally:
+        service.close()
+
+
+def test_frames_of_guarded_vehicles_are_heard_and_of_others_not(
+    bus_address: BusAddress, join: Callable[..., Session]
+) -> None:
+    service = RecallService(replace(bus_address, host="spare"), ["h1", "h2"], [], guarded=["h1"])
+    gateway = join()
+
+    def heard() -> bool:
+        gateway.publish(channels.APPLIED, "h2", APPLIED)
+        gateway.publish(channels.APPLIED, "h1", APPLIED)
+        return bool(service.frames(["h1", "h2"]))
+
+    try:
+        wait_for(heard, "no frame is heard")
+        assert service.frames(["h1", "h2"]).keys() == {"h1"}
+    finally:
+        service.close()

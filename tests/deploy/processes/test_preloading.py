@@ -1,0 +1,43 @@
+"""Promises of what a fork server imports: all that agents need, and nothing of other people."""
+
+import subprocess
+import sys
+
+from support.fleets import PAIR
+
+from rcopterx.deploy.processes.preloading import modules_of
+from rcopterx.deploy.processes.table import processes_of
+from rcopterx.fleet.reading import parse_fleet
+
+BUILD = """
+import importlib, sys
+for module in sys.argv[2:]:
+    importlib.import_module(module)
+imported = set(sys.modules)
+from rcopterx.fleet.reading import parse_fleet
+from rcopterx.deploy.roles.agent import pilot_of
+pilot_of(parse_fleet(sys.argv[1]), "h2")
+print(*set(sys.modules) - imported)
+"""
+
+
+def modules(text: str) -> list[str]:
+    return modules_of(parse_fleet(text), processes_of(parse_fleet(text), "main"))
+
+
+def test_an_agent_imports_nothing_after_it_was_forked() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", BUILD, PAIR, *modules(PAIR)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == ""
+
+
+def test_what_the_fleet_flies_with_and_what_flies_where_that_fails_are_imported() -> None:
+    found = modules(PAIR + 'control = { controller = "lqr", estimator = "kalman" }')
+    for module in ("controllers.lqr", "controllers.cascade.controller", "estimators.kalman"):
+        assert f"rcopterx.control.{module}" in found
+    assert "rcopterx.control.controllers.pid" not in found
+
+
+def test_controllers_of_other_packages_are_left_to_the_agents() -> None:
+    assert modules(PAIR + 'control = { controller = "somebody_elses" }') == modules(PAIR)

@@ -1,0 +1,139 @@
+"""Promises of the logs of processes: one line per event, kept within bounds, read merged in time."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rcopterx.bus.codec import decode, encode
+from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
+from rcopterx.deploy.processes import process_log
+from rcopterx.deploy.processes.log_reading import PAGE_BYTES, ProcessLogs, answer_of
+from rcopterx.deploy.processes.process_log import append, rotate
+
+CODE = """
+import logging
+from rcopterx.deploy.processes.process_log import set_up
+set_up()
+logging.info("agent %s: started", "h1")
+logging.warning("all is lost")
+raise ValueError("no way")
+"""
+
+
+def logged(**environment: str) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", CODE],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env=os.environ | environment,
+        check=False,
+    )
+    return done.stderr.splitlines()
+
+
+def test_supervised_processes_log_with_times_and_others_only_what_is_wrong() -> None:
+    lines = logged(RCOPTERX_PARENT="1")
+    assert [line[23:] for line in lines[:3]] == [
+        "Z INFO agent h1: started", "Z WARNING all is lost", "Z CRITICAL ends by ValueError: no way",
+    ]  # fmt: skip
+    assert "Traceback" in lines[3]
+    assert logged()[:2] == ["all is lost", "ends by ValueError: no way"]
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    (tmp_path / "agent-h2.log").write_text(
+        "2026-11-22T03:00:01.000Z INFO started\n2026-11-22T03:00:03.000Z CRITICAL ends\nTraceback\n  line 1\n"
+    )
+    (tmp_path / "tracker.log").write_text("2026-11-22T03:00:02.500Z WARNING stands by\nhalf a li")
+    (tmp_path / "agent-h2.log.1").write_text("2026-11-22T02:00:00.000Z INFO old\n")
+    return tmp_path
+
+
+def test_logs_are_merged_in_time_and_tracebacks_stay_together(directory: Path) -> None:
+    lines = ProcessLogs(directory).new_lines()
+    assert [(line.process, line.text) for line in lines] == [
+        ("agent-h2", "INFO old"),
+        ("agent-h2", "INFO started"),
+        ("tracker", "WARNING stands by"),
+        ("agent-h2", "CRITICAL ends"),
+        ("agent-h2", "Traceback"),
+        ("agent-h2", "  line 1"),
+    ]
+    assert lines[-1].time == "2026-11-22T03:00:03.000Z"
+
+
+def test_only_new_and_whole_lines_come_the_next_time(directory: Path) -> None:
+    logs = ProcessLogs(directory, ["tracker"])
+    assert len(logs.new_lines()) == 1
+    assert logs.new_lines() == []
+    with (directory / "tracker.log").open("a") as file:
+        file.write("ne\n")
+    assert [line.text for line in logs.new_lines()] == ["half a line"]
+    (directory / "tracker.log").write_text("2026-11-22T03:01:00.000Z INFO anew\n")
+    assert [line.text for line in logs.new_lines()] == ["INFO anew"]
+
+
+def test_logs_are_chosen_by_process_or_vehicle(directory: Path) -> None:
+    for name in ("h2", "agent-h2"):
+        assert {line.process for line in ProcessLogs(directory, [name]).new_lines()} == {"agent-h2"}
+    assert ProcessLogs(directory).processes() == ["agent-h2", "tracker"]
+    assert ProcessLogs(directory / "absent").new_lines() == []
+
+
+def test_a_large_log_is_put_aside_and_a_small_one_left(
+    directory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process_log, "LARGEST_BYTES", 100)
+    rotate(directory / "tracker.log")
+    rotate(directory / "absent.log")
+    assert (directory / "tracker.log").exists()
+    (directory / "tracker.log").write_text("x" * 101)
+    rotate(directory / "tracker.log")
+    assert not (directory / "tracker.log").exists()
+    assert (directory / "tracker.log.1").read_text() == "x" * 101
+
+
+def test_what_a_launcher_sees_is_logged_with_its_time_and_a_full_disk_is_nobodys_end(tmp_path: Path) -> None:
+    append(tmp_path / "launcher.log", ["agent-h1: killed by SIGKILL"])
+    append(tmp_path / "nowhere" / "launcher.log", ["lost"])
+    (line,) = ProcessLogs(tmp_path).new_lines()
+    assert (line.process, line.text) == ("launcher", "INFO agent-h1: killed by SIGKILL")
+    assert len(line.time) == 24
+
+
+def sent_pages(directory: Path, *names: str) -> list[ReadLogsReply]:
+    """Everything a host has logged, as it is asked for and answered on the bus."""
+    pages, positions = [], dict[str, int]()
+    while not pages or pages[-1].more:
+        assert len(pages) < 100
+        answer = encode(answer_of(directory, ReadLogs(names=names, positions=positions)))
+        pages.append(decode(answer, ReadLogsReply))
+        positions = pages[-1].positions
+    return pages
+
+
+def test_a_host_answers_with_its_logs_in_pages_of_limited_size(directory: Path) -> None:
+    texts = [f"INFO line {number}" for number in range(3 * MAX_LINES)]
+    (directory / "router.log").write_text("".join(f"2026-11-22T03:00:04.000Z {text}\n" for text in texts))
+    pages = sent_pages(directory)
+    lines = [line for page in pages for line in page.lines]
+    assert max(len(page.lines) for page in pages) <= MAX_LINES
+    assert [line.text for line in lines if line.process == "router"] == texts
+    assert LoggedLine("2026-11-22T03:00:03.000Z", "agent-h2", "  line 1") in lines
+    again = answer_of(directory, ReadLogs(positions=pages[-1].positions))
+    assert (again.lines, again.more) == ((), False)
+    assert {line.process for page in sent_pages(directory, "h2") for line in page.lines} == {"agent-h2"}
+
+
+def test_a_line_that_fits_into_no_answer_is_cut_and_bytes_that_are_no_text_do_no_harm(
+    directory: Path,
+) -> None:
+    (directory / "router.log").write_bytes(b"\xff" * (3 * PAGE_BYTES) + b"\nlast\n")
+    texts = [line.text for page in sent_pages(directory, "router") for line in page.lines]
+    assert {len(text) for text in texts[:-2]} == {MAX_LINE}
+    assert texts[-1] == "last"

@@ -1,0 +1,466 @@
+"""Promises of the supervisor, with harmless processes that do nothing but live and die."""
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.waiting import DEADLINE_S, FakeClock, PatientClock, wait_for
+
+import rcopterx.deploy.processes.supervisor
+from rcopterx.bus.calm import BUSY_SHARE, LONGEST_PERIOD_S
+from rcopterx.deploy.processes.child import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
+from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S, STOP_LIMIT_S, Supervisor
+from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, ProcessSpec
+from rcopterx.deploy.spares.spare_process import SpareProcess
+from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
+
+SLEEPS = "exec sleep 600"
+DIES = "exit 3"
+# Of the clock, shorter than what a watchdog takes for a stall of its own.
+READING_S = 0.02
+LIMITS = WatchdogLimits(flight_s=0.5, floor_s=0.5, start_s=60.0)
+BEATS = """
+import mmap, os, sys, time
+words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")
+spins = len(sys.argv) > 1
+if "in real time" in sys.argv:
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+while True:
+    words[0], words[1] = words[0] + 1, 1
+    while spins and words[0] > 20:
+        pass
+    time.sleep(0.01)
+"""
+"""Shows progress; with an argument it spins after a while."""
+
+
+@dataclass(frozen=True)
+class Fake(ProcessSpec):
+    """A process that runs a line of shell."""
+
+    shell: str = SLEEPS
+
+    def command(self, fleet_path: Path, *, take_over: bool = False) -> list[str]:
+        return ["/bin/sh", "-c", self.shell, str(fleet_path)]
+
+
+def beating(name: str, *words: str) -> Fake:
+    shell = "exec " + shlex.join([sys.executable, "-S", "-c", BEATS, *words])
+    return Fake(name, "helper", "main", 0, shell=shell)
+
+
+def fake(name: str, shell: str = SLEEPS, stop_order: int = 0) -> Fake:
+    return Fake(name, "simulator", "main", stop_order, shell=shell)
+
+
+Supervise = Callable[..., Supervisor]
+
+
+@pytest.fixture
+def supervise(tmp_path: Path) -> Iterator[Supervise]:
+    with ExitStack() as stack:
+
+        def build(*specs: Fake, **options: Any) -> Supervisor:
+            forks = ForkServer(clock=options.get("clock", time.monotonic))
+            supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, forks, **options)
+            stack.callback(supervisor.stop_all)
+            return supervisor
+
+        yield build
+
+
+def kill(supervisor: Supervisor, name: str, number: signal.Signals = signal.SIGKILL) -> int:
+    pid = supervisor.pid(name)
+    assert pid is not None
+    os.kill(pid, number)
+    return pid
+
+
+def may_be_real_time() -> bool:
+    """Whether processes started here may have real-time priorities, and leave somebody a processor."""
+    code = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
+    tried = subprocess.run([sys.executable, "-c", code], check=False, stderr=subprocess.DEVNULL)
+    return tried.returncode == 0 and len(os.sched_getaffinity(0)) > 1
+
+
+def watch_until(
+    supervisor: Supervisor, condition: Callable[[], object], what: str, deadline_s: float = DEADLINE_S
+) -> list[str]:
+    lines: list[str] = []
+
+    def watched() -> bool:
+        lines.extend(supervisor.watch(0.01))
+        return bool(condition())
+
+    wait_for(watched, what, deadline_s)
+    return lines
+
+
+def test_processes_are_started_in_the_order_of_the_list(supervise: Supervise, tmp_path: Path) -> None:
+    supervisor = supervise(*(fake(name) for name in ("c", "a", "b")))
+    supervisor.start_all()
+    assert supervisor.running() == ["c", "a", "b"]
+    started = [supervisor.children[name].started_s for name in ("c", "a", "b")]
+    assert started == sorted(started)
+
+
+def test_a_process_that_dies_is_back_at_once_and_the_user_is_told(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one"), fake("two"))
+    supervisor.start_all()
+    other, before = supervisor.pid("two"), kill(supervisor, "one")
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert supervisor.running() == ["one", "two"]
+    assert supervisor.pid("one") != before
+    assert supervisor.pid("two") == other
+    assert lines[0].startswith("one: killed by SIGKILL; log: ")
+    assert lines[0].endswith("one.log")
+    assert lines[1] == "one: started again (restart 1)"
+
+
+def test_the_exit_code_of_a_process_is_told(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one", DIES))
+    supervisor.start_all()
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts, "not restarted")
+    assert lines[0].startswith("one: ended with exit code 3; log: ")
+    assert supervisor.children["one"].last_exit == 3
+
+
+def test_signals_without_a_name_do_not_stop_the_supervisor(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one"))
+    supervisor.start_all()
+    pid = supervisor.pid("one")
+    assert pid is not None
+    os.kill(pid, signal.SIGRTMIN + 3)
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert lines[0].startswith(f"one: killed by signal {int(signal.SIGRTMIN) + 3}; ")
+
+
+def test_a_process_that_cannot_start_is_retried_with_growing_pauses(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(fake("one", DIES), clock=clock)
+    supervisor.start_all()
+    child = supervisor.children["one"]
+    # The first deaths are followed by restarts at once, for a crash in flight.
+    watch_until(supervisor, lambda: child.quick_deaths == QUICK_RESTARTS, "no quick restarts")
+    assert child.restarts == QUICK_RESTARTS - 1
+    for deaths in range(QUICK_RESTARTS, QUICK_RESTARTS + 4):
+        pause_s = restart_pause_s(deaths)
+        assert child.restart_at_s == pytest.approx(clock() + pause_s)
+        clock.advance(0.99 * pause_s)
+        assert supervisor.watch(0.0) == []
+        assert supervisor.running() == []
+        clock.advance(0.02 * pause_s)
+        watch_until(supervisor, lambda deaths=deaths: child.quick_deaths == deaths + 1, "not retried")
+
+
+def test_a_process_that_lived_long_enough_is_restarted_at_once_again(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(fake("one"), clock=clock)
+    supervisor.start_all()
+    child = supervisor.children["one"]
+    child.quick_deaths = 10
+    clock.advance(STABLE_AFTER_S + 0.1)
+    kill(supervisor, "one")
+    watch_until(supervisor, lambda: child.restarts == 1, "not restarted at once")
+    assert child.quick_deaths == 0
+
+
+@given(st.integers(0, 60))
+def test_pauses_grow_up_to_a_limit(deaths: int) -> None:
+    pause_s = restart_pause_s(deaths)
+    assert 0 <= pause_s <= restart_pause_s(deaths + 1) <= MAX_PAUSE_S
+    assert (pause_s == 0) == (deaths < QUICK_RESTARTS)
+
+
+def test_processes_are_stopped_group_by_group(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = tmp_path / "journal"
+
+    def writes(name: str) -> str:
+        return (
+            f'trap "echo stop {name} >> {journal}; exit 0" TERM; echo start >> {journal}; '
+            "while :; do sleep 0.02; done"
+        )
+
+    orders = {"router": 4, "tracker": 2, "agent_a": 0, "gateway": 1, "agent_b": 0}
+    supervisor = supervise(*(fake(name, writes(name), order) for name, order in orders.items()))
+    supervisor.start_all()
+    wait_for(lambda: journal.exists() and journal.read_text().count("start") == 5, "not all are ready")
+    monkeypatch.setattr(rcopterx.deploy.processes.supervisor, "STOP_LIMIT_S", DEADLINE_S)
+    supervisor.stop_all()
+    assert supervisor.running() == []
+    stops = [line.removeprefix("stop ") for line in journal.read_text().splitlines() if "stop" in line]
+    assert set(stops[:2]) == {"agent_a", "agent_b"}
+    assert stops[2:] == ["gateway", "tracker", "router"]
+
+
+def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready = tmp_path / "ready"
+    stubborn = f'trap "" TERM; touch {ready}; exec sleep 600'
+
+    def clock() -> float:
+        """Time goes on once the polite one has ended, however long that takes."""
+        return 0.0 if supervisor.children["polite"].last_exit is None else 2.0 * DEADLINE_S
+
+    supervisor = supervise(fake("polite"), fake("stubborn", stubborn), clock=clock)
+    supervisor.start_all()
+    wait_for(ready.exists, "not ready")
+    monkeypatch.setattr(rcopterx.deploy.processes.supervisor, "STOP_LIMIT_S", DEADLINE_S)
+    supervisor.stop_all()
+    assert supervisor.running() == []
+    assert supervisor.children["stubborn"].last_exit == -signal.SIGKILL
+    assert supervisor.children["stubborn"].events["killed_at_stop"] == 1
+    assert supervisor.children["polite"].last_exit == -signal.SIGTERM
+
+
+def test_a_stopped_supervisor_restarts_nothing(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(fake("one"), clock=clock)
+    supervisor.start_all()
+    supervisor.stop_all()
+    for _ in range(3):
+        clock.advance(10.0)
+        assert supervisor.watch(0.01) == []
+    assert supervisor.running() == []
+
+
+def test_output_is_appended_to_a_log_and_the_environment_is_set(supervise: Supervise, tmp_path: Path) -> None:
+    supervisor = supervise(
+        fake("one", 'echo "$OMP_NUM_THREADS $RCOPTERX_PARENT $0"; echo problem >&2; exit 1')
+    )
+    supervisor.start_all()
+    watch_until(supervisor, lambda: supervisor.children["one"].quick_deaths == 2, "did not run twice")
+    line = f"1 {os.getpid()} {(tmp_path / 'lab.toml').resolve()}\nproblem\n"
+    assert (tmp_path / "one.log").read_text().startswith(2 * line)
+
+
+def test_the_supervisor_tells_which_role_each_process_has() -> None:
+    command = ProcessSpec("agent-h1", "agent", "h1", 0).command(Path("/x/lab.toml"))
+    assert command == [sys.executable, "-m", "rcopterx.deploy.roles", "agent", "h1", "/x/lab.toml"]
+    moved = ProcessSpec("agent-h1", "agent", "h1", 0, "second").command(Path("/x/lab.toml"), take_over=True)
+    assert moved == [*command, "second", "--take-over"]
+
+
+def test_an_agent_whose_vehicle_another_one_flies_is_not_started_again(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one", f"exit {EXIT_ELSEWHERE}"))
+    supervisor.start_all()
+    lines = watch_until(supervisor, lambda: not supervisor.children["one"].wanted, "it is started again")
+    assert any(line.startswith("one: ended, because another agent flies") for line in lines)
+    assert supervisor.running() == []
+    assert supervisor.children["one"].restarts == 0
+
+
+def test_processes_come_and_go_while_the_others_run_on(supervise: Supervise) -> None:
+    supervisor = supervise(fake("one"), fake("two"), without=["two"])
+    supervisor.start_all()
+    assert supervisor.running() == ["one"]
+    pid = supervisor.pid("one")
+    supervisor.children["two"].wanted = True
+    lines = watch_until(supervisor, lambda: supervisor.running() == ["one", "two"], "two is not started")
+    assert lines == ["two: started"]
+    supervisor.children["two"].wanted = False
+    lines = watch_until(supervisor, lambda: supervisor.running() == ["one"], "two does not end")
+    assert lines == ["two: ended"]
+    assert supervisor.watch(0.0) == []
+    assert supervisor.pid("one") == pid
+    assert supervisor.children["two"].restarts == 0
+
+
+def test_a_process_that_does_not_want_to_leave_is_ended_once(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, ready = FakeClock(), tmp_path / "ready"
+    supervisor = supervise(fake("deaf", f"trap '' TERM; touch {ready}; exec sleep 600"), clock=clock)
+    supervisor.start_all()
+    wait_for(ready.exists, "not ready")
+    supervisor.children["deaf"].wanted = False
+    supervisor.watch(0.05)
+    assert supervisor.running() == ["deaf"]
+    clock.advance(STOP_LIMIT_S + 0.1)
+    process = supervisor.children["deaf"].process
+    assert process is not None
+    with monkeypatch.context() as patch:
+        kills: list[int] = []
+        patch.setattr(process, "kill", lambda: kills.append(process.pid))
+        for _ in range(3):
+            supervisor.watch(0.0)
+        assert kills == [process.pid]
+    process.kill()
+    watch_until(supervisor, lambda: supervisor.running() == [], "it is not ended")
+    assert supervisor.children["deaf"].events == {"killed_at_stop": 1}
+
+
+def test_a_process_that_left_while_it_waited_for_its_restart_stays_away(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(fake("crashing", DIES), clock=clock)
+    supervisor.start_all()
+    crashing = supervisor.children["crashing"]
+    watch_until(supervisor, lambda: crashing.restart_at_s > clock(), "it is restarted at full speed")
+    crashing.wanted = False
+    supervisor.watch(0.0)
+    clock.advance(MAX_PAUSE_S + 1)
+    assert supervisor.watch(0.0) == []
+    assert supervisor.running() == []
+
+
+def test_a_process_without_a_place_for_its_log_is_restarted_all_the_same(
+    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    supervisor = supervise(fake("one"))
+    supervisor.start_all()
+
+    def refused(self: Path, *_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "mkdir", refused)
+    kill(supervisor, "one")
+    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert any(line.startswith("one: writes no log: ") for line in lines)
+    assert supervisor.children["one"].events["without_log"] == 1
+    assert supervisor.running() == ["one"]
+
+
+def test_a_log_directory_that_was_removed_is_made_again(tmp_path: Path) -> None:
+    logs = tmp_path / "log"
+    logs.mkdir()
+    supervisor = Supervisor([fake("one")], tmp_path / "fleet.json", logs, ForkServer())
+    try:
+        supervisor.start_all()
+        shutil.rmtree(logs)
+        kill(supervisor, "one")
+        watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+        assert (logs / "one.log").exists()
+    finally:
+        supervisor.stop_all()
+
+
+@pytest.mark.parametrize("function", ["forking.HeartbeatPage", "forking.os.pidfd_open"])
+def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later(
+    supervise: Supervise, monkeypatch: pytest.MonkeyPatch, function: str
+) -> None:
+    supervisor = supervise(fake("one"), fake("two"))
+    supervisor.start_all()
+
+    def exhausted(*_: object, **__: object) -> None:
+        raise OSError(24, "Too many open files")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(f"rcopterx.deploy.processes.{function}", exhausted)
+        kill(supervisor, "one")
+        lines = watch_until(
+            supervisor, lambda: supervisor.children["one"].events["start_failed"] >= 2, "not tried again"
+        )
+        assert "one: cannot be started: [Errno 24] Too many open files; trying again" in lines
+        assert supervisor.running() == ["two"]
+    watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert supervisor.running() == ["one", "two"]
+
+
+def test_a_spare_that_cannot_be_started_ends_nothing(
+    supervise: Supervise, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def exhausted(self: SpareProcess) -> None:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(SpareProcess, "prepare", exhausted)
+    supervisor = supervise(fake("one"))
+    supervisor.start_all()
+    watch_until(supervisor, lambda: supervisor.spare_failures > 0, "no spare is tried")
+    assert supervisor.running() == ["one"]
+
+
+def beats_of(supervisor: Supervisor, name: str) -> int:
+    page = supervisor.children[name].page
+    return 0 if page is None else page.beats
+
+
+def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: Supervise) -> None:
+    clock = FakeClock()
+    supervisor = supervise(beating("one"), beating("two"), watchdog=LIMITS, clock=clock)
+    supervisor.start_all()
+    watch_until(supervisor, lambda: all(beats_of(supervisor, name) for name in ("one", "two")), "no beats")
+    other, before = supervisor.pid("two"), kill(supervisor, "one", signal.SIGSTOP)
+    lines: list[str] = []
+    while supervisor.children["one"].restarts == 0:
+        beats = beats_of(supervisor, "two")
+        wait_for(lambda beats=beats: beats_of(supervisor, "two") > beats, "the other one makes no progress")
+        clock.advance(READING_S)
+        lines += supervisor.watch(0.0)
+        assert clock() < 200.0, "not replaced"
+    assert re.match(
+        r"one: hung: no progress for 0\.\d\d s, 0\.5 s are allowed; killed by SIGKILL; log: ", lines[0]
+    )
+    assert supervisor.pid("one") != before
+    assert supervisor.pid("two") == other
+    assert (supervisor.children["one"].hung, supervisor.children["two"].hung) == (1, 0)
+    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "the successor shows no progress")
+
+
+def test_the_supervisor_looks_when_no_command_is_on_its_way(supervise: Supervise) -> None:
+    supervisor = supervise(beating("one"))
+    supervisor.start_all()
+    page = supervisor.children["one"].page
+    assert page is not None
+    arrived_s = time.monotonic()
+    page._times[2], page._times[3] = arrived_s, LONGEST_PERIOD_S
+    supervisor.watch(0.001)
+    assert time.monotonic() >= arrived_s + BUSY_SHARE * LONGEST_PERIOD_S
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize(
+    "how", [(), pytest.param(("in real time",), marks=pytest.mark.campaign)], ids=["normal", "real time"]
+)
+def test_a_process_that_spins_is_replaced(supervise: Supervise, how: tuple[str, ...]) -> None:
+    if how and not may_be_real_time():
+        pytest.skip("no right to real-time priorities")
+    # A supervisor that gets no processor itself forgives everybody.
+    clock = PatientClock(READING_S)
+    supervisor = supervise(beating("one", "spins", *how), watchdog=LIMITS, clock=clock)
+    supervisor.start_all()
+    replaced = watch_until(
+        supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced", deadline_s=300.0
+    )
+    assert "one: hung: no progress for" in replaced[0]
+
+
+def test_without_a_watchdog_a_process_may_be_stopped(supervise: Supervise) -> None:
+    supervisor = supervise(beating("one"))
+    supervisor.start_all()
+    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
+    pid = kill(supervisor, "one", signal.SIGSTOP)
+    stopped_s = time.monotonic()
+    watch_until(supervisor, lambda: time.monotonic() > stopped_s + 2 * LIMITS.floor_s, "no time passes")
+    assert supervisor.pid("one") == pid
+    assert not supervisor.watchdog_on
+    kill(supervisor, "one")
+
+
+def test_the_longest_silence_of_a_process_is_known(supervise: Supervise) -> None:
+    supervisor = supervise(beating("one"), watchdog=WatchdogLimits(DEADLINE_S, DEADLINE_S, DEADLINE_S))
+    supervisor.start_all()
+    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
+    pid = kill(supervisor, "one", signal.SIGSTOP)
+    watch_until(supervisor, lambda: supervisor.longest_silence_s("one") > 0.1, "not noticed")
+    os.kill(pid, signal.SIGCONT)
+    before = beats_of(supervisor, "one")
+    watch_until(supervisor, lambda: beats_of(supervisor, "one") > before, "it does not go on")
+    assert supervisor.children["one"].hung == 0
+    assert supervisor.longest_silence_s("one") > 0.1

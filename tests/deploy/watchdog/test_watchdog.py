@@ -1,0 +1,268 @@
+"""Promises of the watchdog: what hangs is found in time, and nothing else is ever called hung."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rcopterx.bus.heartbeat import Phase
+from rcopterx.deploy.watchdog.watchdog import (
+    CROWD_LIMITS,
+    LATE_S,
+    Duty,
+    Excuse,
+    Hung,
+    Look,
+    Watchdog,
+    WatchdogLimits,
+)
+
+LIMITS = WatchdogLimits(flight_s=0.15, floor_s=1.0, start_s=30.0)
+STEP_S = 0.02
+DEAF, OTHER, THIRD = 1, 2, 3
+NONE = Excuse()
+
+Excuses = Callable[[int], Excuse]
+
+
+def no_excuse(_: int) -> Excuse:
+    return NONE
+
+
+class Host:
+    """Processes that beat at every look, but for those that are told not to."""
+
+    def __init__(self, *phases: Phase, duty: Duty = Duty.FLIGHT, blind: bool = False) -> None:
+        self.watchdog = Watchdog(LIMITS, blind)
+        self.now_s = 50.0
+        self.looks = {number: Look(1, phase, duty) for number, phase in enumerate(phases, 1)}
+        self.watchdog.check(self.now_s, self.looks, no_excuse)
+
+    def look(self, *silent: int, after_s: float = STEP_S, excuse: Excuses = no_excuse) -> list[Hung]:
+        self.now_s += after_s
+        self.looks = {
+            number: look if number in silent else look._replace(beats=look.beats + 1)
+            for number, look in self.looks.items()
+        }
+        return self.watchdog.check(self.now_s, self.looks, excuse)
+
+    def found_after_s(
+        self, *silent: int, excuse: Excuses = no_excuse, limit_s: float = 100.0
+    ) -> float | None:
+        """How long it takes until the first of the silent ones is found; None if it is not."""
+        from_s = self.now_s
+        while self.now_s < from_s + limit_s:
+            if self.look(*silent, excuse=excuse):
+                return self.now_s - from_s
+        return None
+
+
+@pytest.mark.parametrize(
+    ("make_host", "limit_s"),
+    [
+        (partial(Host, Phase.WORKING, Phase.FLYING, Phase.WORKING), 0.15),
+        (partial(Host, Phase.FLYING, Phase.WORKING, Phase.WORKING), 0.15),
+        (partial(Host, Phase.WORKING, Phase.WORKING, Phase.WORKING), 1.0),
+        (partial(Host, Phase.WORKING, Phase.WORKING, Phase.WORKING, blind=True), 0.15),
+        (partial(Host, Phase.STARTING, Phase.FLYING, Phase.WORKING), 30.0),
+        (partial(Host, Phase.ENDING, Phase.FLYING, Phase.WORKING), 30.0),
+        (partial(Host, Phase.WORKING, Phase.FLYING, Phase.WORKING, duty=Duty.STANDBY), 1.0),
+        (partial(Host, Phase.WORKING, Phase.FLYING, Phase.WORKING, duty=Duty.BACKGROUND), 30.0),
+    ],
+    ids=[
+        "another-flies", "itself-flies", "nobody-flies", "nobody-knows", "starting", "ending", "spare",
+        "background",
+    ],
+)  # fmt: skip
+def test_silence_is_a_hang_as_soon_as_it_is_longer_than_the_limit_of_the_moment(
+    make_host: Callable[[], Host], limit_s: float
+) -> None:
+    found_after_s = make_host().found_after_s(DEAF)
+    assert found_after_s is not None
+    assert limit_s < found_after_s <= limit_s + 1.01 * STEP_S
+
+
+def test_what_hangs_is_named_once_with_its_silence_and_its_limit() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    found = [hung for _ in range(50) for hung in host.look(DEAF)]
+    assert found == [Hung(DEAF, pytest.approx(0.16), 0.15)]
+    assert host.watchdog.silent_s(DEAF) > 0.9
+    assert host.watchdog.silent_s(OTHER) == 0.0
+    assert host.watchdog.silent_s(99) == host.watchdog.longest_s(99) == 0.0
+
+
+def test_a_process_that_replaces_one_that_hung_begins_anew() -> None:
+    host = Host(Phase.WORKING, Phase.FLYING, Phase.WORKING)
+    assert host.found_after_s(DEAF) is not None
+    host.looks = {7: Look(0, Phase.STARTING), OTHER: host.looks[OTHER]}
+    assert host.found_after_s(7, limit_s=10.0) is None
+    assert host.watchdog.silent_s(DEAF) == 0.0
+
+
+def test_a_change_of_phase_is_progress() -> None:
+    host = Host(Phase.WORKING, Phase.FLYING, Phase.WORKING)
+    for _ in range(7):
+        assert host.look(DEAF) == []
+    host.looks[DEAF] = host.looks[DEAF]._replace(phase=Phase.STARTING)
+    assert host.look(DEAF) == []
+    assert host.watchdog.silent_s(DEAF) == 0.0
+    assert host.found_after_s(DEAF, limit_s=10.0) is None
+
+
+def test_take_off_shortens_the_patience_with_who_is_silent_already() -> None:
+    host = Host(Phase.WORKING, Phase.WORKING, Phase.WORKING)
+    assert host.found_after_s(DEAF, limit_s=0.3) is None
+    host.looks[OTHER] = host.looks[OTHER]._replace(phase=Phase.FLYING)
+    assert [hung.limit_s for hung in host.look(DEAF)] == [0.15]
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 5), st.sampled_from([0.004, 0.02, 0.05, 0.099])), max_size=60),
+    st.sampled_from([Phase.WORKING, Phase.FLYING]),
+)
+def test_who_beats_within_the_limit_never_hangs(looks: list[tuple[int, float]], phase: Phase) -> None:
+    """Each of three processes beats when its turn comes, at the latest 0.1 s after its last beat."""
+    host = Host(phase, Phase.FLYING, Phase.WORKING)
+    last_s = dict.fromkeys(host.looks, host.now_s)
+    for who, after_s in looks:
+        silent = {number for number in host.looks if number != who}
+        silent -= {number for number in silent if host.now_s + 2 * after_s - last_s[number] > 0.1}
+        assert host.look(*silent, after_s=after_s) == []
+        last_s |= {number: host.now_s for number in host.looks if number not in silent}
+    assert not host.watchdog.forgiven
+
+
+@given(st.floats(LATE_S * 1.01, 1e6), st.integers(0, 7))
+def test_a_supervisor_that_was_late_forgives_everybody(late_s: float, looks_before: int) -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    for _ in range(looks_before):
+        assert host.look(DEAF) == []
+    assert host.look(DEAF, OTHER, THIRD, after_s=late_s) == []
+    assert host.watchdog.forgiven == {"supervisor_late": 1}
+    assert host.watchdog.silent_s(DEAF) == 0.0
+    found_after_s = host.found_after_s(DEAF)
+    assert found_after_s is not None
+    assert found_after_s > LIMITS.flight_s
+
+
+def test_a_supervisor_that_is_only_just_not_late_counts() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    assert host.look(DEAF, after_s=LATE_S * 0.99) == []
+    assert host.watchdog.silent_s(DEAF) == pytest.approx(LATE_S * 0.99)
+    assert not host.watchdog.forgiven
+
+
+def test_time_without_a_processor_does_not_count_and_is_told_when_the_process_goes_on() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    starved = {DEAF: Excuse(waited_s=STEP_S)}
+    for _ in range(100):
+        assert host.look(DEAF, excuse=starved.__getitem__) == []
+    assert host.watchdog.longest_s(DEAF) == pytest.approx(2.0)
+    assert not host.watchdog.forgiven
+    assert host.look() == []
+    assert host.watchdog.forgiven == {"load": 1}
+    assert host.look(DEAF) == []
+    assert host.watchdog.longest_s(DEAF) == pytest.approx(2.0)
+
+
+def test_the_time_that_a_start_takes_is_no_silence_of_a_working_process() -> None:
+    host = Host(Phase.STARTING, Phase.WORKING, Phase.WORKING)
+    for _ in range(50):
+        assert host.look(DEAF) == []
+    assert host.watchdog.silent_s(DEAF) == pytest.approx(1.0)
+    assert host.watchdog.longest_s(DEAF) == 0.0
+
+
+@pytest.mark.parametrize(("share", "found_s"), [(0.5, 0.25), (0.75, 0.45)])
+def test_a_process_that_spins_on_a_loaded_machine_is_found_later(share: float, found_s: float) -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    excuse = Excuse(waited_s=share * STEP_S)
+    found_after_s = host.found_after_s(DEAF, excuse=lambda _: excuse)
+    assert found_after_s == pytest.approx(found_s, abs=0.05)
+
+
+@given(st.floats(0, 1e3))
+def test_no_more_than_the_time_since_the_last_look_is_excused(waited_s: float) -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    for _ in range(5):
+        host.look(DEAF)
+    before_s = host.watchdog.silent_s(DEAF)
+    host.look(DEAF, excuse=lambda _: Excuse(waited_s=waited_s))
+    assert host.watchdog.silent_s(DEAF) == pytest.approx(before_s + max(0.0, STEP_S - waited_s))
+
+
+def test_only_who_has_been_silent_for_a_while_is_asked_why() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    asked: list[tuple[int, float]] = []
+
+    def ask(process: int) -> Excuse:
+        asked.append((process, host.watchdog.silent_s(process)))
+        return NONE
+
+    for _ in range(4):
+        host.look(DEAF, after_s=0.021, excuse=ask)
+    assert asked == [(DEAF, pytest.approx(0.063)), (DEAF, pytest.approx(0.084))]
+
+
+def test_a_process_in_a_debugger_never_hangs() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    traced = Excuse(traced=True)
+    assert host.found_after_s(DEAF, excuse=lambda _: traced, limit_s=60.0) is None
+    assert host.look() == []
+    assert not host.watchdog.forgiven
+
+
+def test_most_processes_silent_at_once_are_load_for_a_while() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING, Phase.WORKING)
+    found_after_s = host.found_after_s(DEAF, OTHER)
+    limit_s = CROWD_LIMITS * LIMITS.flight_s
+    assert found_after_s is not None
+    assert limit_s < found_after_s <= limit_s + 1.01 * STEP_S
+    assert host.watchdog.forgiven == {}
+
+
+@pytest.mark.parametrize(
+    "phases",
+    [(Phase.FLYING,), (Phase.FLYING,) * 5],
+    ids=["one-of-one", "two-of-five"],
+)
+def test_few_processes_silent_at_once_hang(phases: tuple[Phase, ...]) -> None:
+    host = Host(*phases)
+    found_after_s = host.found_after_s(DEAF, OTHER)
+    assert found_after_s is not None
+    assert found_after_s <= LIMITS.flight_s + 1.01 * STEP_S
+
+
+def test_stopped_processes_are_no_crowd() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    stopped: Mapping[int, Excuse] = dict.fromkeys((DEAF, OTHER, THIRD), Excuse(stopped=True))
+    found = [hung for _ in range(9) for hung in host.look(DEAF, OTHER, THIRD, excuse=stopped.__getitem__)]
+    assert {hung.process for hung in found} == {DEAF, OTHER, THIRD}
+
+
+def test_a_stopped_process_is_found_while_most_others_are_late_through_load() -> None:
+    host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
+    reasons = {DEAF: Excuse(stopped=True), OTHER: NONE, THIRD: NONE}
+    found = [hung for _ in range(9) for hung in host.look(DEAF, OTHER, THIRD, excuse=reasons.__getitem__)]
+    assert [hung.process for hung in found] == [DEAF]
+    assert host.look(OTHER, THIRD) == []
+
+
+def test_silence_as_long_as_the_limit_is_no_hang_yet() -> None:
+    """Times are powers of two, so that sums are exact."""
+    watchdog = Watchdog(WatchdogLimits(flight_s=0.25, floor_s=0.5, start_s=30.0))
+    looks = {DEAF: Look(1, Phase.WORKING)}
+    found = [watchdog.check(number / 16, looks, no_excuse) for number in range(10)]
+    assert [len(hung) for hung in found] == [0] * 9 + [1]
+    assert watchdog.check(1.0, {OTHER: Look(1, Phase.WORKING)}, no_excuse) == []
+    assert watchdog.longest_s(OTHER) == 0.0
+
+
+def test_a_look_just_in_time_is_not_late() -> None:
+    watchdog = Watchdog(LIMITS)
+    for now_s in (0.0, LATE_S):
+        assert watchdog.check(now_s, {DEAF: Look(1, Phase.WORKING)}, no_excuse) == []
+    assert watchdog.forgiven == {}
+    assert watchdog.silent_s(DEAF) == LATE_S

@@ -1,0 +1,107 @@
+"""Promises of MCAP files: the library of the format reads them, and a cut-off one loses its last chunk."""
+
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from rcopterx.flights.listing import mend
+from rcopterx.flights.mcap_reading import Contents, FlightLogError, contents_of, messages_of
+from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
+
+SCHEMAS = {
+    "pose": ("rcopterx.Pose", b'{"type": "object"}'),
+    "tracker/status": ("rcopterx.TrackerStatus", b"{}"),
+}
+
+
+def message(number: int, topic: str = "h1/pose") -> LoggedMessage:
+    return LoggedMessage(topic, f"payload {number}".encode(), 1_000 * number, number)
+
+
+def written(chunks: list[list[LoggedMessage]], finish: bool = True) -> bytes:
+    file = BytesIO()
+    mcap = McapFile(file, SCHEMAS)
+    mcap.add_metadata("flight", {"fleet": "lab"})
+    mcap.add_attachment("fleet.json", "application/json", b'{"vehicles": {"h1": {}}}', 1)
+    for chunk in chunks:
+        mcap.add_chunk(chunk)
+    if finish:
+        mcap.finish()
+    assert mcap.written_bytes == len(file.getvalue())
+    return file.getvalue()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "lab-20261122-141500.000.mcap"
+
+
+def test_the_library_of_the_format_reads_what_was_written() -> None:
+    chunks = [[message(1), message(2, "tracker/status")], [message(3), message(4, "h1/unknown")]]
+    reader = make_reader(BytesIO(written(chunks)), validate_crcs=True)
+    read = [(channel.topic, found.data, found.log_time, found.sequence, schema and schema.name)
+            for schema, channel, found in reader.iter_messages()]  # fmt: skip
+    names = ["rcopterx.Pose", "rcopterx.TrackerStatus", "rcopterx.Pose", None]
+    expected = [
+        (m.topic, m.payload, m.time_ns, m.number, name)
+        for m, name in zip([m for chunk in chunks for m in chunk], names, strict=True)
+    ]
+    assert read == expected
+    only = [found.data for _, _, found in reader.iter_messages(topics=["tracker/status"])]
+    assert only == [b"payload 2"]
+    summary = reader.get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert (summary.statistics.message_count, summary.statistics.chunk_count) == (4, 2)
+    assert next(iter(reader.iter_attachments())).name == "fleet.json"
+    assert [table.metadata for table in reader.iter_metadata()] == [{"fleet": "lab"}]
+
+
+@given(cut=st.integers(0, 2000))
+def test_a_file_that_was_cut_off_gives_its_whole_chunks(
+    tmp_path_factory: pytest.TempPathFactory, cut: int
+) -> None:
+    chunks = [[message(10 * number + i) for i in range(5)] for number in range(4)]
+    whole = written(chunks, finish=False)
+    path = tmp_path_factory.mktemp("cut") / "a.mcap"
+    path.write_bytes(whole[: max(8, len(whole) - cut)])
+    read = list(messages_of(path))
+    expected = [m for chunk in chunks for m in chunk]
+    assert read == expected[: len(read)]
+    assert len(read) % 5 == 0
+    if cut == 0:
+        assert read == expected
+
+
+def test_a_mended_file_is_complete_and_holds_everything_that_was_left(path: Path) -> None:
+    path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
+    contents = contents_of(path)
+    assert not contents.complete
+    target = path.with_suffix(".mended")
+    assert mend(path, target, SCHEMAS).messages == 1
+    assert contents_of(target) == Contents(contents.metadata, contents.attachments, complete=True)
+    reader = make_reader(BytesIO(target.read_bytes()), validate_crcs=True)
+    assert [found.data for _, _, found in reader.iter_messages()] == [b"payload 1"]
+
+
+def test_a_damaged_chunk_is_left_out_and_counted(path: Path) -> None:
+    data = bytearray(written([[message(1)], [message(2)], [message(3)]]))
+    data[data.index(b"zstd", data.index(b"zstd") + 1) + 40] ^= 0xFF
+    path.write_bytes(data)
+    contents = Contents()
+    assert [found.number for found in messages_of(path, contents)] == [1, 3]
+    assert contents.damaged_chunks == 1
+    assert contents.complete
+
+
+@pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"\x89MCAP0\r"])
+def test_what_is_no_flight_log_is_refused_by_its_name(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+    with pytest.raises(FlightLogError, match=rf"{path}: not a flight log: not an MCAP file"):
+        list(messages_of(path))
+    with pytest.raises(FlightLogError, match=r"absent.mcap: cannot be read: No such file"):
+        contents_of(path.with_name("absent.mcap"))
