@@ -1,7 +1,7 @@
-"""The decorator of kernels: compiled to machine code when their module is imported, and never later.
+"""The decorator of kernels: functions compiled to machine code when their module is imported.
 
-A kernel states the types of its arguments. Others are an error instead of a compilation, so that nothing is
-compiled while vehicles fly. Arithmetic is that of the standard (no `fastmath`), in the order in which it is
+A kernel states the types of its arguments. Calls with other types raise instead of compiling, so that nothing
+is compiled while vehicles fly. Arithmetic follows IEEE 754 (no `fastmath`) in the order in which it is
 written: a replay on the same machine is the same bit for bit. With `NUMBA_DISABLE_JIT=1` kernels are plain
 Python, for debuggers.
 """
@@ -13,6 +13,7 @@ from typing import Any, Final, ParamSpec, TypeVar
 
 import numba
 import numpy as np
+from numba import types
 from numba.core import event
 from numpy.typing import NDArray
 
@@ -28,30 +29,37 @@ _config: Any = numba.config
 _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def read(dimensions: int, number: str = "float64") -> str:
-    """Type of an array that a kernel only reads, whatever its layout is."""
-    return f"Array({number}, {dimensions}, 'A', readonly=True)"
+def read(dimensions: int, number: Any = types.float64) -> Any:
+    """Return the type of an array that a kernel only reads, in any memory layout."""
+    return types.Array(number, dimensions, "A", readonly=True)
 
 
-VECTOR: Final = "float64[::1]"
-MATRIX: Final = "float64[:, ::1]"
-BLOCKS: Final = "float64[:, :, ::1]"
-"""Types of arrays in one piece, which loops pass through fastest."""
-ANY_VECTOR: Final = read(1)
-ANY_MATRIX: Final = read(2)
-ANY_BLOCKS: Final = read(3)
-NUMBER: Final = "float64"
-COUNT: Final = "int64"
-FLAG: Final = "boolean"
+VECTOR: Final[Any] = types.float64[::1]
+MATRIX: Final[Any] = types.float64[:, ::1]
+BLOCKS: Final[Any] = types.float64[:, :, ::1]
+"""Types of contiguous arrays, which loops pass through fastest."""
+ANY_VECTOR: Final[Any] = read(1)
+ANY_MATRIX: Final[Any] = read(2)
+ANY_BLOCKS: Final[Any] = read(3)
+NUMBER: Final[Any] = types.float64
+COUNT: Final[Any] = types.int64
+FLAG: Final[Any] = types.boolean
 ESTIMATE: Final = 7 * (ANY_VECTOR,)
 """Motion, actuators, disturbance; core, servo, wind and trim of the tilt model, empty without one."""
 TARGET: Final = MATRIX, VECTOR, MATRIX, MATRIX
 """Reference, last state, and lower and upper bounds of a problem of the cascade."""
 
 
-def together(*types: str) -> str:
-    """Type of a tuple with entries of these types, for arguments that kernels pass on as they are."""
-    return f"Tuple(({', '.join(types)},))"
+def together(*fields: Any) -> Any:
+    """Return the type of a tuple with entries of these types."""
+    made: Any = types.Tuple
+    return made(fields)
+
+
+def record(kind: type, *fields: Any) -> Any:
+    """Return the type of a `NamedTuple` whose fields have these types, in their order."""
+    made: Any = types.NamedTuple
+    return made(fields, kind)
 
 
 class Announcer(event.Listener):
@@ -69,14 +77,8 @@ class Announcer(event.Listener):
         """It has been compiled."""
 
 
-def compiled(*arguments: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Make a function a kernel.
-
-    Parameters
-    ----------
-    arguments
-        Numba types of its arguments, one each, or several separated by commas.
-    """
+def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Compile a function for these types of its arguments, or load its machine code from the cache."""
 
     def compile_now(function: Callable[P, R]) -> Callable[P, R]:
         path = directory()
@@ -87,9 +89,7 @@ def compiled(*arguments: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 stack.callback(setattr, _config, "CACHE_DIR", _config.CACHE_DIR)
                 _config.CACHE_DIR = str(path)
             stack.enter_context(event.install_listener("numba:compile", Announcer()))
-            kernel: Callable[P, R] = _njit(f"({', '.join(arguments)},)", cache=path is not None, **_OPTIONS)(
-                function
-            )
+            kernel: Callable[P, R] = _njit([arguments], cache=path is not None, **_OPTIONS)(function)
         return kernel
 
     return compile_now

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.compiling.compiled import COUNT, FLAG, NUMBER, VECTOR, Array, compiled, part
+from rcopterx.compiling.compiled import COUNT, FLAG, NUMBER, VECTOR, Array, compiled, part, together
 from rcopterx.native.turbulence import renewed
 
 STATE_SIZE: Final = 20
@@ -52,9 +52,9 @@ and that step."""
 State = tuple[float, ...]
 Pair = tuple[float, float]
 Four = tuple[float, float, float, float]
-_STATE: Final = f"UniTuple(float64, {STATE_SIZE})"
-_PAIR: Final = "UniTuple(float64, 2)"
-_FOUR: Final = "UniTuple(float64, 4)"
+_STATE: Final = together(*STATE_SIZE * [NUMBER])
+_PAIR: Final = together(*2 * [NUMBER])
+_FOUR: Final = together(*4 * [NUMBER])
 
 
 @part

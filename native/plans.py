@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from rcopterx.compiling.compiled import (
@@ -20,7 +21,7 @@ from rcopterx.compiling.compiled import (
 from rcopterx.native.bounds import cut_rows
 
 MOST = 2**31 - 1
-OCTETS = "uint8[:, ::1]"
+OCTETS = types.uint8[:, ::1]
 JOINING: Final = NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER
 """Types of what `join_plans` knows of a vehicle, from `coupling` to `period_s`."""
 NEXT_TO = 1e-6
@@ -92,7 +93,7 @@ def packed_plan(
     return rows
 
 
-@compiled(read(1, "uint8"), MATRIX, NUMBER, MATRIX)
+@compiled(read(1, types.uint8), MATRIX, NUMBER, MATRIX)
 def unpacked_plan(octets: NDArray[np.uint8], layout: Array, largest: float, values: Array) -> None:
     """Set a trajectory, shape (stages, 12), from its bytes; arguments of `packed_plan`."""
     stages = len(values)
