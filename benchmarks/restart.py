@@ -112,7 +112,7 @@ def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:
 def measured_start_up(path: Path, tell: Tell) -> dict[str, float]:
     """What an agent that is not warm spends before it can open the bus [ms], medians of a few runs."""
     tell("start-up of a cold agent")
-    code = "import deploy.roles.agent"
+    code = "import rcopterx.deploy.roles.agent"
     bare = _median_ms(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True))
     imports = _median_ms(lambda: subprocess.run([sys.executable, "-c", code], check=True))
     file = load_fleet(path)

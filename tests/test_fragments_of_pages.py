@@ -70,6 +70,4 @@ def test_every_figure_is_on_a_page_and_it_is_written_down_how_it_is_made() -> No
     made = dict(MADE.findall(contributing.partition("## Figures")[2].partition("\n## ")[0]))
     assert set(made) == there
     for name, how in made.items():
-        assert (
-            how == "drawn by hand" or f"docs/figures/{name}" in how or name.startswith(("flame_", "ground."))
-        )
+        assert how == "drawn by hand" or f"docs/figures/{name}" in how or name.startswith("ground.")
