@@ -428,7 +428,7 @@ class Pilot:
             self.estimator.predict(value, duration_s)
 
     def _compensated(self, time_s: float) -> Estimate:
-        """Estimate at the moment the new command begins to act (control.md section 7)."""
+        """Estimate at the moment the new command begins to act."""
         estimate = self.estimator.estimate
         for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
             estimate = predict(self.model, estimate, value, duration_s)

@@ -1,7 +1,7 @@
 """The one table of channels.
 
 Keys, codecs, liveness, recording, access rules, documentation and tests read it; nobody writes a key string
-elsewhere. Figures: zenoh_bus.md section 7.1.
+elsewhere. See docs/messages.md.
 """
 
 from dataclasses import dataclass

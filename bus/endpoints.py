@@ -1,4 +1,4 @@
-"""Zenoh configurations of routers and clients (zenoh_bus.md section 7.2)."""
+"""Zenoh configurations of routers and clients (keys of Zenoh's `DEFAULT_CONFIG.json5`)."""
 
 import json
 import os

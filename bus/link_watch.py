@@ -1,7 +1,7 @@
 """Which links between routers carry nothing any more: decided by what arrives, in both directions.
 
-TCP notices a cut link after seconds to minutes, and Zenoh may then reopen one direction only (zenoh_bus.md
-section 9). So routers send beats all the time and tell in them whose beats they hear.
+TCP notices a cut link after seconds to minutes, and Zenoh may then reopen one direction only
+(docs/multi-host.md). Every router therefore publishes beats that name the routers whose beats arrive.
 """
 
 import math

@@ -1,6 +1,6 @@
 """What a process asks of the operating system before it joins the bus.
 
-The scheduling class has to be set before `zenoh.open`, whose threads inherit it (zenoh_bus.md section 5.4).
+The scheduling class has to be set before `zenoh.open`, whose threads inherit it.
 """
 
 import gc

@@ -1,7 +1,7 @@
 """Subscribers that answer for themselves: newest message, its age, and whether the sender keeps its rate.
 
 A direct callback stores the payload and wakes the loop; nothing is decoded on Zenoh's thread and nothing ever
-queues up unread (zenoh_bus.md sections 1 and 6).
+queues up unread.
 """
 
 import threading

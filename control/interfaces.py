@@ -220,7 +220,7 @@ FULL_LIMITS = LimitScale()
 
 @runtime_checkable
 class ScalesLimits(Protocol):
-    """A controller that can plan within what its followers can do, too (control.md section 6)."""
+    """A controller that can plan within what its followers can do, too."""
 
     def set_limit_scale(self, limit_scale: LimitScale) -> None:
         """Plan within a fraction of the vehicle's limits, from the next step on."""

@@ -23,7 +23,7 @@ def calibration_of(vehicle: VehicleConfig, name: str) -> Calibration:
 def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     """Radio protocol of a vehicle's transmitter.
 
-    A pseudo-terminal keeps no parity, so simulated lines have none (dsm2_transmitters.md section 9).
+    A pseudo-terminal keeps no parity, so simulated lines have none.
     """
     transmitter = fleet.vehicles[name].transmitter
     where = f"vehicles.{name}.transmitter"

@@ -1,7 +1,7 @@
 """Faults of the simulated laboratory, as scenario files tell them and as requests carry them.
 
 A fault is a small message with a `kind`. Faults with `duration_s` end by themselves; without one they last
-until `recover`. Source: vicon_datastream.md section 11.9.
+until `recover`. See docs/motion_capture.md.
 """
 
 from collections.abc import Iterable

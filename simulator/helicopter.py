@@ -76,7 +76,7 @@ class Servo:
 
 
 class Helicopter(Plant):
-    """A coaxial helicopter with stabilizer bar (helicopter.md section 2).
+    """A coaxial helicopter with stabilizer bar (docs/helicopter.md).
 
     Public besides what every plant has: `parameters` (the true ones) and `state`, of `helicopter_dynamics`.
     The model tells nothing but the transport delay and the thrust stick to start with.

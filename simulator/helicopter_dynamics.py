@@ -1,4 +1,4 @@
-"""Equations of motion of a coaxial helicopter with stabilizer bar (helicopter.md section 2).
+"""Equations of motion of a coaxial helicopter with stabilizer bar (docs/helicopter.md).
 
 The arithmetic is compiled (`rcopterx.native.helicopter`); here are the parameters that it takes.
 

@@ -1,4 +1,4 @@
-"""Emulated Spektrum radio board fed with 14-byte frames (dsm2_transmitters.md section 4)."""
+"""Emulated Spektrum radio board fed with 14-byte frames (format: EdgeTX, `pulses/dsm2.cpp`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Emulated Lemon-Rx DSMP module (dsm2_transmitters.md section 5)."""
+"""Emulated Lemon-Rx DSMP module (format: EdgeTX, `pulses/dsmp.cpp`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Emulated Multiprotocol module (dsm2_transmitters.md sections 3.1 to 3.6)."""
+"""Emulated Multiprotocol module (protocol: DIY-Multiprotocol-TX-Module)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Emulated ppm-gen Arduino on the trainer port of a transmitter (dsm2_transmitters.md section 6)."""
+"""Emulated ppm-gen Arduino on the trainer port of a transmitter (protocol: isleder/ppm-gen)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Emulated DSM2 receiver (dsm2_transmitters.md section 7)."""
+"""Emulated DSM2 receiver (behaviour: Spektrum AR7600 manual)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tracker emulator: a DataStream server for any number of clients (vicon_datastream.md).
+"""Tracker emulator: a DataStream server for any number of clients (Vicon DataStream SDK).
 
 One thread, no blocking: the owner's loop calls `poll` when `fileno` is readable or `next_due_s` has come, and
 `publish` once per captured frame. Slow or dead clients lose frames, they never hold up the others.

@@ -1,4 +1,4 @@
-"""Faults of the Tracker emulator (vicon_datastream.md section 11.9), on request or by a time table.
+"""Faults of the Tracker emulator (docs/motion_capture.md), on request or by a time table.
 
 What the faults are is in `rcopterx.simulator.faults`. Those with `duration_s` end by themselves, others last
 until `Recover`.

@@ -1,4 +1,4 @@
-"""What the Tracker emulator captures, and its objects on the wire (vicon_datastream.md section 3.2)."""
+"""What the Tracker emulator captures, and its objects on the wire (Vicon DataStream SDK)."""
 
 import math
 import struct

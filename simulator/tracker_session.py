@@ -1,4 +1,4 @@
-"""The server's side of a DataStream connection as a pure state machine (vicon_datastream.md sections 4, 5).
+"""The server's side of a DataStream connection as a pure state machine (Vicon DataStream SDK).
 
 Received bytes and captured frames go in, bytes to send come out. No socket, no clock.
 """

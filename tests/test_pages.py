@@ -1,7 +1,9 @@
 """Promises of the pages that speak of the tree: what they name is there, and what is there they name."""
 
+import ast
+import io
 import re
-import tomllib
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+FOLDERS = ["rcopterx", *sorted(path.name for path in (ROOT / "rcopterx").iterdir() if path.is_symlink())]
+"""Folders of the product; those beside `rcopterx` are packages in it by symbolic links."""
 ROWS = re.findall(r"^\| ([^|]+) \|[^|]+\|[^|]*\| `([^`]+)`(?: `([^`]+)`)? \|$", GLOSSARY, re.MULTILINE)
 
 
@@ -35,8 +39,7 @@ def test_what_the_architecture_names_is_there(path: str) -> None:
 
 
 def test_the_architecture_names_every_folder_and_every_part_of_an_agent() -> None:
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    for folder in settings["tool"]["importlinter"]["root_packages"]:
+    for folder in FOLDERS:
         assert f"`{folder}/`" in ARCHITECTURE
     for part in (ROOT / "agents").iterdir():
         if part.is_dir() and (part / "__init__.py").exists():
@@ -77,3 +80,42 @@ def test_every_anchor_that_a_page_outside_the_site_names_is_a_heading(name: str)
 def test_the_documentation_site_has_every_page_once() -> None:
     named = re.findall(r"([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(named) == [page.name for page in PAGES]
+
+
+PAGE_NAMED = re.compile(r"\b((?:docs/)?(?:[\w.-]+/)*[\w-]+\.md)\b")
+
+
+def prose_of(module: Path) -> list[str]:
+    """Docstrings and comments of a module."""
+    text = module.read_text(encoding="utf-8")
+    docstrings = [
+        node.value.value
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    ]
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    return docstrings + [token.string for token in tokens if token.type == tokenize.COMMENT]
+
+
+def test_every_page_that_the_code_names_is_a_page_of_the_repository() -> None:
+    pages = [
+        path.relative_to(ROOT).as_posix() for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"))
+    ]
+    modules = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
+    missing = [
+        f"{module.relative_to(ROOT)}: {name}"
+        for module in modules
+        for prose in prose_of(module)
+        for name in PAGE_NAMED.findall(prose)
+        if not any(page == name or page.endswith(f"/{name}") for page in pages)
+    ]
+    assert len(modules) > 300
+    assert missing == []
+
+
+def test_the_code_names_no_numbered_section_of_a_page() -> None:
+    """Headings of pages have no numbers, so such a reference is to some other document."""
+    for module in [path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]:
+        assert not re.search(r"\.md`?\s+sections?\s+\d", module.read_text(encoding="utf-8")), module

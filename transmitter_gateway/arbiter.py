@@ -1,4 +1,4 @@
-"""Safety arbiter of one vehicle (dsm2_transmitters.md section 8.3).
+"""Safety arbiter of one vehicle (docs/safety.md).
 
 What may follow what is the table in `transitions.py`; here are its conditions and the outputs. Every input
 first lets the time pass (`Arbiter.step`), then takes effect; so nothing that arrives after a limit was passed

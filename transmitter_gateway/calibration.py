@@ -1,4 +1,4 @@
-"""Normalised inputs u to pulse widths and back (dsm2_transmitters.md section 8.1)."""
+"""Normalised inputs u to pulse widths and back (docs/hardware.md)."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ THRUST = 2
 
 
 class State(StrEnum):
-    """States of the arbiter (dsm2_transmitters.md section 8.3)."""
+    """States of the arbiter (docs/safety.md)."""
 
     DISARMED = "DISARMED"
     ARMED = "ARMED"

@@ -1,4 +1,4 @@
-"""Limits of the arbiter, with the defaults of dsm2_transmitters.md section 8.3."""
+"""Limits of the arbiter (docs/safety.md) with their defaults."""
 
 from __future__ import annotations
 

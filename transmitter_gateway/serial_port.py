@@ -1,4 +1,4 @@
-"""Serial port for a control loop: never blocks, queues no stale frames (dsm2_transmitters.md section 9)."""
+"""Serial port for a control loop: never blocks, queues no stale frames."""
 
 from __future__ import annotations
 

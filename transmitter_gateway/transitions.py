@@ -1,4 +1,4 @@
-"""The transition table of the arbiter: conditions x state -> state (dsm2_transmitters.md section 8.3).
+"""The transition table of the arbiter: conditions x state -> state (docs/safety.md).
 
 Of all rows that fit, the first one counts.
 """

@@ -2,8 +2,7 @@
 
 The loop calls `on_command`, `on_pose`, `on_readable` and `request` when something arrives, and `tick` at the
 latest at `next_deadline_s`, which is at once after any of these. Only `tick` decides and writes, and it
-returns what it wrote. Accepted commands are written on arrival; without one the arbiter's output is repeated
-(dsm2_transmitters.md section 8.2).
+returns what it wrote. Accepted commands are written on arrival; without one the arbiter's output is repeated.
 """
 
 from __future__ import annotations

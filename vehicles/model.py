@@ -94,7 +94,7 @@ class Model:
     """Parameters of equation (1) with actuator lag and delay, the limits and the scaling of one vehicle.
 
     Four-vectors are ordered pitch (body x), roll (body y), thrust (z), yaw. State limits bound
-    x, y, z, xd_B, yd_B, zd_B, psid in this order (control.md section 3); yaw itself is free.
+    x, y, z, xd_B, yd_B, zd_B, psid in this order; yaw itself is free.
 
     Raises
     ------

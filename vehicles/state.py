@@ -1,4 +1,4 @@
-"""Index names of the motion state, the input and their units (control.md section 1).
+"""Index names of the motion state, the input and their units (equation (1) of the paper).
 
 The motion state is x, y, z in the inertial frame [m], the yaw psi [rad, unwrapped], the body-frame velocity
 [m/s] and the yaw rate [rad/s]. Body x points to the nose, body z along the rotor axis. The input is

@@ -1,5 +1,4 @@
-"""How the pitch and roll sticks tilt a vehicle, and what acceleration comes of it (helicopter.md sections 2,
-3).
+"""How the pitch and roll sticks tilt a vehicle, and what acceleration comes of it (docs/helicopter.md).
 
 Seen in the inertial frame, a rotor's tilt is a vector: the horizontal components of the body's upward axis.
 Its dynamics do not prefer any direction, so the heading enters at one place only: the sticks are given in the

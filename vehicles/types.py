@@ -25,8 +25,8 @@ COAXIAL_LAG: Final = Model(
     input_shift=(0.0, 0.0, 0.5, 0.0),
     uncertainty=IDENTIFIED,
 )
-"""Blade mCX2 as the paper models it: parameters of [11], limits and scaling of the paper's section VI-A
-(control.md 2, 3, 6), sticks that act as accelerations after a lag."""
+"""Blade mCX2 as the paper models it: parameters of [11], limits and scaling of the paper's section VI-A;
+sticks that act as accelerations after a lag."""
 
 COAXIAL: Final = replace(
     COAXIAL_LAG,
@@ -47,7 +47,7 @@ COAXIAL: Final = replace(
     uncertainty=UNIDENTIFIED,
 )
 """A coaxial helicopter with stabilizer bar of which nothing else is known: gains and limits of the mCX2, tilt
-of the Skybotix CoaX shrunk to between the mCX2 and itself (helicopter.md sections 2, 3). Its damping is the
+of the Skybotix CoaX shrunk to between the mCX2 and itself (docs/helicopter.md). Its damping is the
 least that such a vehicle is taken to have: damping that is assumed and not there makes the loop unstable,
 damping that is there and not assumed costs nothing."""
 

@@ -1,7 +1,7 @@
 """Other motion-capture brands through the `motioncapture` library, in a process of its own.
 
 The library blocks without a limit, keeps the interpreter's lock while it connects, and never notices that its
-server has gone (vicon_datastream.md section 10). It therefore runs in a child process (``python -m
+server has gone. It therefore runs in a child process (``python -m
 vicon_gateway.brands``) that writes what it sees to a pipe; the parent watches, kills and restarts it, and
 never imports the library.
 

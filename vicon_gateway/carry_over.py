@@ -1,4 +1,4 @@
-"""Which objects are valid after a packet (vicon_datastream.md section 5)."""
+"""Which objects are valid after a packet (Vicon DataStream SDK)."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""DataStream client over TCP: connects, watches, reconnects by itself (vicon_datastream.md section 11).
+"""DataStream client over TCP: connects, watches, reconnects by itself.
 
 Non-blocking; `next_frame` never raises for trouble with the network, `state` tells what is going on.
 """

@@ -1,4 +1,4 @@
-"""Control objects of the DataStream protocol (vicon_datastream.md section 3.1), and the catalogue of types.
+"""Control objects of the DataStream protocol (Vicon DataStream SDK), and the catalogue of types.
 
 Every object is a frozen dataclass with its type number `KIND`, `payload()` to encode and `parse(payload)` to
 decode; `parse` raises `WireError` and nothing else. Data objects are in `objects`.

@@ -1,4 +1,4 @@
-"""The client's side of a DataStream connection as a pure state machine (vicon_datastream.md sections 4 to 6).
+"""The client's side of a DataStream connection as a pure state machine (Vicon DataStream SDK).
 
 Bytes and the time of their arrival go in, frames and bytes to send come out. No socket, no clock.
 """

@@ -1,4 +1,4 @@
-"""The fleet's clock: (epoch, frame) stamps for frames (DESIGN.md section 4 rule 4).
+"""The fleet's clock: (epoch, frame) stamps for frames.
 
 Within an epoch the frame number grows with time at the capture rate. When it does not, because the capture
 or the Tracker was started again, a new epoch begins.

@@ -1,4 +1,4 @@
-"""Data objects of the DataStream protocol (vicon_datastream.md section 3.2), and decoding by type number.
+"""Data objects of the DataStream protocol (Vicon DataStream SDK), and decoding by type number.
 
 Objects with poses are in `segment_objects`. Units are those of the wire; conversion to metres and quaternions
 is `datastream`'s work.

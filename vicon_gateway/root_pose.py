@@ -1,4 +1,4 @@
-"""Pose of a subject from the numbers of its root segment (vicon_datastream.md section 6)."""
+"""Pose of a subject from the numbers of its root segment (Vicon DataStream SDK)."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""Objects that carry poses and markers (vicon_datastream.md section 3.2), in the units of the wire.
+"""Objects that carry poses and markers (Vicon DataStream SDK), in the units of the wire.
 
 Millimetres, radians, right-handed axes, row-major rotation matrices that map segment to world coordinates.
 """

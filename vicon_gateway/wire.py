@@ -1,4 +1,4 @@
-"""Framing and coding of the Vicon DataStream protocol (vicon_datastream.md section 2).
+"""Framing and coding of the Vicon DataStream protocol (Vicon DataStream SDK).
 
 Everything that reads bytes from the network goes through this module and raises exactly one error,
 `WireError`, for anything malformed. Lengths and counts are compared with the bytes that are really there

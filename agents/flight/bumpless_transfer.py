@@ -1,4 +1,4 @@
-"""Another controller or estimator takes over without a bump of the sticks (control.md section 8)."""
+"""Another controller or estimator takes over without a bump of the sticks."""
 
 from typing import Final
 

@@ -1,8 +1,8 @@
 """The formation law (6): a follower's reference from its leaders' plans.
 
 Plans are inertial trajectories, so the rotation of body velocities from the leader's to the follower's frame
-(v_F = R(psi_F)^T R(psi_L) v_L, control.md section 5) is complete once a controller turns the reference
-into its own heading.
+(v_F = R(psi_F)^T R(psi_L) v_L, equations (6) and (7) of the paper) is complete once a controller turns the
+reference into its own heading.
 """
 
 from collections.abc import Sequence

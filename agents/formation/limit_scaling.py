@@ -1,4 +1,4 @@
-"""Leaders plan within what their followers can do (control.md section 6), whoever these are at the moment.
+"""Leaders plan within what their followers can do, whoever these are at the moment.
 
 A leader that flies at its own limits cannot be followed by an equal vehicle in a gust, and not at all by one
 that accelerates less. And what its pitch and roll do together, a follower with another heading may need of

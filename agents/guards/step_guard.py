@@ -2,7 +2,7 @@
 
 A controller may be somebody else's. It may raise, return something that is no command, or not return in time.
 Such a step is a failure. It is flown by the inputs of the last good step, one stage on, while these are young
-enough, else by the default controller, else by a plain feedback law (the ladder of control.md section 8).
+enough, else by the default controller, else by a plain feedback law.
 Failures that follow each other for `PATIENCE_S` mean that the controller is of no use; whoever steps it then
 takes the default controller. A solver that finds nothing better than the previous plan has not failed, but
 its step is flown in the same way.

@@ -1,7 +1,7 @@
 """Changes of controller, estimator and settings in flight.
 
 What is new is built and warmed up in a thread beside the control loop and swapped in between two control
-periods, so that no period is late (control.md section 8).
+periods, so that no period is late.
 """
 
 from collections.abc import Callable

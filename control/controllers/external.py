@@ -1,4 +1,4 @@
-"""Control by a program outside the agent (control.md section 8): its inputs, the agent's estimate and plan.
+"""Control by a program outside the agent (docs/control.md): its inputs, the agent's estimate and plan.
 
 At every period the program gets a task: the state in which the vehicle will be when the answer acts, and the
 reference from then on. So the way to the program and back costs one period of prediction and no waiting.

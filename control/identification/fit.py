@@ -1,4 +1,4 @@
-"""Prediction-error fit of a vehicle's model to a flight (helicopter.md section 5).
+"""Prediction-error fit of a vehicle's model to a flight.
 
 Horizontal motion and height are fitted to the innovations of the stationary Kalman predictor of the model,
 the heading to errors further ahead, because its model is a coarser one. What is known of the type beforehand

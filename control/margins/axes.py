@@ -147,7 +147,7 @@ def lag_loop(
 
 
 def _chain(model: Model, period_s: float, axis: int, levels: int) -> Dynamics:
-    """Position, velocity and actuator as the cascade discretises them (control.md section 6)."""
+    """Position, velocity and actuator as the cascade discretises them."""
     gain, lag_s = model.input_gain[axis], model.lag_s[axis]
     damping = (model.damping if levels == 2 else model.direct_damping)[axis]
     pole = float(np.exp(-period_s / lag_s)) if lag_s > 0.0 else 0.0

@@ -22,7 +22,7 @@ POSITION: Final = slice(0, 2)
 VELOCITY: Final = slice(2, 4)
 CORE_FROM: Final = 4
 WIND_CORRELATION_S: Final = 0.5
-"""Correlation time of the wind's acceleration (helicopter.md section 4)."""
+"""Correlation time of the wind's acceleration."""
 
 
 class LateralSystem:

@@ -1,4 +1,4 @@
-"""The discrete model of control.md section 6, rolled out under given inputs.
+"""The discrete model (2) of the paper, rolled out under given inputs.
 
 Forward Euler with the mid-interval heading in the kinematics; the actuators follow their inputs with the
 exact discrete pole exp(-T_s / lag). Velocities of the resulting trajectory are those that move the positions

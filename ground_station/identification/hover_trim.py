@@ -1,4 +1,4 @@
-"""Mean inputs of a hover, from what was written to the radio (dsm2_transmitters.md section 8.1)."""
+"""Mean inputs of a hover, from what was written to the radio (docs/hardware.md)."""
 
 import time
 from collections.abc import Sequence

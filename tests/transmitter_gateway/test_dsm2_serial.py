@@ -18,7 +18,7 @@ from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtoco
 MIDDLE = [512] * 6
 LOW = [169, 512, 512, 512, 512, 512]
 
-# dsm2_transmitters.md section 4: settings, flags, pulse widths (None: counts only), counts, frame
+# Frames of EdgeTX, `pulses/dsm2.cpp`: settings, flags, pulse widths (None: counts only), counts, frame
 GOLDEN = {
     "S1": (Dsm2Settings(3), FrameFlags(), [1100], LOW, "10 03 00 A9 06 00 0A 00 0E 00 12 00 16 00"),
     "S2": (

@@ -14,7 +14,7 @@ from rcopterx.transmitter_gateway.protocols.base import (
 )
 from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
 
-# dsm2_transmitters.md section 5
+# Frames of EdgeTX, `pulses/dsmp.cpp`
 SETUP = bytes.fromhex("AA 00 00 07 06 00")
 BIND = bytes.fromhex("AA 00 C0 07 06 00")
 THROTTLE_LOW = bytes.fromhex("AA 01 00 A9 06 00 0A 00 0E 00 12 00 16 00 FF FF")

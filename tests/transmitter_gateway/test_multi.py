@@ -33,7 +33,7 @@ def counts(*first: int, **others: int) -> tuple[int, ...]:
     return tuple(values)
 
 
-# dsm2_transmitters.md section 3.7
+# Frames of EdgeTX, `pulses/multi.cpp`, accepted by DIY-Multiprotocol-TX-Module
 GOLDEN = {
     "M1 neutral, throttle low": (
         MultiFrame(counts(LOW), rx_num=3),

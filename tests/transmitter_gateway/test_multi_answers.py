@@ -11,7 +11,7 @@ from rcopterx.transmitter_gateway.protocols.multi_answers import (
     MultiTelemetry,
 )
 
-# dsm2_transmitters.md section 3.6
+# Answers of DIY-Multiprotocol-TX-Module
 READY = bytes.fromhex("4D 50 01 18 47 01 03 04 48 E4 46 06 44 53 4D 00 00 00 00 77 32 20 31 46 00 00 00 00")
 BIND_ANSWER = bytes.fromhex("4D 50 05 0A ED CB A9 84 01 07 01 00 04 5E")
 

@@ -15,7 +15,7 @@ from rcopterx.transmitter_gateway.protocols.ppm import (
     TrainerProtocol,
 )
 
-# dsm2_transmitters.md section 6: 1100 + 5 x 1500 us
+# A frame of isleder/ppm-gen: 1100 + 5 x 1500 us
 GOLDEN = bytes.fromhex("01 11 01 4C 04 DC 05 DC 05 DC 05 DC 05 DC 05 C8 04")
 
 

@@ -1,4 +1,4 @@
-"""Promises of the tilt models: unit gain, the modes of helicopter.md section 3, no preferred direction."""
+"""Promises of the tilt models: unit gain, the modes of the Bell-Hiller rotor head, no preferred direction."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Every fault of vicon_datastream.md section 11.9, as our own client lives through it."""
+"""Every fault of docs/motion_capture.md, as our own client lives through it."""
 
 import pytest
 from tracker_bench import BODIES, PATIENT, QUICK, Bench

@@ -248,7 +248,7 @@ class OneWayRadio(RadioProtocol):
 
 
 def ten_bit_count(pulse_us: float) -> int:
-    """Spektrum 10-bit value of a pulse width (dsm2_transmitters.md section 2)."""
+    """Spektrum 10-bit value of a pulse width."""
     return min(max(round(512 + (pulse_us - CENTER_US) / TEN_BIT_US), 0), 1023)
 
 

@@ -1,4 +1,4 @@
-"""14-byte frames for Spektrum radio boards (dsm2_transmitters.md section 4)."""
+"""14-byte frames for Spektrum radio boards (EdgeTX, `pulses/dsm2.cpp`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lemon-Rx DSMP module (dsm2_transmitters.md section 5): set-up and channel frames, answers."""
+"""Lemon-Rx DSMP module (EdgeTX, `pulses/dsmp.cpp`): set-up and channel frames, answers."""
 
 from __future__ import annotations
 

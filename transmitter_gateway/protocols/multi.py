@@ -1,4 +1,4 @@
-"""Multiprotocol serial protocol (dsm2_transmitters.md section 3): 27-byte frames, TLV answers."""
+"""Multiprotocol serial protocol (DIY-Multiprotocol-TX-Module): 27-byte frames, TLV answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers of a Multiprotocol module (dsm2_transmitters.md section 3.6): incremental TLV parser."""
+"""Answers of a Multiprotocol module (DIY-Multiprotocol-TX-Module): incremental TLV parser."""
 
 from __future__ import annotations
 

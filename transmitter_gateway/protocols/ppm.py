@@ -1,4 +1,4 @@
-"""Trainer-port encoders (dsm2_transmitters.md section 6): ppm-gen on an Arduino, and the SC-8000P."""
+"""Trainer-port encoders: ppm-gen on an Arduino, and the SC-8000P."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Yaw-first cascade ("trajectory MPC"): the default controller (control.md section 6).
+"""Yaw-first cascade ("trajectory MPC"): the default controller (docs/formulas.md).
 
 Three small quadratic programs per step. Yaw does not depend on the rest and comes first; the vertical does
 not either and is solved beside it in the same workspace; along the planned yaw the horizontal motion is

@@ -1,5 +1,4 @@
-"""The cascade's horizontal problem for vehicles with lags: exact along a planned heading (control.md section
-6)."""
+"""The cascade's horizontal problem for vehicles with lags: exact along a planned heading"""
 
 from dataclasses import replace
 from typing import Final

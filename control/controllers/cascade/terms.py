@@ -1,6 +1,6 @@
 """The terms of the cascade's three problems: terminal costs, body-frame references, feed-forward.
 
-control.md section 6. Horizontal quantities that depend on the heading are turned with the mid-interval
+Equations: docs/formulas.md. Horizontal quantities that depend on the heading are turned with the mid-interval
 heading of the vehicle's own yaw plan, so a reference that is another vehicle's plan is reproduced exactly.
 """
 
@@ -136,15 +136,15 @@ def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0
 class HeadingCost:
     """Terminal cost of the horizontal chain at any heading.
 
-    With equal weights of x and y, P(psi) = T(psi)' P(0) T(psi), T turning positions into the body frame
-    (control.md section 6.6): one Riccati equation at start-up. Otherwise one per heading, on a grid.
+     With equal weights of x and y, P(psi) = T(psi)' P(0) T(psi), T turning positions into the body frame
+    : one Riccati equation at start-up. Otherwise one per heading, on a grid.
 
-    Parameters
-    ----------
-    parameters
-        The horizontal chain.
-    decay
-        One plus T_s times the damping, shape (2,).
+     Parameters
+     ----------
+     parameters
+         The horizontal chain.
+     decay
+         One plus T_s times the damping, shape (2,).
     """
 
     def __init__(self, parameters: ChainParameters, decay: Array) -> None:

@@ -1,4 +1,4 @@
-"""The cascade's horizontal problem for vehicles with a tilt model (helicopter.md section 5, second road).
+"""The cascade's horizontal problem for vehicles with a tilt model (docs/formulas.md).
 
 The lateral model is predicted whole: bar, disc, coupling of the axes, servo, and the wind as it fades.
 """

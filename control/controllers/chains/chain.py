@@ -6,7 +6,7 @@
                                                                  (without lag: actuator_i = input_i)
 
 with E_i orthogonal and one or two axes: yaw, the vertical and, along a known heading plan, the horizontal
-motion are all of this form (control.md section 6). Positions determine everything else: velocities are their
+motion are all of this form (docs/formulas.md). Positions determine everything else: velocities are their
 differences, actuators differences of those, inputs differences of those. In the positions y_i alone there are
 no dynamics left to respect, every quantity of stage i is a row times the window (y_i, .., y_{i + levels}),
 and the Hessian is a band: one Newton step is one banded Cholesky factorisation, linear in N.

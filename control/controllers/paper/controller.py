@@ -1,7 +1,7 @@
 """The paper's scheme ("set-point MPC"): the baseline that everything else is measured against.
 
 One quadratic program (3)-(4) in the scaled variables (5), 11 states, linearised once over the whole horizon
-at the heading of the reference's last stage (control.md sections 3, 4, 8, 9).
+at the heading of the reference's last stage.
 """
 
 from typing import Annotated, ClassVar, Final, Literal
@@ -177,7 +177,7 @@ class PaperController(BaseController):
         return np.clip(inputs, self._limits.input_min, self._limits.input_max)
 
     def _widened_bounds(self, guess_states: Array) -> tuple[Array, Array]:
-        """State bounds of stages 2 to N, widened just enough to contain the guess (control.md section 8)."""
+        """State bounds of stages 2 to N, widened just enough to contain the guess."""
         lower, upper = self._state_bounds
         known = self._scaled_states(guess_states)[1:, BOUNDED_STATES]
         return np.minimum(lower, known - WIDENING), np.maximum(upper, known + WIDENING)

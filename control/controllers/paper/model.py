@@ -1,6 +1,6 @@
 """The paper's discrete linear model, cost and scaling, with the readings of its contradictions in one place.
 
-Where the printed paper contradicts itself, rcopterx reads (control.md section 3):
+Where the printed paper contradicts itself, rcopterx reads:
 
 1. The affine term is subtracted, x[k+1] = A_d x[k] + B_d u[k] - c_d, as in (2); (4) prints a plus sign.
    c_d = T_s (0 0 0 0 0 0 g 0 k_i x_ref k_i y_ref k_i z_ref).
@@ -142,7 +142,7 @@ class TerminalCost:
     """P(psi) of equation (3).
 
     With Q equal in x and y and in x_int and y_int, P(psi) = T(psi)' P(0) T(psi) with T rotating the position
-    and integrator pairs into the body frame (control.md section 6.6): one Riccati equation, none in flight.
+    and integrator pairs into the body frame: one Riccati equation, none in flight.
     Otherwise the equation is solved once per heading and remembered.
 
     Parameters

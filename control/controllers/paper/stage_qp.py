@@ -3,7 +3,7 @@
     minimise    1/2 sum_i (x_i' Q x_i + u_i' R u_i) + 1/2 x_N' P x_N + q' z
     subject to  x_1 given,  x_{i+1} = A_i x_i + B u_i - c_i,  lower <= (bounded entries of x_i, u_i) <= upper
 
-with z = (x_1, u_1, x_2, ..., u_{N-1}, x_N), control.md section 9. Every entry that may ever be non-zero has a
+with z = (x_1, u_1, x_2, ..., u_{N-1}, x_N). Every entry that may ever be non-zero has a
 place in the sparsity pattern, so sin(0) = 0 never changes it.
 """
 
