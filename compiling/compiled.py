@@ -58,7 +58,7 @@ def together(*fields: Any) -> Any:
 
 def record(kind: type, *fields: Any) -> Any:
     """Return the type of a `NamedTuple` whose fields have these types, in their order."""
-    made: Any = types.NamedTuple
+    made: Any = types.BaseTuple.from_types  # numba has a type of its own for fields of one type
     return made(fields, kind)
 
 
