@@ -1,4 +1,4 @@
-"""`python -m rcopterx.compiling`: compile all kernels, so that what starts later finds them."""
+"""`python -m rcopterx.compiling`: compile all kernels ahead of their first use."""
 
 import importlib
 import multiprocessing
@@ -13,10 +13,7 @@ from rcopterx.compiling.cache import COMPLETE, MODULES, directory, remove_unused
 
 
 def main() -> int:
-    """Compile what is not compiled yet, several modules at a time, and note that everything is.
-
-    Whatever older versions left behind is removed then.
-    """
+    """Compile what the cache lacks, several modules at a time, and remove old versions from it."""
     path = directory()
     if path is None:
         print("kernels cannot be kept: no directory is writable, see RCOPTERX_KERNELS", file=sys.stderr)
@@ -25,39 +22,33 @@ def main() -> int:
         return 0
     print("rcopterx compiles its kernels for this computer, once ...", file=sys.stderr, flush=True)
     start_s = time.monotonic()
-    problems = [problem for problem in _problems() if problem is not None]
+    problems = _compile_modules()
     if problems:
         print(*problems, sep="\n", file=sys.stderr)
         return 1
     (path / COMPLETE).touch()
-    remove_unused(path.parent)
+    remove_unused(path.parent, time.time())
     print(f"... compiled in {time.monotonic() - start_s:.0f} s", file=sys.stderr)
     return 0
 
 
-def _problems() -> list[str | None]:
-    """Compile each module of kernels; what is wrong with it, or None.
-
-    Workers are forks of a process that has imported the compiler, and go from module to module: to import it
-    takes a second, and to compile for the first time another one.
-    """
+def _compile_modules() -> list[str]:
+    """Compile all modules in forks of this process, which has imported the compiler; return what failed."""
     compiler = importlib.import_module("rcopterx.compiling.compiled")
-    compiler.Announcer.told = True
-    forking = multiprocessing.get_context("fork")
+    compiler.Announcer.announced = True
     try:
-        with ProcessPoolExecutor(os.cpu_count(), mp_context=forking) as pool:
-            return list(pool.map(_problem, MODULES))
+        with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("fork")) as pool:
+            return [problem for problem in pool.map(_compile_module, MODULES) if problem]
     except BrokenProcessPool as error:
         return [str(error)]
 
 
-def _problem(module: str) -> str | None:
-    """Compile a module; what went wrong, if anything."""
+def _compile_module(module: str) -> str:
     try:
         importlib.import_module(f"rcopterx.{module}")
-    except Exception:  # noqa: BLE001 - whatever the compiler raises is told
+    except Exception:  # noqa: BLE001 - the compiler raises errors of many kinds
         return f"{module}: {traceback.format_exc().strip()}"
-    return None
+    return ""
 
 
 if __name__ == "__main__":

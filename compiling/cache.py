@@ -1,8 +1,6 @@
-"""Where compiled kernels are kept, and compiling them before anybody waits for them.
+"""The cache of compiled kernels: a private directory for each version of their sources and kind of computer.
 
-They are compiled once for each version of their sources, of numba and of Python, and for each kind of
-processor, each into a directory of its own; those used last are kept. This module imports no numba: who only
-starts processes needs none.
+This module does not import numba: the launcher compiles kernels in another process and needs none of it.
 """
 
 import fcntl
@@ -21,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 COMPLETE: Final = "complete"
-"""File in the directory of the kernels from when on all of them are there."""
+"""Empty file in a directory of kernels that holds all of them."""
 MODULES: Final = (
     "native.settling",
     "native.within_bounds",
@@ -40,139 +38,108 @@ MODULES: Final = (
     "native.watching",
     "native.flight",
 )
-"""Modules of kernels, those first that take longest: nobody shall wait for one of them alone at the end."""
+"""Modules of kernels, the slowest to compile first."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
-"""Environment variable with the directory to keep kernels in, instead of the user's cache."""
+"""Environment variable with the directory of the cache, instead of the user's."""
 KEPT: Final = 10
-"""Directories that stay, those used last, besides all that processes use now."""
-_NAME: Final = "kernels-"
-_REMOVED: Final = "removed-"
-_NAMES_OF_PROCESSOR: Final = ("model name", "flags", "Features", "CPU part", "CPU implementer")
-
-
-_held: Final[list[int]] = []
-"""Locks of the directory that this process uses: kept until it and its forks have ended."""
+"""Number of versions that stay in the cache, besides those of the last `KEPT_S`."""
+KEPT_S: Final = 24 * 3600.0
+_PREFIX: Final = "kernels-"
+_PROCESSOR: Final = ("model name", "flags", "Features", "CPU part", "CPU implementer")
 
 
 @cache
 def directory() -> Path | None:
-    """Directory of the kernels of this version and processor, created if missing.
+    """Return the private directory of this version's kernels, created if missing; None if there is no place.
 
-    It is private, because what lies in it is executed, and it stays as long as this process lives. None if no
-    place is writable.
+    Its content is executed: a place that belongs to another user, or that others may write to, is refused.
     """
-    name = f"{_NAME}{_digest()}"
+    name = f"{_PREFIX}{_digest()}"
     for base in _bases():
-        path = base / name
         try:
-            base.mkdir(parents=True, exist_ok=True)
-            descriptor = _use(path)
+            base.mkdir(parents=True, exist_ok=True, mode=0o700)
+            base = base.resolve()
+            _check_private(base)
+            path = base / name
+            path.mkdir(exist_ok=True, mode=0o700)
+            os.utime(path)
         except OSError:
             continue
-        if os.fstat(descriptor).st_uid == os.getuid() and os.access(path, os.W_OK):
-            os.utime(path)
-            _held.append(descriptor)
+        if os.access(path, os.W_OK):
             return path
-        os.close(descriptor)
     return None
 
 
-def _use(path: Path) -> int:
-    """Create a directory if missing, and keep it there until the returned descriptor is closed."""
-    while True:
-        with suppress(FileExistsError):
-            os.mkdir(path, 0o700)
-        # Somebody may remove it before it is locked.
-        with suppress(FileNotFoundError):
-            descriptor = _locked(path, fcntl.LOCK_SH)
-            if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
-                return descriptor
-            os.close(descriptor)
-
-
-def _locked(path: Path, kind: int) -> int:
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(descriptor, kind)
-    except OSError:
-        os.close(descriptor)
-        raise
-    return descriptor
-
-
-def remove_unused(base: Path) -> list[str]:
-    """Remove directories of kernels that no process uses, except those used last; names of the removed."""
-    used_ns = {}
-    for path in base.glob(f"{_NAME}*"):
-        with suppress(FileNotFoundError):  # removed by somebody else meanwhile
-            used_ns[path] = path.lstat().st_mtime_ns
-    oldest = sorted(used_ns, key=used_ns.__getitem__, reverse=True)[KEPT:]
-    removed = [path.name for path in oldest if _set_aside(path)]
-    for path in base.glob(f"{_REMOVED}*"):
-        shutil.rmtree(path, ignore_errors=True)
-    return removed
-
-
-def _set_aside(path: Path) -> bool:
-    """Rename a directory that no process uses, so that whoever wants it next makes a new one."""
-    try:
-        descriptor = _locked(path, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    try:
-        path.rename(path.with_name(path.name.replace(_NAME, _REMOVED, 1)))
-    except OSError:
-        return False
-    finally:
-        os.close(descriptor)
-    return True
-
-
 def _bases() -> Iterator[Path]:
-    """Where the directory may lie, in the order in which to try."""
+    """Places of the cache in the order in which they are tried."""
     chosen = os.environ.get(VARIABLE)
     if chosen:
         yield Path(chosen)
     cached = os.environ.get("XDG_CACHE_HOME")
     yield (Path(cached) if cached else Path(os.path.expanduser("~")) / ".cache") / "rcopterx"
-    yield Path(tempfile.gettempdir()) / f"rcopterx-{os.getuid()}"
+    yield Path(tempfile.gettempdir()) / f"rcopterx-kernels-{os.getuid()}"
+
+
+def _check_private(base: Path) -> None:
+    status = base.stat()
+    if status.st_uid != os.getuid() or status.st_mode & 0o022:
+        raise PermissionError(f"{base} belongs to another user, or others may write to it")
 
 
 def _digest() -> str:
-    """Of all that the compiled code depends on: numba itself looks at the file of a kernel only, and not at
-    the functions that it calls."""
+    """Digest of everything that machine code depends on.
+
+    numba itself checks the file of a kernel only, not those of the functions that the kernel calls.
+    """
     digest = hashlib.sha256()
-    # numba tells checkouts apart by their place.
-    place = Path(__file__).parents[1]
+    package = Path(__file__).parents[1]
     for module in ("compiling.compiled", *sorted(MODULES)):
-        digest.update((place / f"{module.replace('.', '/')}.py").read_bytes())
-    digest.update(
-        f"{place} {version('numba')} {version('numpy')} {sys.version} {platform.machine()}".encode()
-    )
+        digest.update((package / f"{module.replace('.', '/')}.py").read_bytes())
+    parts = [str(package), version("numba"), version("numpy"), sys.version, platform.machine()]
     try:
-        processor = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0]
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
-        processor = ""
-    lines = [line for line in processor.splitlines() if line.startswith(_NAMES_OF_PROCESSOR)]
-    digest.update("\n".join(lines).encode())
+        lines = []
+    parts += sorted({line for line in lines if line.startswith(_PROCESSOR)})
+    digest.update("\n".join(parts).encode())
     return digest.hexdigest()[:16]
 
 
 @contextmanager
 def only_one(path: Path, module: str) -> Iterator[None]:
-    """One process at a time per module of kernels: who comes later finds what the first one has compiled."""
+    """Let one process at a time compile a module; the others then load what it has compiled."""
+    # A process that has run for days may find its directory removed.
+    path.mkdir(exist_ok=True, mode=0o700)
     with (path / f"{module}.lock").open("ab") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
 
+def remove_unused(base: Path, now_s: float) -> None:
+    """Remove versions of kernels that no process has used recently.
+
+    Parameters
+    ----------
+    now_s
+        Present time [Unix time, s].
+    """
+    used_s = {}
+    for path in base.glob(f"{_PREFIX}*"):
+        with suppress(FileNotFoundError):  # another process may remove them as well
+            used_s[path] = path.stat().st_mtime
+    for path in sorted(used_s, key=used_s.__getitem__, reverse=True)[KEPT:]:
+        if used_s[path] < now_s - KEPT_S:
+            (path / COMPLETE).unlink(missing_ok=True)
+            shutil.rmtree(path, ignore_errors=True)
+
+
 def compile_all() -> None:
-    """Compile all kernels in a process of its own, unless that was done; it tells so on the standard error.
+    """Compile all kernels in another process, which prints its progress, unless the cache holds them.
 
     Raises
     ------
     OSError
-        They cannot be compiled; the process has told why.
+        Compiling failed; the other process has printed why.
     """
     path = directory()
     if path is not None and (path / COMPLETE).exists():

@@ -1,9 +1,8 @@
 """The decorator of kernels: functions compiled to machine code when their module is imported.
 
 A kernel states the types of its arguments. Calls with other types raise instead of compiling, so that nothing
-is compiled while vehicles fly. Arithmetic follows IEEE 754 (no `fastmath`) in the order in which it is
-written: a replay on the same machine is the same bit for bit. With `NUMBA_DISABLE_JIT=1` kernels are plain
-Python, for debuggers.
+is compiled while vehicles fly. Arithmetic follows IEEE 754 (no `fastmath`) in the order of the source: a
+replay on the same machine is the same bit for bit. Set `NUMBA_DISABLE_JIT=1` to debug kernels as Python.
 """
 
 import sys
@@ -23,7 +22,7 @@ Array = NDArray[np.float64]
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# Typed loosely: what numba declares differs from version to version.
+# Any: the annotations of numba differ from version to version.
 _njit: Any = numba.njit
 _config: Any = numba.config
 _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
@@ -63,18 +62,18 @@ def record(kind: type, *fields: Any) -> Any:
 
 
 class Announcer(event.Listener):
-    """Tells people once why the first start takes long."""
+    """Explains once, on standard error, why the first start takes long."""
 
-    told = False
+    announced = False
 
     def on_start(self, event: Any) -> None:  # noqa: ARG002 - the signature is numba's
-        """Something is compiled."""
-        if not Announcer.told:
-            Announcer.told = True
+        """Announce that something is compiled."""
+        if not Announcer.announced:
+            Announcer.announced = True
             print("rcopterx compiles its kernels for this computer, once ...", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
-        """It has been compiled."""
+        """Do nothing: numba calls this after compiling."""
 
 
 def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -85,7 +84,7 @@ def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
         with ExitStack() as stack:
             if path is not None:
                 stack.enter_context(only_one(path, function.__module__))
-                # For kernels only: what users of numba compile themselves is kept where they want it.
+                # Restored afterwards: functions that users compile with numba keep their own cache.
                 stack.callback(setattr, _config, "CACHE_DIR", _config.CACHE_DIR)
                 _config.CACHE_DIR = str(path)
             stack.enter_context(event.install_listener("numba:compile", Announcer()))
@@ -96,6 +95,6 @@ def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def part(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a function callable by kernels, of whose machine code it becomes a part."""
+    """Compile a function into the kernels that call it."""
     made: Callable[P, R] = _njit(**_OPTIONS)(function)
     return made

@@ -21,14 +21,11 @@ import runpy
 import socket
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Final, TypedDict
 
 from rcopterx.bus.heartbeat import VARIABLE
 from rcopterx.bus.realtime import leave_realtime, request_realtime
-from rcopterx.deploy.clean_pages import release
-from rcopterx.deploy.heap_gaps import HeapGaps
 from rcopterx.deploy.roles.run import name_process
 
 LARGEST_BYTES: Final = 1 << 20
@@ -67,41 +64,24 @@ def main() -> None:
         position = modules.index(PREPARE)
         modules, words = modules[:position], modules[position + 1 :]
     name_process("fork server")
-    # Modules come to stay: looking for garbage among them again and again takes a tenth of the time.
-    gc.disable()
     for module in modules:
         importlib.import_module(module)
     problem = _prepare(words) if words else ""
     if problem:
         print(f"fork server: prepares nothing: {problem}", file=sys.stderr)
-    gaps = _gaps()
-    _keep(gaps)
-    gc.enable()
+    _freeze()
     request_realtime(int(priority))
     connection = socket.socket(fileno=int(descriptor))
     connection.send(_told({"pid": os.getpid()}))
-    run = serve(connection, int(priority), gaps)
+    run = serve(connection, int(priority))
     if run is not None:
         run()
 
 
-def _gaps() -> HeapGaps | None:
-    """Gaps of the heap, where its library tells of them."""
-    with suppress(OSError):
-        return HeapGaps()
-    return None
-
-
-def _keep(gaps: HeapGaps | None) -> None:
-    """Keep what is there now as memory of all, and nothing else."""
+def _freeze() -> None:
+    """Exclude all objects from garbage collection, which would write to pages that forks share."""
     gc.collect()
-    # What is forked neither collects nor moves it, so that its pages stay shared.
     gc.freeze()
-    # This process calls libraries no more; the compiler of the kernels alone would keep 67 MB.
-    with suppress(OSError):
-        release()
-    if gaps is not None:
-        gaps.fill()
 
 
 def _prepare(words: Sequence[str]) -> str:
@@ -119,9 +99,7 @@ def _prepare(words: Sequence[str]) -> str:
     return ""
 
 
-def serve(
-    connection: socket.socket, priority: int = 0, gaps: HeapGaps | None = None
-) -> Callable[[], None] | None:
+def serve(connection: socket.socket, priority: int = 0) -> Callable[[], None] | None:
     """Fork on every order to start something.
 
     Parameters
@@ -130,8 +108,6 @@ def serve(
         To the supervisor.
     priority
         That of this process, which it leaves while it prepares: vehicles of others may fly.
-    gaps
-        Of the heap, filled; preparing uses them.
 
     Returns
     -------
@@ -146,10 +122,8 @@ def serve(
         order: Order = json.loads(message)
         if "prepare" in order:
             leave_realtime()
-            if gaps is not None:
-                gaps.open()
             problem = _prepare(order["prepare"])
-            _keep(gaps)
+            _freeze()
             request_realtime(priority)
             connection.send(_told({"error": problem} if problem else {}))
             continue

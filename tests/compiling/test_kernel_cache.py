@@ -1,12 +1,10 @@
-"""Promises of the place of compiled kernels: private, found again, no obstacle where nothing is writable."""
+"""Promises of the cache of kernels: private, found again, no obstacle where nothing is writable."""
 
-import fcntl
 import os
 import stat
 import subprocess
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -25,25 +23,13 @@ def doubled(number):
 print(doubled(21.0))
 """
 
-USER = """
-import sys
-from rcopterx.compiling import cache
-
-print(cache.directory(), flush=True)
-sys.stdin.read()
-"""
-
 
 @pytest.fixture(autouse=True)
-def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The process has used no kernels yet, and gives those of the test back at its end."""
-    held: list[int] = []
-    monkeypatch.setattr(cache, "_held", held)
+def fresh() -> Iterator[None]:
+    """The process has used no kernels yet."""
     cache.directory.cache_clear()
     yield
     cache.directory.cache_clear()
-    for descriptor in held:
-        os.close(descriptor)
 
 
 def test_kernels_lie_in_a_private_directory_of_their_version(
@@ -75,9 +61,30 @@ def test_the_next_place_is_taken_where_one_cannot_be_written(
     assert path.parent == tmp_path / "cache" / "rcopterx"
 
 
-def test_there_may_be_no_place_at_all(tmp_path: Path) -> None:
-    """Kernels are compiled all the same."""
-    script = "from rcopterx.compiling import cache; cache._bases = lambda: iter(())" + KERNEL
+@pytest.mark.parametrize("mode", [0o770, 0o707], ids=["group", "everyone"])
+def test_a_place_that_others_may_write_to_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
+) -> None:
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(mode)
+    monkeypatch.setenv(cache.VARIABLE, str(shared))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = cache.directory()
+    assert path is not None
+    assert path.parent == tmp_path / "cache" / "rcopterx"
+    assert list(shared.iterdir()) == []
+
+
+def test_a_place_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setattr("os.getuid", lambda: tmp_path.stat().st_uid + 1)
+    assert cache.directory() is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_kernels_are_compiled_also_where_no_place_is_writable(tmp_path: Path) -> None:
+    script = "from rcopterx.compiling import cache; cache.directory = lambda: None" + KERNEL
     (tmp_path / "kernel.py").write_text(script)
     done = run(tmp_path, {})
     assert (done.returncode, done.stdout) == (0, "42.0\n"), done.stderr
@@ -156,53 +163,31 @@ def kernels_of_the_past(base: Path, count: int) -> list[Path]:
 def test_kernels_used_last_are_kept_and_older_ones_removed(tmp_path: Path) -> None:
     paths = kernels_of_the_past(tmp_path, cache.KEPT + 2)
     (tmp_path / "flights").mkdir()
-    assert cache.remove_unused(tmp_path) == [paths[1].name, paths[0].name]
+    cache.remove_unused(tmp_path, now_s=2 * cache.KEPT_S)
     assert sorted(tmp_path.iterdir()) == [tmp_path / "flights", *paths[2:]]
 
 
-def test_a_use_of_kernels_counts_from_its_last_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_of_the_last_day_are_kept_however_many_there_are(tmp_path: Path) -> None:
+    paths = kernels_of_the_past(tmp_path, cache.KEPT + 2)
+    cache.remove_unused(tmp_path, now_s=cache.KEPT_S)
+    assert sorted(tmp_path.iterdir()) == paths
+
+
+def test_the_time_of_kernels_is_that_of_the_last_start_with_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
     own = cache.directory()
     assert own is not None
     os.utime(own, (0, 0))
     cache.directory.cache_clear()
     assert cache.directory() == own
-    others = kernels_of_the_past(tmp_path, cache.KEPT)
-    assert cache.remove_unused(tmp_path) == [others[0].name]
+    assert own.stat().st_mtime > 0
 
 
-def test_kernels_that_a_process_uses_are_kept_however_old_they_are(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-c", USER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), cache.VARIABLE: str(tmp_path)},
-    )  # fmt: skip
-    assert process.stdout is not None
-    used = Path(process.stdout.readline().strip())
-    others = kernels_of_the_past(tmp_path, cache.KEPT)
-    os.utime(used, (0, 0))
-    assert cache.remove_unused(tmp_path) == []
-    process.communicate(timeout=300)
-    assert cache.remove_unused(tmp_path) == [used.name]
-    assert sorted(tmp_path.glob("kernels-*")) == others
-
-
-def test_kernels_that_are_removed_while_somebody_waits_for_them_are_made_anew(tmp_path: Path) -> None:
-    (path,) = kernels_of_the_past(tmp_path, 1)
-    remover = cache._locked(path, fcntl.LOCK_EX)
-    with ThreadPoolExecutor(1) as pool:
-        user = pool.submit(cache._use, path)
-        path.rename(tmp_path / "removed")
-        os.close(remover)
-        descriptor = user.result(timeout=300)
-    assert os.path.samestat(os.fstat(descriptor), path.stat())
-    os.close(descriptor)
-    assert list(path.iterdir()) == []
-
-
-def test_what_was_not_removed_completely_goes_the_next_time(tmp_path: Path) -> None:
-    (tmp_path / "removed-0000000000000000" / "left").mkdir(parents=True)
-    assert cache.remove_unused(tmp_path) == []
-    assert list(tmp_path.iterdir()) == []
+def test_a_process_compiles_into_its_directory_also_after_that_was_removed(tmp_path: Path) -> None:
+    with cache.only_one(tmp_path / "kernels-0", "module"):
+        assert (tmp_path / "kernels-0").is_dir()
 
 
 def test_compiling_removes_what_older_versions_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
