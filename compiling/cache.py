@@ -35,7 +35,6 @@ MODULES: Final = (
     "native.motion",
     "native.interior",
     "native.lateral_problem",
-    "native.watching",
     "native.flight",
 )
 """Modules of kernels, the slowest to compile first."""

@@ -1,35 +1,24 @@
 """Detection of oscillations: a stick or the tilt that swings to and fro, again and again.
 
 A half-wave begins when a signal passes its threshold on the other side than before. Half-waves that follow
-each other as closely as those of an unstable loop do, 0.6 to 5 Hz, are counted: an oscillation goes on. On
-its way to a new place a vehicle accelerates and brakes, and swings for a while; there more are needed.
+each other as closely as those of an unstable loop do, 0.6 to 5 Hz, are counted: many of them in a row are an
+oscillation. On its way to a new place a vehicle accelerates and brakes, and swings for a while; there more
+are needed.
 
-Two things look like it and are not. Noise of the measurements passes thresholds at any time: so signals are
+Two things resemble oscillations. Noise of the measurements passes thresholds at any time: so signals are
 smoothed first, and a half-wave counts only if it is about as long as the last one to its side. A tilt with
-little damping of its own rings after a step: so one counts only if it is about as large, too.
+little damping of its own rings after a step: so a half-wave counts only if it is about as large, too.
 """
 
+import math
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.native.watching import (
-    CHANNEL,
-    LAST_S,
-    LAST_SIZE,
-    LIMITS,
-    NEEDED,
-    NEEDED_NEAR,
-    OLDER_S,
-    OLDER_SIZE,
-    SIGNALS,
-    WAVES,
-    WAVES_NEAR,
-    observe_swings,
-)
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.state import YAW, Array
 
 THRESHOLD: Final = 0.45
 """Share of a stick's range to either side of rest, and of the largest tilt, that counts when smoothed."""
@@ -43,9 +32,20 @@ FAINT_HALF_WAVES: Final = 14
 """So many in a row past it are one."""
 HALF_WAVES_AGAIN: Final = 2
 FAINT_HALF_WAVES_AGAIN: Final = 6
-"""So many more are needed after the loop has been changed: what is left of an oscillation fades first."""
+"""So many more are needed after the loop has been changed: the rest of an oscillation fades first."""
 
-_NO_TILT: Final = np.empty(0)
+SHORTEST_HALF_WAVE_S: Final = 0.1
+LONGEST_HALF_WAVE_S: Final = 0.8
+SMOOTHING_S: Final = 0.02
+ALIKE: Final = 2.0
+"""Largest ratio of the lengths of two half-waves to the same side of one oscillation."""
+FADING: Final = 0.85
+"""Smallest ratio of their sizes; an oscillation that fades faster ends by itself."""
+NEAR_M: Final = 0.4
+NEAR_RAD: Final = 0.8
+"""Distance from the reference that is near."""
+RESTING_M_S: Final = 0.05
+"""A reference slower than this rests."""
 
 
 class Loop(IntEnum):
@@ -56,25 +56,23 @@ class Loop(IntEnum):
     YAW = 2
 
 
-_LOOPS: Final = (
-    Loop.HORIZONTAL,
-    Loop.HORIZONTAL,
-    Loop.HEIGHT,
-    Loop.YAW,
-    Loop.HORIZONTAL,
-    Loop.HORIZONTAL,
+_SIGNALS: Final = (
+    ("pitch stick", Loop.HORIZONTAL),
+    ("roll stick", Loop.HORIZONTAL),
+    ("thrust stick", Loop.HEIGHT),
+    ("yaw stick", Loop.YAW),
+    ("tilt to x", Loop.HORIZONTAL),
+    ("tilt to y", Loop.HORIZONTAL),
 )
-"""Of the pitch, roll, thrust and yaw stick and of both components of the tilt."""
-_SIGNALS: Final = ("pitch stick", "roll stick", "thrust stick", "yaw stick", "tilt to x", "tilt to y")
 
 
 class Swing(NamedTuple):
-    """An oscillation as it was seen last.
+    """An oscillation when it was observed last.
 
     Attributes
     ----------
     signal
-        What swings, for people.
+        Name of the signal that swings, for people.
     frequency_hz
         By the last two half-waves.
     size
@@ -86,54 +84,120 @@ class Swing(NamedTuple):
     size: float
 
 
-_NONE: Final[frozenset[Loop]] = frozenset()
+class _HalfWave(NamedTuple):
+    length_s: float
+    size: float
+
+
+class _Channel:
+    """Counter of the half-waves of one signal beyond one threshold."""
+
+    def __init__(self, name: str, loop: Loop, rest: float, reach: float, *, faint: bool) -> None:
+        self.name, self.loop = name, loop
+        self._rest, self._reach = rest, reach
+        self._threshold = (FAINT_THRESHOLD if faint else THRESHOLD) * reach
+        self._needed_near = FAINT_HALF_WAVES if faint else HALF_WAVES
+        self._needed = FAINT_HALF_WAVES if faint else HALF_WAVES_AWAY
+        self._needed_again = FAINT_HALF_WAVES_AGAIN if faint else HALF_WAVES_AGAIN
+        self.reset()
+
+    def reset(self) -> None:
+        self._away = 0.0
+        """The smoothed signal less its rest."""
+        self._side = 0.0
+        """Side of the present half-wave; 0 before the first one."""
+        self._length_s = self._size = 0.0
+        """Of the present half-wave so far."""
+        self._count = self._count_near = 0
+        """Half-waves in a row, anywhere and near the reference."""
+        self._last: _HalfWave | None = None
+        self._last_but_one: _HalfWave | None = None
+
+    def require_again(self) -> None:
+        """Require some more half-waves before an oscillation is found again."""
+        self._count_near = min(self._count_near, self._needed_near - self._needed_again)
+        self._count = min(self._count, self._needed - self._needed_again)
+
+    def observe(self, value: float, near: bool, period_s: float) -> bool:
+        """Process one control period; return whether an oscillation begins another half-wave."""
+        self._away += period_s / (period_s + SMOOTHING_S) * (value - self._rest - self._away)
+        self._length_s += period_s
+        size, side = abs(self._away), math.copysign(1.0, self._away)
+        begins = size > self._threshold and side != self._side
+        if begins:
+            self._begin_half_wave(side)
+        self._size = max(self._size, size)
+        if self._length_s > LONGEST_HALF_WAVE_S:
+            self._count = self._count_near = 0
+        if not near:
+            self._count_near = 0
+        return begins and (self._count_near >= self._needed_near or self._count >= self._needed)
+
+    def _begin_half_wave(self, side: float) -> None:
+        ended = _HalfWave(self._length_s, self._size)
+        follows = self._side != 0.0 and SHORTEST_HALF_WAVE_S <= ended.length_s <= LONGEST_HALF_WAVE_S
+        if not follows:
+            self._count = 1
+        elif self._last_but_one is None or _alike(self._last_but_one, ended):
+            self._count += 1
+        else:
+            # An oscillation that begins, or is disturbed, has some that are unlike.
+            self._count = max(self._count - 1, 1)
+        self._count_near = min(self._count_near + 1, self._count)
+        self._last_but_one, self._last = self._last, ended if follows else None
+        self._side, self._length_s, self._size = side, 0.0, 0.0
+
+    def swing(self) -> Swing:
+        """Return the oscillation by its last two half-waves."""
+        waves = [wave for wave in (self._last_but_one, self._last) if wave is not None]
+        frequency_hz = 0.5 * len(waves) / sum(wave.length_s for wave in waves)
+        return Swing(self.name, frequency_hz, max(wave.size for wave in waves) / self._reach)
+
+
+def _alike(earlier: _HalfWave, later: _HalfWave) -> bool:
+    lengths = earlier.length_s, later.length_s
+    return max(lengths) / min(lengths) <= ALIKE and later.size >= FADING * earlier.size
 
 
 class OscillationDetector:
-    """Counts half-waves of the sticks and of the tilt of one vehicle.
-
-    Parameters
-    ----------
-    model
-        The vehicle, for what its sticks and its tilt can reach.
-    """
+    """Counts half-waves of the sticks and of the tilt of one vehicle."""
 
     def __init__(self, model: Model) -> None:
         reach = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
         tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / model.gravity_m_s2
-        rests = [*model.hover_input.tolist(), 0.0, 0.0]
-        self._ranges = [*reach.tolist(), tilt, tilt]
+        rests = (*model.hover_input.tolist(), 0.0, 0.0)
+        reaches = (*reach.tolist(), tilt, tilt)
+
+        def channels(faint: bool) -> list[_Channel]:
+            return [
+                _Channel(name, loop, rest, reach, faint=faint)
+                for (name, loop), rest, reach in zip(_SIGNALS, rests, reaches, strict=True)
+            ]
+
+        self._large, self._faint = channels(faint=False), channels(faint=True)
+        self._last_place_m: list[float] | None = None
+        """Position of the last reference."""
+        self._rested = False
+        """Whether the reference rested in the last period."""
         self.swings: dict[Loop, Swing] = {}
-        """Of every loop that was found to oscillate."""
-        limits = [
-            (rest, threshold * largest, near, anywhere)
-            for threshold, near, anywhere in (
-                (THRESHOLD, HALF_WAVES, HALF_WAVES_AWAY),
-                (FAINT_THRESHOLD, FAINT_HALF_WAVES, FAINT_HALF_WAVES),
-            )
-            for rest, largest in zip(rests, self._ranges, strict=True)
-        ]
-        self._limits: Array = np.array(limits).reshape(2 * SIGNALS, LIMITS)
-        self._channels: Array = np.zeros((2 * SIGNALS, CHANNEL))
-        self._place: Array = np.full(INPUT_SIZE, np.nan)
+        """Last oscillation of every loop that has been found to oscillate."""
 
     def forget(self) -> None:
-        """Begin anew."""
-        self._channels[:] = 0.0
-        self._place[:] = np.nan
+        """Discard all half-waves."""
+        for channel in (*self._large, *self._faint):
+            channel.reset()
+        self._last_place_m, self._rested = None, False
 
-    def changed(self, loops: frozenset[Loop]) -> None:
-        """Loops are others now; an oscillation has to show that it goes on with them."""
-        for number, (channel, limits) in enumerate(zip(self._channels, self._limits, strict=True)):
-            again = HALF_WAVES_AGAIN if number < SIGNALS else FAINT_HALF_WAVES_AGAIN
-            if _LOOPS[number % SIGNALS] in loops:
-                channel[WAVES_NEAR] = min(channel[WAVES_NEAR], limits[NEEDED_NEAR] - again)
-                channel[WAVES] = min(channel[WAVES], limits[NEEDED] - again)
+    def changed(self, loops: Iterable[Loop]) -> None:
+        """Require some more half-waves of loops that have been changed."""
+        for channel in (*self._large, *self._faint):
+            if channel.loop in loops:
+                channel.require_again()
 
     def observe(
         self, stick: Array, tilt: Array | None, motion: Array, reference: Array, period_s: float
     ) -> frozenset[Loop]:
-        """Take in a control period.
+        """Process one control period; return the loops whose oscillation begins another half-wave.
 
         Parameters
         ----------
@@ -145,45 +209,28 @@ class OscillationDetector:
         motion
             Estimated motion state, shape (8,).
         reference
-            Where the vehicle is to be: x, y, z [m], yaw [rad], shape (4,). While it rests, smaller
-            oscillations count.
-        period_s
-            Time since the last one.
-
-        Returns
-        -------
-        frozenset of Loop
-            Loops whose oscillation begins another half-wave in this period.
+            Set point x, y, z [m], yaw [rad], shape (4,). While it rests, smaller oscillations count.
         """
-        found = observe_swings(
-            self._channels,
-            self._limits,
-            self._place,
-            stick,
-            _NO_TILT if tilt is None else tilt,
-            motion,
-            reference,
-            period_s,
+        place_m = reference[:3].tolist()
+        resting = self._rests(place_m, period_s)
+        if self._rested and not resting:
+            for channel in self._faint:
+                channel.reset()
+        self._last_place_m, self._rested = place_m, resting
+        near = math.dist(motion[:3].tolist(), place_m) < NEAR_M
+        near = near and abs(float(motion[YAW] - reference[YAW])) < NEAR_RAD
+        values = [*stick.tolist(), *((0.0, 0.0) if tilt is None else tilt[:2].tolist())]
+        found: dict[str, _Channel] = {}
+        for channels in (self._large, self._faint) if resting else (self._large,):
+            for channel, value in zip(channels, values, strict=True):
+                if channel.observe(value, near, period_s):
+                    # The large half-waves of a signal are more telling than its small ones.
+                    found.setdefault(channel.name, channel)
+        self.swings.update({channel.loop: channel.swing() for channel in found.values()})
+        return frozenset(channel.loop for channel in found.values())
+
+    def _rests(self, place_m: list[float], period_s: float) -> bool:
+        last_m = self._last_place_m
+        return last_m is not None and all(
+            abs(now - before) < RESTING_M_S * period_s for now, before in zip(place_m, last_m, strict=True)
         )
-        return self._told(found) if found else _NONE
-
-    def _told(self, found: int) -> frozenset[Loop]:
-        """Loops of the channels that oscillate, which are remembered."""
-        loops = set()
-        for number in range(2 * SIGNALS):
-            signal = number % SIGNALS
-            # Large half-waves of a signal tell more than its small ones.
-            if found >> number & 1 and (number == signal or not found >> signal & 1):
-                frequency_hz, size = _wave(self._channels[number])
-                self.swings[_LOOPS[signal]] = Swing(
-                    _SIGNALS[signal], frequency_hz, size / self._ranges[signal]
-                )
-                loops.add(_LOOPS[signal])
-        return frozenset(loops)
-
-
-def _wave(channel: Array) -> tuple[float, float]:
-    """Frequency [Hz] and size of the last two half-waves of an oscillation."""
-    older_s, older, last_s, last = channel[[OLDER_S, OLDER_SIZE, LAST_S, LAST_SIZE]].tolist()
-    halves = (older_s > 0.0) + (last_s > 0.0)
-    return 0.5 * halves / (older_s + last_s), max(older, last)

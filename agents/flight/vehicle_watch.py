@@ -1,59 +1,59 @@
-"""Whether a vehicle does what its sticks say: a weak rotor, an empty battery, an axis without effect.
+"""Detection of faults of a vehicle: weak rotor, empty battery, an axis that does not follow its stick.
 
 What a stick should have done within a window is compared with what the vehicle did. For each axis the model
 says
 
     velocity' = gain * (stick after delay and lag) + damping * velocity + turning of the frame - gravity
 
-so the change of the velocity, less damping, turning and gravity, is what the stick has done; its ratio to
-what the model says is the axis's effect: 1 for the model, 0 for a dead axis, negative for a reversed one.
-Wind adds to it, and so only windows count in which a stick asked for more than any wind indoors does. A
-stick that swings from one side to the other does not count: a vehicle that oscillates answers late and is
-not broken.
+so the change of the velocity, less damping, turning and gravity, is what the stick has done. Its ratio to
+what the model says is the effect of the axis: 1 as modelled, 0 for a dead axis, negative for a reversed one.
+Wind adds to it, so only windows count in which a stick asks for more than any wind indoors does. A stick that
+swings from one side to the other does not count: a vehicle that oscillates responds late and is not broken.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
-import numpy as np
-
-from rcopterx.native.watching import (
-    AXIS_AT_FAULT,
-    BATTERY_EMPTY,
-    EFFECT,
-    FULL_FOR_S,
-    GAIN,
-    HOVER_THRUST,
-    KNOWN,
-    LEARNT_GAIN,
-    RULES,
-    SOUND,
-    SUSPECT_S,
-    THRUST_EXHAUSTED,
-    THRUST_LOST,
-    THRUST_WINDOW_S,
-    watch_effects,
-)
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
 
 WINDOW_S: Final = 0.6
-"""Over which the effect of pitch, roll and yaw is measured."""
+"""Window of the effects of pitch, roll and yaw."""
 LEAST_STICK: Final = 0.6
 """Mean stick of a window that counts, as a share of its range to that side."""
+DEAD_EFFECT: Final = 0.15
 REVERSED_EFFECT: Final = -0.3
+AXIS_PATIENCE_S: Final = 0.3
+"""How long the effect of an axis has to stay below `DEAD_EFFECT`."""
+SWING_S: Final = 2.5
+"""A stick that was as far on the other side within this time swings."""
+MOST_TURNED_RAD: Final = 0.5
+"""The tilt of a rotor stays behind the heading: windows with a larger turn do not judge pitch and roll."""
+AS_MODELLED: Final = 1.0
+
+THRUST_WINDOW_S: Final = 1.0
 FULL_THRUST_SHARE: Final = 0.98
 """Share of the largest thrust that counts as its limit."""
+LEAST_CLIMB_M: Final = 0.1
+"""Height that full thrust gains within its window at least."""
+LEARNING_S: Final = 3.0
+"""First seconds of a flight, in which the gain of the thrust is learnt."""
+LEAST_GAIN: Final = 0.7
+"""Share of the learnt gain below which the rotor counts as weak..."""
+SUDDEN: Final = 0.9
+"""...if it is also below this share of the gain of the last seconds: a battery discharges slowly."""
+BATTERY_TIME_S: Final = 5.0
+"""Time constant of the filter of the hover thrust."""
 
 AXES: Final = ((U_PITCH, "pitch"), (U_ROLL, "roll"), (U_YAW, "yaw"))
-"""Whose effects are told, in the order in which they are."""
+"""Axes whose effects are judged, in this order."""
 
 
 @dataclass(frozen=True, slots=True)
 class HoverThrustLimits:
-    """Hover thrust, learnt in flight, at which the battery counts as empty; shares of the largest thrust.
+    """Hover thrust at which the battery counts as nearly empty and as empty; shares of the largest thrust.
 
     Raises
     ------
@@ -70,21 +70,20 @@ class HoverThrustLimits:
 
 
 DEFAULT_LIMITS: Final = HoverThrustLimits()
-"""Unless a fleet file says otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleFault:
-    """Why a vehicle has to land.
+    """Reason why a vehicle has to land.
 
     Attributes
     ----------
     kind
-        For counting: `thrust_exhausted`, `thrust_lost`, `battery_empty`, `axis_dead`, `axis_reversed`.
+        Name under which it is counted.
     text
-        For people.
+        Description for people.
     axis
-        Stick that is better left alone; None if all sticks work.
+        Stick that should rest from now on; None if all sticks work.
     """
 
     kind: str
@@ -92,65 +91,48 @@ class VehicleFault:
     axis: int | None = None
 
 
-class VehicleWatch:
-    """Watches one vehicle in flight.
+class _Moment(NamedTuple):
+    """Beginning of a control period: velocities asked for and made by the sticks so far, height and yaw."""
 
-    Parameters
-    ----------
-    model
-        What its sticks should do.
-    limits
-        When its battery counts as empty.
-    period_s
-        Control period.
-    """
+    asked: list[float]
+    made: list[float]
+    height_m: float
+    yaw_rad: float
+
+
+class VehicleWatch:
+    """Watches one vehicle in flight."""
 
     def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
         self._limits = limits
-        self._period_s = period_s
-        self._under_way: deque[Array] = deque(maxlen=1 + round(model.delay_s / period_s))
-        self._memory: Array = np.zeros((5, INPUT_SIZE))
-        self._memory[3:] = np.inf
-        self._periods = 0
-        poles = [math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0 for lag_s in model.lag_s]
-        self._vehicle = np.array((*model.input_gain, *model.damping, *poles, model.gravity_m_s2))
-        largest = float(model.u_max[U_THRUST])
-        hover_gain = float(model.hover_input[U_THRUST]) / largest
-        rules = FULL_THRUST_SHARE * largest, hover_gain, limits.land_at
-        self._rules: Array = np.array(rules).reshape(RULES)
-        self._known: Array = np.zeros(KNOWN)
-        # A side of the range to which a stick hardly moves says nothing about it.
-        below, above = model.hover_input - model.u_min, model.u_max - model.hover_input
-        least = LEAST_STICK * np.stack((below, above))
-        self._least: Array = np.concatenate((least, WINDOW_S * np.array(model.input_gain) * least))
+        self._sticks_under_way: deque[Array] = deque(maxlen=1 + round(model.delay_s / period_s))
+        self._moments: deque[_Moment] = deque(maxlen=1 + round(THRUST_WINDOW_S / period_s))
+        self._axes = [_StickEffect(model, axis, period_s) for axis in range(INPUT_SIZE)]
+        self._thrust = _ThrustWatch(model, limits, period_s)
         self._back = round(WINDOW_S / period_s)
-        self._moments: Array = np.empty((1 + round(THRUST_WINDOW_S / period_s), 2 * INPUT_SIZE + 2))
-        self.begin()
+        self._gravity_m_s2 = model.gravity_m_s2
 
     def begin(self) -> None:
         """Begin a flight: the battery may be another one."""
-        self._known[:] = 0.0
-        self._known[HOVER_THRUST] = self._known[LEARNT_GAIN] = math.nan
+        self._thrust.reset()
         self.forget()
 
     def forget(self) -> None:
-        """Begin new windows, as what is known of the motion has a gap."""
-        if self._periods == 0:
-            return
-        self._under_way.clear()
-        self._periods = 0
-        self._memory[:3], self._memory[3:] = 0.0, np.inf
-        self._known[SUSPECT_S : FULL_FOR_S + 1] = 0.0
+        """Begin new windows, because the observed motion has a gap."""
+        self._sticks_under_way.clear()
+        self._moments.clear()
+        self._thrust.full_for_s = 0.0
+        for axis in self._axes:
+            axis.reset()
 
     @property
     def hover_thrust(self) -> float | None:
         """Share of the largest thrust that carries the vehicle now, filtered; None until it is known."""
-        known = float(self._known[HOVER_THRUST])
-        return None if math.isnan(known) else known
+        return self._thrust.hover_thrust
 
     @property
     def warning(self) -> str:
-        """What is to be told before anything has to land; empty for nothing."""
+        """Warning of a battery that will soon be empty; else an empty string."""
         hover_thrust = self.hover_thrust
         if hover_thrust is None or hover_thrust < self._limits.warn_at:
             return ""
@@ -160,52 +142,146 @@ class VehicleWatch:
         )
 
     def observe(self, command: Array, motion: Array) -> VehicleFault | None:
-        """Take in a control period of free flight.
+        """Process one control period of free flight; return a fault as soon as it is certain.
 
         Parameters
         ----------
         command
-            Sticks commanded in it, shape (4,).
+            Sticks commanded in this period, shape (4,).
         motion
             Estimated motion state at its beginning, shape (8,).
-
-        Returns
-        -------
-        VehicleFault or None
-            What is wrong, as soon as it is certain.
         """
-        self._under_way.append(command)
-        found = watch_effects(
-            self._vehicle,
-            self._least,
-            command,
-            self._under_way[0],
-            motion,
-            self._period_s,
-            self._memory,
-            self._moments,
-            self._periods,
-            self._back,
-            self._rules,
-            self._known,
-        )
-        self._periods += 1
-        return None if found == SOUND else self._fault(found)
+        self._sticks_under_way.append(command)
+        moment = self._advance(self._sticks_under_way[0].tolist(), motion.tolist())
+        moments = self._moments
+        moments.append(moment)
+        if len(moments) == moments.maxlen:
+            fault = self._thrust.judge(moments[0], moment, float(command[U_THRUST]))
+            if fault is not None:
+                return fault
+        first = moments[-1 - self._back] if len(moments) > self._back else None
+        faults = [self._axes[axis].judge(first, moment, name) for axis, name in AXES]
+        return next((fault for fault in faults if fault is not None), None)
 
-    def _fault(self, found: int) -> VehicleFault:
-        """What was found, in words."""
-        known = self._known
-        if found == THRUST_EXHAUSTED:
+    def _advance(self, sticks: list[float], motion: list[float]) -> _Moment:
+        """Advance the model by one period; return the moment of its beginning."""
+        _, _, height_m, yaw_rad, xd, yd, _, yaw_rate = motion
+        moment = _Moment([], [], height_m, yaw_rad)
+        frame = (yaw_rate * yd, -yaw_rate * xd, -self._gravity_m_s2, 0.0)
+        for axis, stick, velocity, other in zip(self._axes, sticks, motion[4:], frame, strict=True):
+            moment.asked.append(axis.asked)
+            moment.made.append(velocity - axis.passive)
+            axis.advance(stick, velocity, other)
+        return moment
+
+
+class _StickEffect:
+    """What one stick should do to its velocity, and whether it does."""
+
+    def __init__(self, model: Model, axis: int, period_s: float) -> None:
+        self._axis, self._period_s = axis, period_s
+        self._gain, self._damping, lag_s = model.input_gain[axis], model.damping[axis], model.lag_s[axis]
+        self._pole = math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0
+        below = model.hover_input[axis] - model.u_min[axis]
+        above = model.u_max[axis] - model.hover_input[axis]
+        # A side of the range to which a stick hardly moves shows nothing about it.
+        self._far = (LEAST_STICK * float(below), LEAST_STICK * float(above))
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin new windows."""
+        self._stick: float | None = None
+        self.asked = 0.0
+        """Change of the velocity that the stick asked for so far."""
+        self.passive = 0.0
+        """Change of the velocity by damping, turning of the frame and gravity so far."""
+        self._near_for_s = [math.inf, math.inf]
+        """For how long the stick has not been far to its lower and to its upper side."""
+        self._dead_for_s = 0.0
+
+    def advance(self, stick: float, velocity: float, other: float) -> None:
+        """Advance by one period in which `stick` acts; `other` is the acceleration of turning and gravity."""
+        period_s = self._period_s
+        before = stick if self._stick is None else self._stick
+        self._stick = stick + self._pole * (before - stick)
+        for side, sign in enumerate((-1.0, 1.0)):
+            far = sign * self._stick > self._far[side]
+            self._near_for_s[side] = 0.0 if far else self._near_for_s[side] + period_s
+        self.asked += period_s * self._gain * self._stick
+        self.passive += period_s * (self._damping * velocity + other)
+
+    def judge(self, first: _Moment | None, last: _Moment, name: str) -> VehicleFault | None:
+        """Return a fault if the stick has had no effect, or a reversed one, for long enough."""
+        effect = AS_MODELLED if first is None else self._effect(first, last)
+        self._dead_for_s = self._dead_for_s + self._period_s if effect < DEAD_EFFECT else 0.0
+        if self._dead_for_s < AXIS_PATIENCE_S:
+            return None
+        if effect < REVERSED_EFFECT:
+            return VehicleFault("axis_reversed", f"{name} acts the wrong way round", self._axis)
+        return VehicleFault("axis_dead", f"{name} has no effect", self._axis)
+
+    def _effect(self, first: _Moment, last: _Moment) -> float:
+        """Return what the stick has done in a window as a share of what it asked for."""
+        axis = self._axis
+        if axis != U_YAW and abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
+            return AS_MODELLED
+        asked = last.asked[axis] - first.asked[axis]
+        side = 1 if asked > 0.0 else 0
+        swings = self._near_for_s[1 - side] < SWING_S
+        if swings or abs(asked) <= WINDOW_S * self._gain * self._far[side]:
+            return AS_MODELLED
+        return (last.made[axis] - first.made[axis]) / asked
+
+
+class _ThrustWatch:
+    """Whether the rotor and the battery still carry the vehicle."""
+
+    def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
+        largest = float(model.u_max[U_THRUST])
+        self._full_thrust = FULL_THRUST_SHARE * largest
+        self._model_hover_thrust = float(model.hover_input[U_THRUST]) / largest
+        self._land_at = limits.land_at
+        self._gravity_m_s2, self._period_s = model.gravity_m_s2, period_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a flight."""
+        self.hover_thrust: float | None = None
+        self.full_for_s = 0.0
+        """For how long the thrust has been at its limit."""
+        self._learnt_gain = math.nan
+        self._learning_for_s = 0.0
+
+    def judge(self, first: _Moment, last: _Moment, thrust: float) -> VehicleFault | None:
+        """Return a fault that the window from `first` to `last` shows; `thrust` is the present stick."""
+        self.full_for_s = self.full_for_s + self._period_s if thrust >= self._full_thrust else 0.0
+        if self.full_for_s >= THRUST_WINDOW_S and last.height_m - first.height_m < LEAST_CLIMB_M:
             text = f"thrust at its limit for {THRUST_WINDOW_S:g} s without gaining height"
             return VehicleFault("thrust_exhausted", text)
-        if found == THRUST_LOST:
-            lost = 100.0 * (1.0 - known[GAIN] / known[LEARNT_GAIN])
+        asked_m_s = last.asked[U_THRUST] - first.asked[U_THRUST]
+        if asked_m_s <= 0.5 * THRUST_WINDOW_S * self._gravity_m_s2:
+            return None  # It falls on purpose: so little thrust shows nothing.
+        gain = (last.made[U_THRUST] - first.made[U_THRUST]) / asked_m_s
+        hover_thrust = self._learn(gain)
+        if self._learning_for_s < LEARNING_S:
+            return None
+        recent_gain = self._model_hover_thrust / hover_thrust
+        if gain < LEAST_GAIN * self._learnt_gain and gain < SUDDEN * recent_gain:
+            lost = 100.0 * (1.0 - gain / self._learnt_gain)
             return VehicleFault("thrust_lost", f"the thrust has fallen by {lost:.0f} % in this flight")
-        if found == BATTERY_EMPTY:
-            text = f"the battery is empty: it hovers at {known[HOVER_THRUST]:.2f} of the thrust"
+        if hover_thrust > self._land_at:
+            text = f"the battery is empty: it hovers at {hover_thrust:.2f} of the thrust"
             return VehicleFault("battery_empty", text)
-        place = found - AXIS_AT_FAULT
-        axis, name = AXES[place]
-        if known[EFFECT + place] < REVERSED_EFFECT:
-            return VehicleFault("axis_reversed", f"{name} acts the wrong way round", axis)
-        return VehicleFault("axis_dead", f"{name} has no effect", axis)
+        return None
+
+    def _learn(self, gain: float) -> float:
+        """Update the learnt gain and the hover thrust by the gain of a window; return the hover thrust."""
+        hover_thrust, period_s = self._model_hover_thrust / max(gain, 0.05), self._period_s
+        if self.hover_thrust is None:
+            self.hover_thrust, self._learnt_gain = hover_thrust, gain
+            return hover_thrust
+        self.hover_thrust += period_s / (period_s + BATTERY_TIME_S) * (hover_thrust - self.hover_thrust)
+        if self._learning_for_s < LEARNING_S:
+            self._learning_for_s += period_s
+            self._learnt_gain += period_s / self._learning_for_s * (gain - self._learnt_gain)
+        return self.hover_thrust

@@ -7,10 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits, VehicleFault, VehicleWatch
+from rcopterx.agents.flight.vehicle_watch import (
+    LEARNING_S,
+    THRUST_WINDOW_S,
+    HoverThrustLimits,
+    VehicleFault,
+    VehicleWatch,
+)
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
-from rcopterx.native.watching import LEARNING_S, THRUST_WINDOW_S
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
 from rcopterx.vehicles.types import COAXIAL_LAG
 
