@@ -2,6 +2,7 @@
 
 import math
 import signal
+import threading
 import time
 from collections.abc import Callable
 
@@ -16,7 +17,6 @@ from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.messages import LeaseBid
 from rcopterx.bus.realtime import request_realtime, settle
-from rcopterx.bus.receiving import Wake
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
@@ -89,7 +89,7 @@ class Agent:
                 late = not self._plans_are_here()
                 if not late or now_s >= self._control_by_s:
                     self._publish(self._control(late))
-            if now_s >= reporter.wanted_s and now_s >= reporter.due_s and not lease.quiet:
+            if now_s >= reporter.due_s and not lease.quiet:
                 reporter.report()
         self._bus.end_step(self._settings.vehicle, self._estimate, self._limit.overtime)
 
@@ -141,12 +141,12 @@ class Agent:
 
     def _decide(self) -> None:
         """Settle what was waiting for a leader's plan, or for work that is done ahead."""
-        parts, words = self._parts, self._bus.words
+        parts, events = self._parts, self._bus.events
         news = parts.changes.settle()
-        if words:
-            news |= TUNED in words and parts.requests.settle_tuning()
-            news |= TRAJECTORY_CHECKED in words and parts.requests.trajectories.settle()
-        if words or parts.relief.launcher.unread:
+        if events:
+            news |= TUNED in events and parts.requests.settle_tuning()
+            news |= TRAJECTORY_CHECKED in events and parts.requests.trajectories.settle()
+        if events or parts.relief.launcher.unread:
             news |= parts.relief.settle()
         if news or parts.tuning.note_replaced():
             self._reporter.soon()
@@ -228,8 +228,6 @@ class Agent:
         self._bus.publish(channels.COMMAND, self._settings.vehicle, command)
 
     def _publish_plan(self, output: ControlOutput) -> None:
-        if not self._bus.wanted(channels.PLAN, self._settings.vehicle):
-            return
         plan = plan_message(self._settings, self._pilot, output, self._parts.plans)
         self._bus.publish(channels.PLAN, self._settings.vehicle, plan)
 
@@ -239,11 +237,8 @@ class Agent:
         self._parts.requests.trajectories.wait()
 
     def beat(self, heartbeat: Heartbeat) -> None:
-        """Show the supervisor that the loop has come round, whether the rotor turns, and the last frame."""
-        seen, pilot = self._parts.observation.seen, self._pilot
-        heartbeat.beat(pilot.guidance.rotor_on)
-        if seen is not None:
-            heartbeat.frame(seen.arrived_s, pilot.clock.period_s)
+        """Show the supervisor that the loop has come round, and whether the rotor turns."""
+        heartbeat.beat(self._pilot.guidance.rotor_on)
 
     @property
     def rest_until_s(self) -> float:
@@ -263,9 +258,7 @@ class Agent:
         next_s = parts.pacing.overdue_at_s
         if not lease.undisputed:
             next_s = min(next_s, lease.next_s())
-        if reporter.wanted_s >= next_s or lease.quiet:
-            return next_s
-        return min(next_s, reporter.due_s)
+        return next_s if lease.quiet else min(next_s, reporter.due_s)
 
 
 def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
@@ -288,7 +281,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     BusUnreachableError
         No router answers.
     """
-    signals, wake = list[int](), Wake()
+    signals, wake = list[int](), threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: signals.append(number))
     realtime = request_realtime(settings.realtime_priority)
@@ -302,6 +295,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
             if rest_until_s > -math.inf and (rest_s := rest_until_s - session.clock()) > 0.0:
                 time.sleep(rest_s)
             wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
+            wake.clear()
             agent.step()
         heartbeat.ending()
         return agent.lost

@@ -9,7 +9,6 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.telemetry import status_message
 from rcopterx.bus import channels
-from rcopterx.bus.calm import calm_at_s
 from rcopterx.bus.messages import AgentStatus
 from rcopterx.bus.stepping import StepBus
 
@@ -36,38 +35,29 @@ class Reporter:
     ----------
     said
         Newest status that was published; None before the first.
-    wanted_s
-        When the next report is wanted [monotonic s]; it is due then, or a moment later.
+    due_s
+        When the next report is due [monotonic s].
     """
 
     def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts) -> None:
         self._vehicle, self._pilot, self._bus, self._parts = settings.vehicle, pilot, bus, parts
         self._remarked: set[str] = set()
-        self._urgent = False
         self.begin()
         self.said: AgentStatus | None = None
 
     def begin(self) -> None:
         """Report a period from now on: an agent that takes over knows by then whether it flies."""
-        self.wanted_s = self._bus.clock() + REPORT_PERIOD_S
+        self.due_s = self._bus.clock() + REPORT_PERIOD_S
 
     def soon(self) -> None:
         """Whoever restarts this agent a moment later must know of a change."""
-        self.wanted_s, self._urgent = self._bus.clock(), True
-
-    @property
-    def due_s(self) -> float:
-        """Time of the next report [monotonic s]; one that is not urgent waits until commands are written."""
-        seen = self._parts.observation.seen
-        if self._urgent or seen is None:
-            return self.wanted_s
-        return calm_at_s(self.wanted_s, seen.arrived_s, self._pilot.clock.period_s)
+        self.due_s = self._bus.clock()
 
     def report(self) -> None:
         """Publish status and intent; between them leaders are given the limits their followers leave them."""
         now_s, pilot, parts = self._bus.clock(), self._pilot, self._parts
         slower = SPARSE if parts.relief.relief >= Relief.STATUSES else 1
-        self.wanted_s, self._urgent = now_s + slower * REPORT_PERIOD_S, False
+        self.due_s = now_s + slower * REPORT_PERIOD_S
         links = {name: status.following for name, status in parts.peers.statuses().items()}
         controller, chosen = pilot.controller, parts.tuning.configuration.controller_settings
         pilot.step_guard.tell(controller, lambda: parts.limit_scaling.tend(controller, chosen, links))

@@ -15,7 +15,7 @@ from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.router import run_router
 listen, connect, fleet, host, others = json.loads(sys.argv[1])
 identity = IdentifyReply(accepted=True, fleet=fleet, host=host, digest="", vehicles=())
-run_router(listen, connect, None, 26, identity, others, calm_priority=19)
+run_router(listen, connect, None, 26, identity, others)
 """
 
 

@@ -2,8 +2,7 @@
 
 The supervisor hands each process a page of shared memory. The process counts the turns of its loop in it,
 which takes no system call and wakes nobody; the supervisor looks whether the count changes. Nothing but the
-loop itself may beat: a helper thread would go on while the loop hangs. The page also tells when frames
-arrive, so that the supervisor looks when no command is on its way.
+loop itself may beat: a helper thread would go on while the loop hangs.
 """
 
 import mmap
@@ -17,8 +16,7 @@ VARIABLE: Final = "RCOPTERX_HEARTBEAT"
 LONGEST_WAIT_S: Final = 0.05
 """How long a loop may wait for something to do: an idle one makes progress as well."""
 _COUNT, _PHASE = 0, 1
-_ARRIVED, _PERIOD = 2, 3
-_BYTES = 32
+_BYTES = 16
 
 
 class Phase(IntEnum):
@@ -42,24 +40,18 @@ class Heartbeat:
     Parameters
     ----------
     page
-        Memory of at least 32 bytes; a process without a supervisor beats into memory of its own.
+        Memory of at least 16 bytes; a process without a supervisor beats into memory of its own.
     """
 
     def __init__(self, page: mmap.mmap | bytearray) -> None:
         # Aligned words of eight bytes are stored at once; there is one writer.
         self._words = memoryview(page).cast("Q")
-        self._times = memoryview(page).cast("d")
 
     def beat(self, flying: bool = False) -> None:
         """Show that the loop has come round; `flying` tells whether a rotor is known to turn."""
         words = self._words
         words[_COUNT] += 1
         words[_PHASE] = _FLYING if flying else _WORKING
-
-    def frame(self, arrived_s: float, period_s: float) -> None:
-        """Tell when the last frame arrived [monotonic s], and the period of frames."""
-        times = self._times
-        times[_ARRIVED], times[_PERIOD] = arrived_s, period_s
 
     def starting(self) -> None:
         """Ask for the patience that a process needs until its loop runs; a spare does when it takes over."""
@@ -88,7 +80,6 @@ class HeartbeatPage:
             os.close(self.descriptor)
             raise
         self._words = memoryview(memory).cast("Q")
-        self._times = memoryview(memory).cast("d")
 
     def handed_over(self) -> None:
         """Close the descriptor once the process has inherited it."""
@@ -104,11 +95,6 @@ class HeartbeatPage:
         """What the process says of itself."""
         value = self._words[_PHASE]
         return Phase(value) if value <= Phase.ENDING else Phase.STARTING
-
-    @property
-    def frame(self) -> tuple[float, float]:
-        """Arrival of the last frame [monotonic s] and the period of frames; zeros where none is known."""
-        return self._times[_ARRIVED], self._times[_PERIOD]
 
 
 @cache

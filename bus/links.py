@@ -9,13 +9,11 @@ from typing import Final
 import zenoh
 
 from rcopterx.bus import channels
-from rcopterx.bus.calm import CalmWait
 from rcopterx.bus.codec import encode
 from rcopterx.bus.endpoints import LINKS_PER_ROUTER
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.link_sockets import Dials, close_link, hasten
 from rcopterx.bus.link_watch import LinkWatch, RouterLink
-from rcopterx.bus.receiving import Wake
 from rcopterx.bus.subscription import Subscription
 
 BEAT_S: Final = 0.08
@@ -39,9 +37,6 @@ class LinkService:
         The other hosts of the fleet file.
     clock, time_of_day
         Monotonic clock, and time since 1970 [s].
-    calm_priority
-        See `CalmWait`: a turn takes longer than a command needs through the router, and four hosts look at
-        their links fifty times a second.
     """
 
     def __init__(
@@ -52,7 +47,6 @@ class LinkService:
         others: Sequence[str],
         clock: Callable[[], float] = time.monotonic,
         time_of_day: Callable[[], float] = time.time,
-        calm_priority: int = 0,
     ) -> None:
         self._session = session
         self._others = others
@@ -75,8 +69,7 @@ class LinkService:
         }
         self._beats = self._publisher(fleet, host, channels.BEAT.topic, zenoh.Priority.REAL_TIME)
         self._status = self._publisher(fleet, host, channels.ROUTER_STATUS.topic, zenoh.Priority.DATA_LOW)
-        self._ended = Wake()
-        self._calm = CalmWait(calm_priority, clock)
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="links", daemon=True)
         self._thread.start()
 
@@ -84,10 +77,6 @@ class LinkService:
         """Stop watching."""
         self._ended.set()
         self._thread.join()
-
-    def hurry(self) -> None:
-        """Have a turn that is overdue begin; to be called every now and then, from another thread."""
-        self._calm.hurry()
 
     def _publisher(self, fleet: str, host: str, topic: str, priority: zenoh.Priority) -> zenoh.Publisher:
         return self._session.declare_publisher(
@@ -98,7 +87,7 @@ class LinkService:
 
     def _run(self) -> None:
         pause_s = DIAL_CHECK_S
-        while not self._calm.wait(self._ended, pause_s):
+        while not self._ended.wait(pause_s):
             pause_s = BEAT_S if self._turn() else DIAL_CHECK_S
             # Both hosts close what falls silent at once, so that neither closes what the other dialled.
             pause_s = min(pause_s, max(SHORTEST_PAUSE_S, self._watch.due_s - self._clock()))

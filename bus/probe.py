@@ -1,15 +1,14 @@
 """Shows that a router routes: messages that its process sends through it to itself come back."""
 
 import select
-from collections.abc import Callable
 from typing import Final
 
 import zenoh
+from zenoh.handlers import Callback
 
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.keys import probe_key
-from rcopterx.bus.receiving import direct
 
 CONTENT: Final = b"probe"
 """Messages without content are those of `rcopterx doctor`."""
@@ -35,7 +34,7 @@ class Probe:
         self._publisher = sender.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
         )
-        self._subscriber = receiver.declare_subscriber(key, direct(self._on_message))
+        self._subscriber = receiver.declare_subscriber(key, Callback(self._on_message, indirect=False))
 
     def _on_message(self, _: zenoh.Sample) -> None:
         self._received += 1
@@ -57,7 +56,6 @@ def probe_until(
     fleet: str,
     host: str,
     credentials: Credentials | None = None,
-    meanwhile: Callable[[], None] | None = None,
 ) -> None:
     """Let the heartbeat of this process go on as long as its router routes.
 
@@ -71,8 +69,6 @@ def probe_until(
         For the key of the messages.
     credentials
         For an endpoint that asks for a certificate.
-    meanwhile
-        Called again and again.
     """
     config = client_config([endpoint], namespace, OPENING_LIMIT_S, credentials)
     sender, receiver = (open_session(config) for _ in range(2))
@@ -82,6 +78,4 @@ def probe_until(
             if probe.came_back():
                 heartbeat.beat()
             probe.send()
-            if meanwhile is not None:
-                meanwhile()
         heartbeat.ending()

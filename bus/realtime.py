@@ -45,13 +45,6 @@ def request_realtime(priority: int, *, children: bool = True) -> bool:
     return True
 
 
-def own_priority() -> int:
-    """SCHED_FIFO priority of this thread; 0 if it is in another class."""
-    if not hasattr(os, "sched_getscheduler") or os.sched_getscheduler(0) != os.SCHED_FIFO:
-        return 0
-    return os.sched_getparam(0).sched_priority
-
-
 def leave_realtime() -> None:
     """Move this thread, and the ones it starts from now on, back among other programs."""
     if hasattr(os, "sched_setscheduler"):

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from typing import Final
 
 import zenoh
+from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
@@ -14,7 +15,6 @@ from rcopterx.bus.endpoints import Protection, open_session, reason_of, router_c
 from rcopterx.bus.links import LinkService
 from rcopterx.bus.probe import probe_until
 from rcopterx.bus.realtime import request_realtime
-from rcopterx.bus.receiving import direct
 from rcopterx.bus.requests import IdentifyReply
 
 REFUSALS: Final = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=info"
@@ -29,7 +29,6 @@ def run_router(
     identity: IdentifyReply | None = None,
     others: Sequence[str] = (),
     protection: Protection | None = None,
-    calm_priority: int = 0,
 ) -> None:
     """Route until SIGTERM or SIGINT.
 
@@ -49,8 +48,6 @@ def run_router(
     protection
         None for a router that believes everybody. With it, whoever is refused for the certificate is told
         of on standard output, by Zenoh.
-    calm_priority
-        SCHED_FIFO priority of what can wait until agents have computed; 0 for the same.
 
     Raises
     ------
@@ -76,11 +73,10 @@ def run_router(
         if identity is not None:
             _identify(session, identity)
             fleet, host = identity.fleet, identity.host
-            links = LinkService(session, fleet, host, others, calm_priority=calm_priority) if others else None
+            links = LinkService(session, fleet, host, others) if others else None
             if links is not None:
                 stack.callback(links.close)
-            hurry = None if links is None else links.hurry
-            probe_until(ended, listen[0], namespace, fleet, host, credentials, hurry)
+            probe_until(ended, listen[0], namespace, fleet, host, credentials)
         else:
             os.read(ended, 1)
 
@@ -93,4 +89,4 @@ def _identify(session: zenoh.Session, identity: IdentifyReply) -> None:
             query.reply(key, payload)
 
     key = channels.request_key(identity.fleet, identity.host, "identify")
-    session.declare_queryable(key, direct(answer), complete=True)
+    session.declare_queryable(key, Callback(answer, indirect=False), complete=True)

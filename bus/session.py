@@ -9,6 +9,7 @@ from queue import SimpleQueue
 from typing import Final, NamedTuple, TypeVar
 
 import zenoh
+from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
@@ -17,7 +18,6 @@ from rcopterx.bus.endpoints import Credentials, client_config, open_session, rea
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.publisher import Publisher, number_of
-from rcopterx.bus.receiving import direct
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
@@ -31,8 +31,6 @@ RETRY_S = 0.02
 """Pause before asking again where nobody serves a request."""
 FIRST_ATTEMPT_S = 0.1
 """For one endpoint; each round takes twice as long, for routers on a busy machine."""
-UNKNOWN_S: Final = 0.5
-"""The router has not told yet who listens to a publisher that is younger."""
 SILENT_SHARE = 0.8
 """Share of the time-out after which an empty result means that the one who was asked kept silent."""
 
@@ -90,7 +88,7 @@ class Incoming:
         self.send(encode(reply))
 
 
-class Heard(NamedTuple):
+class RawMessage(NamedTuple):
     """A message as it arrived, undecoded.
 
     Attributes
@@ -201,11 +199,6 @@ class Session:
         publisher = self._publishers.get((unit, channel.topic)) or self._declare(channel, unit)
         publisher.put(encode(message))
 
-    def wanted(self, channel: Channel[M], unit: str) -> bool:
-        """Whether anybody listens, as far as is known; else a message need not be made."""
-        publisher = self._publishers.get((unit, channel.topic)) or self._declare(channel, unit)
-        return publisher.matched() or self.clock() < publisher.declared_s + UNKNOWN_S
-
     def _declare(self, channel: Channel[M], unit: str) -> Publisher:
         declared = self._zenoh.declare_publisher(
             channels.key(self.address.fleet, unit, channel.topic),
@@ -214,7 +207,7 @@ class Session:
             priority=_PRIORITIES[channel.priority],
             express=False,
         )
-        publisher = self._publishers[unit, channel.topic] = Publisher(declared, self.clock())
+        publisher = self._publishers[unit, channel.topic] = Publisher(declared)
         return publisher
 
     def republish(self, unit: str, topic: str, payload: bytes) -> None:
@@ -265,7 +258,7 @@ class Session:
         wake = self.wake if waking else lambda: None
         return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth, deliver)
 
-    def tap(self, store: Callable[[Heard], None], topic: str = "*", fleet: str | None = None) -> None:
+    def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
         """Hear every message of the fleet, or of one topic, undecoded; for recorders.
 
         Parameters
@@ -283,10 +276,10 @@ class Session:
             # What was put on a wildcard key is nobody's message; every reader refuses it.
             if len(chunks) == 4 and "*" not in str(sample.key_expr):
                 number = number_of(sample.attachment)
-                store(Heard(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
+                store(RawMessage(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
 
         pattern = channels.key(fleet or self.address.fleet, "*", topic)
-        self._taps.append(self._zenoh.declare_subscriber(pattern, direct(on_sample)))
+        self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
 
     def announce(self, unit: str, role: str) -> None:
         """Hold a liveliness token for as long as the session lives."""
@@ -313,7 +306,9 @@ class Session:
                 self._on_query(unit, verb, query)
 
             key = channels.request_key(self.address.fleet, unit, verb)
-            self._queryables.append(self._zenoh.declare_queryable(key, direct(on_query), complete=True))
+            self._queryables.append(
+                self._zenoh.declare_queryable(key, Callback(on_query, indirect=False), complete=True)
+            )
 
     def _on_query(self, unit: str, verb: str, query: zenoh.Query) -> None:
         payload = query.payload.to_bytes() if query.payload is not None else b""

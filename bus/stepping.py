@@ -1,7 +1,6 @@
-"""A process that works in steps: what arrives waits for the next one and is noted, so it can be replayed.
+"""A process that works in steps: input waits for the next step and is recorded, so that it can be replayed.
 
-Within a step nothing changes but by the process itself: neither the time nor what has arrived. So the same
-inputs at the same steps make the process do the same again.
+Within a step neither the time nor the input changes: the same inputs at the same steps give the same result.
 """
 
 import secrets
@@ -24,13 +23,13 @@ from rcopterx.bus.subscription import Deliver, Inbox
 
 M = TypeVar("M", bound=Message)
 
-MOST_WAITING: Final = 4096
-"""A process that makes no step for so many messages loses the oldest, as it would anyway."""
-STEPS_TOLD: Final = 20
-"""Steps without a control period that are told together."""
+MAX_WAITING: Final = 4096
+"""Inputs that wait for a step; then the oldest are dropped."""
+STEPS_PER_MESSAGE: Final = 20
+"""Largest number of steps without a control period that are published together."""
 REQUEST: Final = "request"
 LIFE_BITS: Final = 53
-"""Chosen by chance: enough that no two processes have the same number, and exact in every language."""
+"""Integers of this size are exact in every language."""
 
 
 class Inboxes(Protocol[M]):
@@ -43,44 +42,54 @@ class Inboxes(Protocol[M]):
 
 
 class StepBus(Protocol):
-    """What a process that works in steps needs of the bus; `Session` tells more of each.
+    """The bus as a process sees it that works in steps; methods without details are those of `Session`.
 
     Attributes
     ----------
     life
-        Identifies the process.
+        Random number that identifies the process.
     requests
-        Those that this step took in or earlier ones left; whoever takes them out must answer each.
+        Requests of this and earlier steps; the code that removes one must answer it.
     """
 
     life: int
     requests: list[Incoming]
 
     @property
-    def words(self) -> Collection[str]:
-        """What was noted and takes effect in this step."""
+    def events(self) -> Collection[str]:
+        """Events inside the process that take effect in this step; see `note`."""
         ...
 
     def clock(self) -> float:
-        """Time at which the present step began [monotonic s]."""
+        """Return the time at which the present step began [monotonic s]."""
         ...
 
     def begin_step(self) -> float:
-        """Hand over what has arrived; the time at which the step begins [monotonic s]."""
+        """Deliver the input that has arrived and return the time at which the step begins [monotonic s]."""
         ...
 
     def end_step(
         self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
     ) -> None:
-        """Tell what the step took in and gave up for time; with an estimate after a control period."""
+        """Publish the inputs of the steps since the last publication.
+
+        Parameters
+        ----------
+        vehicle
+            Unit under which the steps are published.
+        estimate
+            The 16 values of `RoundedEstimate` after a control period, else None.
+        overtime
+            Calls that the step gave up for time, see `AgentSteps.overtime`.
+        """
         ...
 
-    def tell_steps(self, wanted: bool) -> None:
-        """Whether steps are told from now on; those that are not leave a gap in their numbers."""
+    def publish_steps(self, enabled: bool) -> None:
+        """Switch the publication of steps on or off; steps in between leave a gap in the numbers."""
         ...
 
-    def note(self, word: str) -> None:
-        """Have something that happened inside the process, in any thread, take effect with the next step."""
+    def note(self, event: str) -> None:
+        """Let an event inside the process take effect with the next step. Any thread may call this."""
         ...
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
@@ -95,65 +104,56 @@ class StepBus(Protocol):
         """Send a message."""
         ...
 
-    def wanted(self, channel: Channel[M], unit: str) -> bool:
-        """Whether anybody listens to what would be published."""
-        ...
-
     def serve(self, unit: str, verbs: list[str]) -> None:
-        """Answer requests."""
+        """Accept requests."""
         ...
 
     def announce(self, unit: str, role: str) -> None:
-        """Be seen alive."""
+        """Hold a liveliness token."""
         ...
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
-        """Ask a unit; only while the process is made."""
+        """Send a request and wait for the reply; only while the process is set up."""
         ...
 
 
 class _Input(Struct, frozen=True):
-    """What waits for the next step: a message for an inbox, a request, or a word of the process itself."""
+    """Input of the next step: a message for an inbox, a request, or an event of the process itself."""
 
     payload: bytes
     arrived_s: float
     inbox: Inbox[Any] | None = None
     subscription: int = 0
     request: str = ""
-    word: str = ""
+    event: str = ""
 
     @property
     def key(self) -> str:
         """As in `AgentSteps.keys`."""
         if self.inbox is not None:
             return f"{self.inbox.unit}/{self.inbox.channel.topic}"
-        return f"{REQUEST}/{self.request}" if self.request else self.word
+        return f"{REQUEST}/{self.request}" if self.request else self.event
 
 
 class SteppedSession:
-    """A session whose messages and requests wait for the next step.
-
-    Parameters
-    ----------
-    session
-        Open session on the bus.
-    """
+    """A session whose messages and requests wait for the next step; methods as in `StepBus`."""
 
     def __init__(self, session: Session) -> None:
         self.life = secrets.randbits(LIFE_BITS)
+        self.events: list[str] = []
+        self.requests: list[Incoming] = []
         self._session = session
         self._now_s = self._began_s = session.clock()
-        self._waiting: deque[_Input] = deque(maxlen=MOST_WAITING)
-        self.words: list[str] = []
-        self.requests: list[Incoming] = []
+        self._waiting: deque[_Input] = deque(maxlen=MAX_WAITING)
         self._subscriptions = 0
-        self._told = 0
-        self._steps: list[tuple[float, int]] = []
-        """When each step began that is to be told, and how many inputs there were by then."""
+        self._publishing = True
+        self._number = 0
+        # Everything below is of the steps that have not been published yet.
+        self._begins_s: list[float] = []
+        self._inputs_by_end: list[int] = []
         self._inputs: list[_Input] = []
         self._overtime: list[tuple[int, int, int]] = []
         self._replies: list[bytes] = []
-        self._telling = True
 
     def clock(self) -> float:
         """See `StepBus.clock`."""
@@ -161,47 +161,44 @@ class SteppedSession:
 
     def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
-        waiting, inputs = self._waiting, self._inputs
-        self.words = words = []
-        for _ in range(len(waiting)):
-            item = waiting.popleft()
-            inputs.append(item)
+        self.events = []
+        for _ in range(len(self._waiting)):
+            item = self._waiting.popleft()
+            self._inputs.append(item)
             if item.inbox is None:
-                words.append(item.word)
+                self.events.append(item.event)
             else:
                 item.inbox.store(item.payload, item.arrived_s)
         for incoming in self._session.pending():
-            inputs.append(_Input(incoming.payload, incoming.arrived_s, request=incoming.verb))
+            self._inputs.append(_Input(incoming.payload, incoming.arrived_s, request=incoming.verb))
             self.requests.append(incoming)
-        # After what arrived, so that nothing is from the future.
-        self._now_s = now_s = self._session.clock()
-        self._steps.append((now_s, len(inputs)))
-        return now_s
+        # Read after the input was collected, so that no input is later than the step.
+        self._now_s = self._session.clock()
+        self._begins_s.append(self._now_s)
+        self._inputs_by_end.append(len(self._inputs))
+        return self._now_s
 
     def end_step(
         self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
     ) -> None:
         """See `StepBus.end_step`."""
-        if overtime:
-            self._overtime += [(len(self._steps) - 1, *given_up) for given_up in overtime]
-        if estimate is None and len(self._steps) < STEPS_TOLD:
+        self._overtime += [(len(self._begins_s) - 1, *given_up) for given_up in overtime]
+        if estimate is None and len(self._begins_s) < STEPS_PER_MESSAGE:
             return
-        if self._telling and self._session.wanted(channels.AGENT_STEPS, vehicle):
-            self._tell(vehicle, None if estimate is None else RoundedEstimate.of(estimate))
-        self._told += 1
-        self._steps.clear()
-        self._inputs.clear()
-        self._overtime.clear()
-        self._replies.clear()
+        if self._publishing:
+            steps = self._message(None if estimate is None else RoundedEstimate.of(estimate))
+            self._session.publish(channels.AGENT_STEPS, vehicle, steps)
+        self._number += 1
+        for column in (self._begins_s, self._inputs_by_end, self._inputs, self._overtime, self._replies):
+            column.clear()
 
-    def _tell(self, vehicle: str, estimate: RoundedEstimate | None) -> None:
-        ends = [taken for _, taken in self._steps]
-        steps = AgentSteps(
+    def _message(self, estimate: RoundedEstimate | None) -> AgentSteps:
+        return AgentSteps(
             life=self.life,
             began_s=self._began_s,
-            number=self._told,
-            times_s=tuple(began_s for began_s, _ in self._steps),
-            counts=tuple(end - begin for begin, end in pairwise([0, *ends])),
+            number=self._number,
+            times_s=tuple(self._begins_s),
+            counts=tuple(end - begin for begin, end in pairwise([0, *self._inputs_by_end])),
             keys=tuple(item.key for item in self._inputs),
             subscriptions=tuple(item.subscription for item in self._inputs),
             checksums=tuple(zlib.crc32(item.payload) for item in self._inputs),
@@ -210,15 +207,14 @@ class SteppedSession:
             replies=tuple(self._replies),
             estimate=estimate,
         )
-        self._session.publish(channels.AGENT_STEPS, vehicle, steps)
 
-    def tell_steps(self, wanted: bool) -> None:
-        """See `StepBus.tell_steps`."""
-        self._telling = wanted
+    def publish_steps(self, enabled: bool) -> None:
+        """See `StepBus.publish_steps`."""
+        self._publishing = enabled
 
-    def note(self, word: str) -> None:
+    def note(self, event: str) -> None:
         """See `StepBus.note`."""
-        self._waiting.append(_Input(b"", self._session.clock(), word=word))
+        self._waiting.append(_Input(b"", self._session.clock(), event=event))
         self._session.wake()
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
@@ -230,22 +226,18 @@ class SteppedSession:
         return self._session.subscribe_all(channel, waking=waking, deliver=self._deliverer())
 
     def _deliverer(self) -> Deliver:
-        """What lets messages of one more subscription wait for the next step."""
+        """Callback of one more subscription; it lets messages wait for the next step."""
         self._subscriptions += 1
-        number, wait = self._subscriptions, self._waiting.append
+        number = self._subscriptions
 
         def deliver(inbox: Inbox[Any], payload: bytes, arrived_s: float) -> None:
-            wait(_Input(payload, arrived_s, inbox, number))
+            self._waiting.append(_Input(payload, arrived_s, inbox, number))
 
         return deliver
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """See `StepBus.publish`."""
         self._session.publish(channel, unit, message)
-
-    def wanted(self, channel: Channel[M], unit: str) -> bool:
-        """See `StepBus.wanted`."""
-        return self._session.wanted(channel, unit)
 
     def serve(self, unit: str, verbs: list[str]) -> None:
         """See `StepBus.serve`."""

@@ -11,11 +11,11 @@ from typing import Any, Generic, TypeVar
 
 import zenoh
 from msgspec import Struct
+from zenoh.handlers import Callback
 
 from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
-from rcopterx.bus.receiving import direct
 
 M = TypeVar("M", bound=Message)
 
@@ -196,7 +196,7 @@ class Subscription(Inbox[M]):
         self._clock = clock
         self._wake = wake
         self._subscriber = session.declare_subscriber(
-            full_key, direct(self._on_sample), allowed_origin=origin
+            full_key, Callback(self._on_sample, indirect=False), allowed_origin=origin
         )
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
@@ -236,7 +236,7 @@ class UnitSubscriptions(Generic[M]):
         self._unit_at = pattern.split("/").index("*")
         # The Tracker tells its status, too, but another one than vehicles do.
         self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
-        self._subscriber = session.declare_subscriber(pattern, direct(self._on_sample))
+        self._subscriber = session.declare_subscriber(pattern, Callback(self._on_sample, indirect=False))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         full_key = str(sample.key_expr)

@@ -14,7 +14,7 @@ from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.realtime import request_realtime
-from rcopterx.bus.session import BusAddress, Heard, Session
+from rcopterx.bus.session import BusAddress, RawMessage, Session
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.mcap_writing import LoggedMessage
 
@@ -62,12 +62,12 @@ class Waiting:
 
     def __init__(self, limit_bytes: int = MAX_WAITING_BYTES) -> None:
         self._limit_bytes = limit_bytes
-        self._messages: deque[Heard] = deque()
+        self._messages: deque[RawMessage] = deque()
         self._stored_bytes = 0
         self._taken_bytes = 0
         self.dropped = 0
 
-    def store(self, heard: Heard) -> None:
+    def store(self, heard: RawMessage) -> None:
         """Keep a message; called on receive threads."""
         if self._stored_bytes - self._taken_bytes > self._limit_bytes:
             self.dropped += 1
@@ -75,7 +75,7 @@ class Waiting:
         self._stored_bytes += len(heard.payload)
         self._messages.append(heard)
 
-    def take(self) -> list[Heard]:
+    def take(self) -> list[RawMessage]:
         """Everything that waits, in order of arrival."""
         taken = [self._messages.popleft() for _ in range(len(self._messages))]
         self._taken_bytes += sum(len(heard.payload) for heard in taken)

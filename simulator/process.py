@@ -115,11 +115,7 @@ class Simulator:
         self._room.close()
 
     def _tell_truth(self, frame: int, sent_s: float) -> None:
-        if self._session.wanted(channels.LABORATORY, channels.SIMULATOR_UNIT):
-            self._session.publish(channels.LABORATORY, channels.SIMULATOR_UNIT, self._truth(frame, sent_s))
-        else:
-            for radio in self._room.radios.values():
-                radio.link.take_frames()
+        self._session.publish(channels.LABORATORY, channels.SIMULATOR_UNIT, self._truth(frame, sent_s))
 
     def _truth(self, frame: int, sent_s: float) -> LaboratoryState:
         vehicles = {vehicle.name: self._vehicle(vehicle) for vehicle in self._room.vehicles}

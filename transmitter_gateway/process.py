@@ -10,7 +10,6 @@ from collections.abc import Callable
 from functools import partial
 
 from rcopterx.bus import channels
-from rcopterx.bus.calm import LONGEST_PERIOD_S, calm_at_s
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import request_realtime, settle
@@ -74,7 +73,6 @@ class Gateway:
         self._stations_due_s = -math.inf
         self._tell_by_s = math.inf
         self._told_s = -math.inf
-        self._pose_arrived_s: float | None = None
         self._period_s = 0.0
         self._flying = False
         self._poses: dict[str, Subscription[Pose]] = {
@@ -85,7 +83,7 @@ class Gateway:
             session.subscribe(channels.KILL, channels.FLEET_UNIT, depth=4, fleet=fleet)
             for fleet in (settings.bus.fleet, channels.EVERY_FLEET)
         ]
-        self._report_at_s = self._report_due_s = self._clock() + STATUS_PERIOD_S
+        self._report_due_s = self._clock() + STATUS_PERIOD_S
         for station in self._stations.values():
             station.transmitter.await_recall(self._clock())
         self._recall = Recall(session, self._stations)
@@ -277,12 +275,9 @@ class Gateway:
             return
         self._poses_arrived = False
         for pose, arrived_s in self._new_poses():
-            self._pose_arrived_s, self._period_s = arrived_s, min(pose.period_s or 0.0, LONGEST_PERIOD_S)
+            self._period_s = min(pose.period_s or 0.0, LONGEST_HELD_S)
             for station in self._stations.values():
                 station.transmitter.on_pose(pose, arrived_s)
-        if self._pose_arrived_s is not None:
-            self._heartbeat.frame(self._pose_arrived_s, self._period_s)
-        self._report_due_s = calm_at_s(self._report_at_s, self._pose_arrived_s, self._period_s)
 
     def _new_poses(self) -> list[tuple[PoseInput, float]]:
         return [
@@ -292,11 +287,10 @@ class Gateway:
         ]
 
     def _report(self) -> None:
-        """Publish statuses when they are due, which is when the commands of a frame are written."""
+        """Publish statuses when they are due."""
         now_s = self._clock()
         if now_s >= self._report_due_s:
-            self._report_at_s = now_s + STATUS_PERIOD_S
-            self._report_due_s = calm_at_s(self._report_at_s, self._pose_arrived_s, self._period_s)
+            self._report_due_s = now_s + STATUS_PERIOD_S
             for station in self._stations.values():
                 station.report(now_s)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from rcopterx.bus import channels
-from rcopterx.bus.calm import calm_at_s
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import Pose, SubjectState, TrackerStatus
 from rcopterx.bus.realtime import request_realtime, settle
@@ -79,24 +78,14 @@ class TrackerGateway:
             return
         if frame is not None:
             self._publish(frame)
-        elif now_s >= self._report_due_s():
+        elif now_s >= self._report_at_s:
             self._report_at_s = now_s + STATUS_PERIOD_S
             self._session.publish(channels.TRACKER_STATUS, channels.TRACKER_UNIT, self._status(now_s))
 
     def _longest_wait_s(self, now_s: float) -> float:
         """How long a turn may wait for a frame."""
         due_s = max(self._report_at_s, self._standby_until_s)
-        if due_s < now_s + LONGEST_WAIT_S:
-            # A status that waits for a calm moment is later still.
-            due_s = max(self._report_due_s(), self._standby_until_s)
         return min(LONGEST_WAIT_S, max(0.0, due_s - now_s))
-
-    def _report_due_s(self) -> float:
-        """When the next status is due: not while agents need links and processors for poses."""
-        frame = self._frame
-        if frame is None:
-            return self._report_at_s
-        return calm_at_s(self._report_at_s, frame.received_s, frame.period_s)
 
     def _publish(self, frame: CapturedFrame) -> None:
         stamp = self._epochs.stamp(frame, time.time())

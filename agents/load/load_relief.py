@@ -24,7 +24,7 @@ NEAREST: Final = 3
 RELIEF: Final = "relief_"
 """Notes begin with it; the number of the relief follows."""
 TOO_SLOW: Final = "this computer is too slow for its fleet"
-_WORDS: Final = {relief: f"{RELIEF}{int(relief)}" for relief in Relief}
+_EVENTS: Final = {relief: f"{RELIEF}{int(relief)}" for relief in Relief}
 
 
 class LoadRelief:
@@ -87,7 +87,7 @@ class LoadRelief:
             self._pace(flying)
         overload = self._overload
         if overload.observe(late_s, missed) if flying else overload.forget():
-            self._bus.note(_WORDS[overload.relief])
+            self._bus.note(_EVENTS[overload.relief])
 
     def settle(self) -> bool:
         """Leave out what was decided before this step, or do it again; True if that is news.
@@ -115,8 +115,8 @@ class LoadRelief:
         return True
 
     def _take_note(self) -> bool:
-        words = self._bus.words
-        decided = next((relief for relief, word in _WORDS.items() if word in words), None)
+        events = self._bus.events
+        decided = next((relief for relief, event in _EVENTS.items() if event in events), None)
         if decided is None:
             return False
         self._noted = decided
@@ -127,7 +127,7 @@ class LoadRelief:
             name = f"left_out_{relief.name.lower()}"
             self.events[name] = self.events.get(name, 0) + 1
         self.relief = relief
-        self._bus.tell_steps(relief < Relief.TELEMETRY)
+        self._bus.publish_steps(relief < Relief.TELEMETRY)
         self._traffic.most = NEAREST if relief >= Relief.FAR_PLANS else MOST
         self._pace(flying=False)
 

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-from rcopterx.bus.calm import calm_at_s
 from rcopterx.bus.heartbeat import Phase
 from rcopterx.deploy.processes.child import Child, restart_pause_s, signal_name
 from rcopterx.deploy.processes.forking import ForkServer, Started
@@ -169,8 +168,7 @@ class Supervisor:
         Parameters
         ----------
         timeout_s
-            How long to wait at most before a calm moment of a frame's period, in which no command is on its
-            way; a death ends the wait at once.
+            How long to wait at most; a death ends the wait at once.
 
         Returns
         -------
@@ -184,7 +182,7 @@ class Supervisor:
             self._prepare_at_s = now + PREPARE_S if self._spares.complete else now
         lines += self._start_and_stop() + self._end_hung(now)
         due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
-        wait_s = max(0.0, min([self._calm_in_s(now, timeout_s), *due]))
+        wait_s = max(0.0, min([timeout_s, *due]))
         if self._selector.get_map():
             lines += [self._on_death(str(key.data)) for key, _ in self._selector.select(wait_s)]
         else:
@@ -196,11 +194,6 @@ class Supervisor:
                     child.restarts += 1
                     lines.append(f"{name}: started again (restart {child.restarts})")
         return lines
-
-    def _calm_in_s(self, now_s: float, timeout_s: float) -> float:
-        frames = (child.page.frame for child in self.children.values() if child.page is not None)
-        arrived_s, period_s = max(frames, default=(0.0, 0.0))
-        return calm_at_s(now_s + timeout_s, arrived_s or None, period_s) - now_s
 
     def _prepare(self, now_s: float) -> list[str]:
         """Have what the next start of a process needs, as long as one is wanted."""

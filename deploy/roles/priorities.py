@@ -11,7 +11,7 @@ class Priority(IntEnum):
     What others wait for comes first: messages are forwarded at once, and a leader plans before its followers.
     The supervisor comes before all of them, or a process that spins would keep it from ending that process.
     The simulator computes its helicopters' motion while nobody else needs the processor, and nobody waits for
-    the recorder. What programs do now and then besides, as looking at links, waits for a calm moment.
+    the recorder.
     """
 
     SUPERVISOR = 8
@@ -20,8 +20,7 @@ class Priority(IntEnum):
     LEADER = 2
     FOLLOWER = 1
     SIMULATOR = 0
-    CALM = -1
-    RECORDER = -2
+    RECORDER = -1
 
     def of(self, fleet: FleetFile) -> int:
         """SCHED_FIFO priority; 0 if the fleet wants none."""

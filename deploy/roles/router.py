@@ -55,7 +55,6 @@ def run(fleet: FleetFile, host: str) -> None:
             identity,
             others,
             protection_of(fleet, host),
-            Priority.CALM.of(fleet),
         )
 
 

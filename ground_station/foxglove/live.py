@@ -8,7 +8,7 @@ from typing import Final
 
 import foxglove
 
-from rcopterx.bus.session import Heard, Session
+from rcopterx.bus.session import RawMessage, Session
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.foxglove.view import FoxgloveView
 
@@ -46,7 +46,7 @@ class FoxgloveServer:
     ) -> None:
         context = foxglove.Context()
         self._view = FoxgloveView(fleet, context)
-        self._heard: SimpleQueue[Heard] = SimpleQueue()
+        self._heard: SimpleQueue[RawMessage] = SimpleQueue()
         self._zero_ns = wall_ns() - round(clock() * NANO)
         try:
             self._server = foxglove.start_server(name=fleet.name, host=HOST, port=port, context=context)

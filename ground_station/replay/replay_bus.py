@@ -64,7 +64,7 @@ class ReplayBus:
         self._replies = list(life.replies)
         self._subscriptions: list[_One | _Units] = []
         self.requests: list[Incoming] = []
-        self.words: set[str] = set()
+        self.events: set[str] = set()
         self._step: AgentStep | None = None
         self.estimate: Sequence[float] | None = None
         """Of the newest control period of the agent that is replayed."""
@@ -79,7 +79,7 @@ class ReplayBus:
 
     def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
-        self.words.clear()
+        self.events.clear()
         if self._step is None:
             return self._now_s
         self._now_s = self._step.time_s
@@ -88,7 +88,7 @@ class ReplayBus:
             if item.payload is None:
                 self.missing += 1
             elif not rest:
-                self.words.add(head)
+                self.events.add(head)
             elif head == REQUEST:
                 self._ask(rest, item.payload, item.arrived_s)
             elif item.subscription <= len(self._subscriptions):
@@ -106,10 +106,10 @@ class ReplayBus:
         """See `StepBus.end_step`."""
         self.estimate = estimate
 
-    def tell_steps(self, wanted: bool) -> None:
-        """See `StepBus.tell_steps`; a replay tells nobody."""
+    def publish_steps(self, enabled: bool) -> None:
+        """See `StepBus.publish_steps`; a replay publishes none."""
 
-    def note(self, word: str) -> None:
+    def note(self, event: str) -> None:
         """See `StepBus.note`; the flight log tells when it took effect."""
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
@@ -132,11 +132,6 @@ class ReplayBus:
         """See `StepBus.publish`."""
         del unit
         self._published(channel, message)
-
-    def wanted(self, channel: Channel[M], unit: str) -> bool:
-        """See `StepBus.wanted`: whatever was published is compared."""
-        del channel, unit
-        return True
 
     def serve(self, unit: str, verbs: list[str]) -> None:
         """See `StepBus.serve`."""

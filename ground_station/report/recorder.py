@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
-from rcopterx.bus.session import Heard, Session
+from rcopterx.bus.session import RawMessage, Session
 
 M = TypeVar("M", bound=Message)
 
@@ -74,7 +74,7 @@ class Recorder:
         for topic in ("*",) if only is None else tuple(channel.topic for channel in only):
             session.tap(self._store, topic)
 
-    def _store(self, heard: Heard) -> None:
+    def _store(self, heard: RawMessage) -> None:
         if self._active and heard.topic in self._topics:
             self._records.append(Record(heard.unit, heard.topic, heard.payload, heard.arrived_s))
 

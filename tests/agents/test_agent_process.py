@@ -16,7 +16,6 @@ from rcopterx.agents.pilot import BLIND_LIMIT_S
 from rcopterx.agents.process import Agent
 from rcopterx.agents.telemetry import status_message
 from rcopterx.bus import channels
-from rcopterx.bus.calm import BUSY_SHARE
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
 from rcopterx.bus.requests import TakeOff
@@ -231,29 +230,6 @@ def test_the_status_tells_task_phase_and_leaders(follower: Bench) -> None:
     assert status.position_m == pytest.approx((0.0, 0.0, 1.0), abs=0.2)
     assert status.diagnostics.fallbacks["leader_plan_missing"] >= 1
     assert status.diagnostics.ticks > 0
-
-
-def test_a_status_waits_until_commands_are_written_and_one_that_tells_a_change_does_not(bench: Bench) -> None:
-    bench.start()
-    bench.status()
-    while bench.agent._reporter.due_s > bench.clock() + 0.02:
-        bench.see()
-    bench.command_of(bench.frame)
-    # The report is due when the next frame has just arrived.
-    bench.agent._reporter.wanted_s = bench.clock() + 0.022
-    bench.see()
-    bench.command_of(bench.frame)
-    told, due_s = bench.statuses.latest(), bench.agent._reporter.due_s
-    assert due_s == pytest.approx(bench.clock() + BUSY_SHARE * 0.02)
-    assert bench.agent.next_s() == due_s
-    bench.agent.step()
-    assert bench.agent._reporter.due_s == due_s
-    bench.clock.advance(BUSY_SHARE * 0.02)
-    bench.step_until(lambda: bench.statuses.latest() is not told, "no status")
-    assert bench.agent._reporter.due_s > bench.clock()
-    bench.see()
-    bench.agent._reporter.soon()
-    assert bench.agent._reporter.due_s == bench.clock()
 
 
 def test_the_status_tells_how_far_the_vehicle_is_from_its_reference(follower: Bench) -> None:

@@ -1,10 +1,9 @@
 """Promises of the heartbeat: the supervisor sees what the loop of another process counts."""
 
-import mmap
 import subprocess
 import sys
 
-from rcopterx.bus.heartbeat import VARIABLE, Heartbeat, HeartbeatPage, Phase, own_heartbeat
+from rcopterx.bus.heartbeat import VARIABLE, HeartbeatPage, Phase, own_heartbeat
 
 PROGRAM = """
 import os, sys
@@ -46,19 +45,6 @@ def test_a_supervisor_sees_the_beats_and_the_phase_of_a_process() -> None:
         process.stdin.close()
         assert process.wait(60) == 0
     assert (page.beats, page.phase) == (3, Phase.ENDING)
-
-
-def test_a_supervisor_sees_when_frames_arrive() -> None:
-    page = HeartbeatPage()
-    with mmap.mmap(page.descriptor, mmap.PAGESIZE) as memory:
-        page.handed_over()
-        heartbeat = Heartbeat(memory)
-        heartbeat.beat(flying=True)
-        assert page.frame == (0.0, 0.0)
-        heartbeat.frame(12.25, 0.02)
-        assert page.frame == (12.25, 0.02)
-        assert (page.beats, page.phase) == (1, Phase.FLYING)
-        del heartbeat
 
 
 def test_a_process_without_a_supervisor_beats_for_nobody() -> None:

@@ -20,7 +20,6 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Kill, Pose, SetPoint, TrackerStatus
 from rcopterx.bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply, Request
 from rcopterx.bus.session import (
-    UNKNOWN_S,
     BusAddress,
     BusUnreachableError,
     Incoming,
@@ -124,20 +123,6 @@ def test_a_subscription_can_leave_out_what_its_own_session_publishes(join: Join)
 
     wait_for(heard, "a message of the other session arrives")
     assert {received.message.source for received in from_others.drain()} == {"other"}
-
-
-def test_a_message_is_wanted_as_long_as_somebody_listens(join: Join) -> None:
-    clock = FakeClock()
-    sender, listener = join(clock=clock), join()
-    assert sender.wanted(channels.PLAN, "h1"), "the router has not told yet who listens"
-    assert sender.wanted(channels.PLAN, "h2")
-    clock.advance(UNKNOWN_S + 0.01)
-    assert not sender.wanted(channels.PLAN, "h1")
-    subscription = listener.subscribe(channels.PLAN, "h1")
-    wait_for(lambda: sender.wanted(channels.PLAN, "h1"), "nobody seems to listen")
-    assert not sender.wanted(channels.PLAN, "h2")
-    subscription.close()
-    wait_for(lambda: not sender.wanted(channels.PLAN, "h1"), "somebody still seems to listen")
 
 
 def test_a_closed_subscription_receives_nothing_more(join: Join) -> None:
@@ -454,33 +439,6 @@ def test_sessions_see_each_other_again_after_the_router_was_killed() -> None:
             with answering(receiver, lambda _: Reply(accepted=True)):
                 assert answer_of(sender, "h1", Land()).accepted
             wait_for(lambda: ("h1", "agent") in sender.alive_units(), "the token is not restored")
-    finally:
-        router.end()
-
-
-def test_a_message_is_wanted_again_after_the_router_was_killed() -> None:
-    address, clock = own_address(), FakeClock()
-    router = RouterProcess(address)
-
-    def wanted() -> bool:
-        return sender.wanted(channels.PLAN, "h1")
-
-    try:
-        router.wait_ready()
-        with (
-            Session(address, clock=clock, timeout_s=DEADLINE_S) as sender,
-            Session(address, timeout_s=DEADLINE_S) as listener,
-        ):
-            subscription = listener.subscribe(channels.PLAN, "h1")
-            assert wanted()
-            clock.advance(UNKNOWN_S + 0.01)
-            wait_for(wanted, "nobody seems to listen")
-            router.end(signal.SIGKILL)
-            wait_for(lambda: not wanted(), "somebody seems to listen without a router")
-            router = RouterProcess(address)
-            wait_for(wanted, "nobody seems to listen any more")
-            subscription.close()
-            wait_for(lambda: not wanted(), "somebody still seems to listen")
     finally:
         router.end()
 

@@ -14,7 +14,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.messages import Kill, Pose
-from rcopterx.bus.session import BusAddress, Heard, Session
+from rcopterx.bus.session import BusAddress, RawMessage, Session
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.flights import flights_in
 from rcopterx.flights.mcap_reading import messages_of
@@ -50,8 +50,8 @@ def pose(frame: int) -> Pose:
     return Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
 
 
-def heard(number: int, arrived_s: float = 0.0, size: int = 10) -> Heard:
-    return Heard("h1", "pose", bytes(size), arrived_s, number)
+def heard(number: int, arrived_s: float = 0.0, size: int = 10) -> RawMessage:
+    return RawMessage("h1", "pose", bytes(size), arrived_s, number)
 
 
 def recorded(directory: Path) -> list[LoggedMessage]:
@@ -173,7 +173,7 @@ def test_times_are_those_of_the_monotonic_clock_whatever_the_wall_clock_does(tmp
 def test_channels_that_are_not_of_the_table_are_not_recorded(tmp_path: Path) -> None:
     waiting = Waiting()
     log = recorder(tmp_path, waiting)
-    waiting.store(Heard("h1", "gossip", b"x", 0.0, 1))
+    waiting.store(RawMessage("h1", "gossip", b"x", 0.0, 1))
     waiting.store(heard(1))
     log.flush()
     assert [m.topic for m in recorded(tmp_path)] == ["h1/pose"]

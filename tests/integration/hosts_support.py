@@ -20,7 +20,7 @@ from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, net
 from rcopterx.bus import channels
 from rcopterx.bus.codec import decode
 from rcopterx.bus.messages import Applied
-from rcopterx.bus.session import Heard, Session
+from rcopterx.bus.session import RawMessage, Session
 from rcopterx.bus.subscription import Received
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
@@ -202,7 +202,7 @@ class Obeyed:
     """
 
     def __init__(self, flying: Flying, names: tuple[str, ...]) -> None:
-        self._heard: dict[str, deque[Heard]] = {name: deque() for name in names}
+        self._heard: dict[str, deque[RawMessage]] = {name: deque() for name in names}
         self._frames: dict[str, list[Received[Applied]]] = {name: [] for name in names}
         self._numbers: dict[str, int] = {}
         self._lost = 0

@@ -30,7 +30,6 @@ class Bus:
         self.now_s = 100.0
         self.published: list[LaboratoryState] = []
         self.requests: list[Incoming] = []
-        self.listened = True
 
     def clock(self) -> float:
         return self.now_s
@@ -38,9 +37,6 @@ class Bus:
     def serve(self, *_: object) -> None: ...
 
     def announce(self, *_: object) -> None: ...
-
-    def wanted(self, _channel: object, _unit: str) -> bool:
-        return self.listened
 
     def publish(self, _channel: object, _unit: str, message: LaboratoryState) -> None:
         self.published.append(message)
@@ -93,20 +89,6 @@ def simulated(tmp_path: Path) -> Iterator[Callable[[float], Bench]]:
     yield make
     for bench in benches:
         bench.close()
-
-
-def test_nobody_is_told_the_truth_of_before_he_listened(simulated: Callable[[float], Bench]) -> None:
-    bench = simulated(50.0)
-    bench.bus.listened = False
-    for period in range(1, 11):
-        bench.write(0.02 * (period - 1) + WRITTEN_AFTER_S)
-        bench.at(0.02 * period)
-    assert bench.bus.published == []
-    bench.bus.listened = True
-    bench.write(0.2 + WRITTEN_AFTER_S)
-    bench.at(0.22)
-    (state,) = bench.bus.published
-    assert len(state.vehicles["h1"].radio) == 1
 
 
 def test_serial_frames_have_the_time_of_their_arrival_and_wait_for_the_next_frame_of_the_tracker(

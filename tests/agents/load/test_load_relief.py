@@ -33,11 +33,11 @@ class NoteBus:
         self.notes.append(word)
 
     @property
-    def words(self) -> set[str]:
+    def events(self) -> set[str]:
         return self.effective
 
-    def tell_steps(self, wanted: bool) -> None:
-        self.telling = wanted
+    def publish_steps(self, enabled: bool) -> None:
+        self.telling = enabled
 
 
 class Scene:

@@ -20,7 +20,6 @@ from hypothesis import strategies as st
 from support.waiting import DEADLINE_S, FakeClock, PatientClock, wait_for
 
 import rcopterx.deploy.processes.supervisor
-from rcopterx.bus.calm import BUSY_SHARE, LONGEST_PERIOD_S
 from rcopterx.deploy.processes.child import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S, STOP_LIMIT_S, Supervisor
@@ -411,17 +410,6 @@ def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: S
     assert supervisor.pid("two") == other
     assert (supervisor.children["one"].hung, supervisor.children["two"].hung) == (1, 0)
     watch_until(supervisor, lambda: beats_of(supervisor, "one"), "the successor shows no progress")
-
-
-def test_the_supervisor_looks_when_no_command_is_on_its_way(supervise: Supervise) -> None:
-    supervisor = supervise(beating("one"))
-    supervisor.start_all()
-    page = supervisor.children["one"].page
-    assert page is not None
-    arrived_s = time.monotonic()
-    page._times[2], page._times[3] = arrived_s, LONGEST_PERIOD_S
-    supervisor.watch(0.001)
-    assert time.monotonic() >= arrived_s + BUSY_SHARE * LONGEST_PERIOD_S
 
 
 @pytest.mark.timeout(400)

@@ -20,7 +20,7 @@ def test_what_others_wait_for_runs_at_the_higher_priority() -> None:
     router, gateway = Priority.ROUTER.of(fleet), Priority.GATEWAY.of(fleet)
     leader, follower = (agent_settings(fleet, name).realtime_priority for name in ("h1", "h2"))
     simulator = Priority.SIMULATOR.of(fleet)
-    assert Priority.RECORDER.of(fleet) < Priority.CALM.of(fleet) < simulator
+    assert Priority.RECORDER.of(fleet) < simulator
     assert Priority.SUPERVISOR.of(fleet) > router
     assert router > gateway > leader > follower > simulator == fleet.bus.realtime_priority
     without = parse_fleet(PAIR + "[bus]\nrealtime_priority = 0")

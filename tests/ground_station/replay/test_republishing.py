@@ -5,7 +5,7 @@ from pathlib import Path
 
 from support.waiting import FakeClock, wait_for
 
-from rcopterx.bus.session import Heard, Session
+from rcopterx.bus.session import RawMessage, Session
 from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.ground_station.replay.republishing import fleet_of, republish
 
@@ -14,7 +14,7 @@ FLIGHT = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
 
 
 def test_every_message_is_sent_again_as_it_was(join: Join) -> None:
-    heard: list[Heard] = []
+    heard: list[RawMessage] = []
     listener, sender = join(), join()
     listener.tap(heard.append)
     wait_for(lambda: bool(heard) or sender.republish("h1", "pose", b"x"), "nobody hears")
