@@ -16,9 +16,9 @@ import typer
 from rcopterx.command_line import app
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / ".github").rglob("*.md")])
-HISTORY = ("CHANGELOG.md", "decisions.md")
-"""These tell of commands as they were."""
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")])
+HISTORY = ("CHANGELOG.md",)
+"""Pages that name commands of earlier versions."""
 BLOCK = re.compile(r"^ *```(?:sh|console|bash)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 UNMARKED = re.compile(r"^```\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`((?:rcopterx|make|pytest|python) [^`]+)`")

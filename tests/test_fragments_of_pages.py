@@ -12,7 +12,7 @@ from support.fleets import HARDWARE_PAIR
 from rcopterx.fleet.reading import parse_fleet
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TOML = re.compile(r"^( *)```toml\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 NOT_OF_A_FLEET = ("[project.", "[[fault]]")
 """Of a package, and of a scenario."""

@@ -48,7 +48,7 @@ def test_the_architecture_names_every_folder_and_every_part_of_an_agent() -> Non
             assert f"`{part.stem}`" in ARCHITECTURE
 
 
-PAGES = sorted((ROOT / "docs").glob("*.md"))
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
 
@@ -78,8 +78,28 @@ def test_every_anchor_that_a_page_outside_the_site_names_is_a_heading(name: str)
 
 
 def test_the_documentation_site_has_every_page_once() -> None:
-    named = re.findall(r"([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
-    assert sorted(named) == [page.name for page in PAGES]
+    settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    named = re.findall(r"^ +- .*?([\w-]+(?:/[\w-]+)*\.md)$", settings, re.MULTILINE)
+    pages = [page.relative_to(ROOT / "docs").as_posix() for page in PAGES if page.parent != DECISIONS]
+    assert sorted(named) == sorted([*pages, "decisions/index.md"])
+
+
+DECISIONS = ROOT / "docs" / "decisions"
+
+
+def test_the_index_names_every_decision_once() -> None:
+    named = re.findall(r"\]\(([^)]+)\)", (DECISIONS / "index.md").read_text(encoding="utf-8"))
+    assert sorted(named) == sorted(page.name for page in DECISIONS.glob("*.md") if page.name != "index.md")
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page.parent.name == "decisions"], ids=lambda p: p.stem
+)
+def test_a_decision_fits_on_twenty_lines(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    if page.name != "index.md":
+        assert len(text.splitlines()) <= 20
+        assert all(f"**{part}.**" in text for part in ("Decision", "Why", "Consequence"))
 
 
 PAGE_NAMED = re.compile(r"\b((?:docs/)?(?:[\w.-]+/)*[\w-]+\.md)\b")

@@ -192,11 +192,7 @@ def typed_of(page: Path) -> list[str]:
     return cells_of(text) if page.name == BY_TASK else lines_of(text)
 
 
-PAGES = [
-    page
-    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
-    if page.name != "decisions.md" and typed_of(page)
-]
+PAGES = [page for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))) if typed_of(page)]
 
 
 def test_whatever_is_not_typed_is_on_a_page_and_shown_elsewhere() -> None:

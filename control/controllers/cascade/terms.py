@@ -136,15 +136,15 @@ def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0
 class HeadingCost:
     """Terminal cost of the horizontal chain at any heading.
 
-     With equal weights of x and y, P(psi) = T(psi)' P(0) T(psi), T turning positions into the body frame
-    : one Riccati equation at start-up. Otherwise one per heading, on a grid.
+    With equal weights of x and y, P(psi) = T(psi)' P(0) T(psi), T turning positions into the body frame: one
+    Riccati equation at start-up. Otherwise one per heading, on a grid.
 
-     Parameters
-     ----------
-     parameters
-         The horizontal chain.
-     decay
-         One plus T_s times the damping, shape (2,).
+    Parameters
+    ----------
+    parameters
+        The horizontal chain.
+    decay
+        One plus T_s times the damping, shape (2,).
     """
 
     def __init__(self, parameters: ChainParameters, decay: Array) -> None:
