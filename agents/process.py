@@ -7,8 +7,7 @@ import time
 from collections.abc import Callable
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
-from rcopterx.agents.guards.alarm import AlarmTimeLimit
-from rcopterx.agents.guards.time_limit import NotedTimeLimit, NoTimeLimit, TimeLimit
+from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, NoTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter
 from rcopterx.agents.settings import AgentSettings

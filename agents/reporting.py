@@ -60,7 +60,7 @@ class Reporter:
         self.due_s = now_s + slower * REPORT_PERIOD_S
         links = {name: status.following for name, status in parts.peers.statuses().items()}
         controller, chosen = pilot.controller, parts.tuning.configuration.controller_settings
-        pilot.step_guard.tell(controller, lambda: parts.limit_scaling.tend(controller, chosen, links))
+        pilot.step_guard.try_call(controller, lambda: parts.limit_scaling.tend(controller, chosen, links))
         leaders = [link.leader for link in pilot.guidance.followed]
         plan_age_s = parts.plans.plan_age_s(now_s, leaders)
         diagnostics = parts.diagnostics.collect(

@@ -4,36 +4,15 @@ Arrays of rows have shape (N, r); bounds have it too, or (1, r) where they are t
 bounds of inputs, columns `first` to `last`, are hard.
 """
 
-import math
-
 from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
-    ESTIMATE,
     MATRIX,
     NUMBER,
     Array,
     compiled,
     part,
 )
-
-COLUMNS = 12
-"""Numbers of a stage of a plan."""
-USABLE = 0
-MISSHAPEN = 1
-PLAN_BEYOND_REASON = 2
-INPUTS_BEYOND_LIMITS = 3
-"""What is to be said of the answer of a controller."""
-
-
-@part
-def all_within(values: Array, largest: float) -> bool:
-    """Whether all values are finite and none is larger than this, whatever its sign."""
-    for row in range(values.shape[0]):
-        for column in range(values.shape[1]):
-            if not abs(values[row, column]) <= largest:
-                return False
-    return True
 
 
 @compiled(ANY_MATRIX, ANY_VECTOR, ANY_VECTOR)
@@ -57,85 +36,6 @@ def cut_rows(values: Array, low: Array, high: Array, cut: Array) -> None:
             elif value > high[column]:
                 value = high[column]
             cut[row, column] = value
-
-
-@compiled(*ESTIMATE, ANY_VECTOR, ANY_MATRIX, NUMBER)
-def sound_question(
-    motion: Array,
-    actuator: Array,
-    disturbance: Array,
-    core: Array,
-    servo: Array,
-    wind: Array,
-    trim: Array,
-    cap: Array,
-    samples: Array,
-    largest: float,
-) -> tuple[bool, bool]:
-    """Whether a controller can be asked with an estimate, and with a reference.
-
-    Parameters
-    ----------
-    motion, actuator, disturbance, core, servo, wind, trim
-        The estimate.
-    cap
-        Largest size of the numbers of motion, actuator and disturbance, one after the other.
-    samples, largest
-        The reference, and the largest size of its numbers.
-
-    Returns
-    -------
-    tuple
-        Whether the estimate is finite and within its cap, and whether the reference has stages and is finite.
-    """
-    known, at = True, 0
-    for numbers in (motion, actuator, disturbance):
-        for number in numbers:
-            known &= abs(number) <= cap[at]
-            at += 1
-    for numbers in (core, servo, wind, trim):
-        for number in numbers:
-            known &= math.isfinite(number)
-    return known, len(samples) > 0 and all_within(samples, largest)
-
-
-@compiled(ANY_MATRIX, ANY_MATRIX, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX)
-def flaw_of_answer(
-    samples: Array,
-    inputs: Array,
-    largest: float,
-    low: Array,
-    high: Array,
-    tolerance: float,
-    cut: Array,
-) -> int:
-    """What is to be said of plan and inputs of a controller.
-
-    Parameters
-    ----------
-    samples, largest
-        The plan, and the largest size of its numbers.
-    inputs, low, high, tolerance
-        The inputs, their limits, and by how much they may leave these.
-    cut
-        Set to the inputs cut to their limits, shape (N - 1, 4), where the answer is one to N stages.
-
-    Returns
-    -------
-    int
-        `USABLE`, or the first that holds of `MISSHAPEN`, `PLAN_BEYOND_REASON` and `INPUTS_BEYOND_LIMITS`.
-    """
-    if inputs.shape != cut.shape or samples.shape[0] != cut.shape[0] + 1 or samples.shape[1] != COLUMNS:
-        return MISSHAPEN
-    within = True
-    for row in range(inputs.shape[0]):
-        for column in range(inputs.shape[1]):
-            value = inputs[row, column]
-            within &= low[column] - tolerance <= value <= high[column] + tolerance
-    cut_rows(inputs, low, high, cut)
-    if not all_within(samples, largest):
-        return PLAN_BEYOND_REASON
-    return USABLE if within else INPUTS_BEYOND_LIMITS
 
 
 @compiled(ANY_MATRIX, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER, MATRIX)

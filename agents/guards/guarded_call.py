@@ -1,4 +1,4 @@
-"""Calls of code that may be somebody else's: whatever it does, the caller goes on, and failures are told."""
+"""Calls of controllers and estimators, which may be plug-ins: they may fail, and the caller goes on."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -14,17 +14,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class FailureKinds:
-    """Names under which failures are counted.
-
-    Attributes
-    ----------
-    raised
-        An exception.
-    unusable
-        An answer that is none.
-    late
-        No answer in time.
-    """
+    """Names under which exceptions, unusable results and calls out of time are counted."""
 
     raised: str
     unusable: str
@@ -36,19 +26,17 @@ class GuardedCall:
 
     Parameters
     ----------
-    kinds
-        How failures are counted.
     first_calls, first_calls_factor
         The first calls load code and fill caches; so many of them may take so many times as long.
     limit
-        Time that a call may take; None for none.
+        None for no time limit.
 
     Attributes
     ----------
     failures
-        How often which kind of failure happened.
+        Failures by kind.
     failure
-        What the last failure was; empty before the first one.
+        Description of the last failure; empty before the first one.
     """
 
     def __init__(
@@ -66,42 +54,35 @@ class GuardedCall:
         self._calls = 0
 
     def begin(self) -> None:
-        """Count the first calls anew: somebody else is asked from now on."""
+        """Allow the longer time of first calls again, because another object is called from now on."""
         self._calls = 0
 
     def allowed_s(self, limit_s: float) -> float:
-        """Time that the next call may take where later ones may take `limit_s`."""
+        """Return the time that the next call may take where later ones may take `limit_s`."""
         return limit_s if self._calls >= self._first_calls else limit_s * self._first_calls_factor
 
     def attempt(
-        self, name: str, limit_s: float, question: Callable[[], T], problem: Callable[[T], str | None]
+        self, name: str, limit_s: float, call: Callable[[], T], problem: Callable[[T], str | None]
     ) -> T | None:
-        """Ask for something.
+        """Call something; return its result, or None after a failure, which is counted.
 
         Parameters
         ----------
         name
-            Who is asked, for the text of a failure.
+            Name of the object that is called, for the description of a failure.
         limit_s
             Time that the call may take but for the first ones.
-        question
-            Asks; may raise anything.
+        call
+            May raise anything.
         problem
-            What makes an answer unusable; None for one that can be used. May raise as well.
-
-        Returns
-        -------
-        T or None
-            A usable answer, or None after a failure, which has been counted.
+            Returns the reason why a result is unusable, None for a usable one. May raise as well.
         """
-        limit, allowed_s = self.limit, limit_s
-        if self._calls < self._first_calls:
-            allowed_s = self.allowed_s(limit_s)
+        limit, allowed_s = self.limit, self.allowed_s(limit_s)
         self._calls += 1
         try:
             try:
                 limit.begin(allowed_s)
-                answer = question()
+                result = call()
                 late = limit.end(allowed_s)
             except BaseException as error:
                 # Also where the time ran out just when the call was over.
@@ -109,11 +90,11 @@ class GuardedCall:
                 if not _interrupted(error):
                     raise
                 late = True
-            found = None if late else problem(answer)
+            found = None if late else problem(result)
         except OutOfTimeError:
-            # It rang while a failure was looked at.
+            # The alarm rang while an exception was handled.
             late = limit.end(allowed_s)
-        except Exception as error:  # noqa: BLE001 - it may be somebody else's and raise anything
+        except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             self._note(self._kinds.raised, f"{name}: {type(error).__name__}: {error}")
             return None
         if late:
@@ -121,14 +102,14 @@ class GuardedCall:
         elif found is not None:
             self._note(self._kinds.unusable, f"{name}: {found}")
         else:
-            return answer
+            return result
         return None
 
-    def tell(self, name: str, message: Callable[[], None]) -> bool:
-        """Tell somebody something, without a time limit; False if that raised an exception."""
+    def try_call(self, name: str, action: Callable[[], None]) -> bool:
+        """Call something without a time limit; return False after an exception, which is counted."""
         try:
-            message()
-        except Exception as error:  # noqa: BLE001 - it may be somebody else's and raise anything
+            action()
+        except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             self._note(self._kinds.raised, f"{name}: {type(error).__name__}: {error}")
             return False
         return True
@@ -139,10 +120,10 @@ class GuardedCall:
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether somebody ran out of time.
+    """Return whether an exception comes from `OutOfTimeError`.
 
-    A compiled call that is interrupted while it looks at its arguments returns as if nothing had happened.
-    The interpreter then raises `SystemError` because of what interrupted it, once for each such call.
+    A compiled call that is interrupted while it reads its arguments returns as if nothing had happened. The
+    interpreter then raises `SystemError` because of the interrupting exception, once for each such call.
     """
     while isinstance(error, SystemError):
         error = error.__cause__

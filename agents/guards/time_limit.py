@@ -1,5 +1,8 @@
-"""How long a control step may take: asked by solvers that can stop early, enforced on all others."""
+"""Time limits of calls: solvers that can stop early ask for them, all others are interrupted."""
 
+import math
+import signal
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Final
@@ -8,62 +11,107 @@ SOLVER_SHARE: Final = 0.4
 """Share of the control period after which a solver that can stop early does so."""
 STEP_SHARE: Final = 0.6
 """Share of the control period after which a step of any controller is given up; 12 ms of 20 ms."""
+LONGEST_WAIT_S: Final = 0.1
+"""Wall time of a call; shorter than what a watchdog takes for a hung process."""
+SHORTEST_ALARM_S: Final = 0.001
 
 
 class OutOfTimeError(BaseException):
-    """A step took too long.
+    """A call took too long.
 
     Not an `Exception`, because the code that it interrupts may catch all of those.
     """
 
 
 class TimeLimit(ABC):
-    """Time of the present step; whoever has the clock provides it.
+    """Time limit of the present call, which is what happens between `begin` and `end`.
 
-    A call is what happens between `begin` and `end`. Code that takes longer is ended by `OutOfTimeError`, as
-    far as possible, which may still be raised in `end`: who catches it ends the call again.
+    A call that takes longer is ended by `OutOfTimeError`, as far as possible. It may still be raised in
+    `end`: the caller that catches it calls `end` again.
     """
 
     @abstractmethod
     def begin(self, limit_s: float) -> None:
-        """A call begins that may take so long."""
+        """Begin a call that may take `limit_s`."""
 
     @abstractmethod
     def end(self, limit_s: float) -> bool:
-        """A call is over; whether it has used more time than that."""
+        """End the call; return whether it has used more time than `limit_s`."""
 
     @abstractmethod
     def over(self, limit_s: float) -> bool:
-        """Whether the present call has used more time than that."""
-
-
-Overtime = tuple[int, int]
-"""Number of a call in a step, and the number of the question during it from which on its time was over; 0 for
-the question after the call."""
+        """Return whether the present call has used more time than `limit_s`."""
 
 
 class NoTimeLimit(TimeLimit):
-    """For experiments, which take as long as they need and must not depend on the machine."""
+    """For experiments, whose results must not depend on the speed of the machine."""
 
     def begin(self, limit_s: float) -> None:
         """See `TimeLimit.begin`."""
 
-    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - there is none
+    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - there is no limit
         """See `TimeLimit.end`."""
         return False
 
-    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - there is none
+    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - there is no limit
         """See `TimeLimit.over`."""
         return False
 
 
-class NotedTimeLimit(TimeLimit):
-    """Notes which calls of a step another limit found too long, and when.
+class AlarmTimeLimit(TimeLimit):
+    """Interrupts the main thread, in which it must be made and used, by a signal.
 
-    Parameters
-    ----------
-    limit
-        Has the clock.
+    Python code is interrupted at once, a call of a library when it returns. The limit counts the time that
+    the processor works on the call, so that a busy machine without real-time priorities makes no call late;
+    a call that only waits is interrupted as well, after `LONGEST_WAIT_S` of wall time. A call that was
+    interrupted is over every limit.
+    """
+
+    def __init__(self) -> None:
+        self._limit_s = math.inf
+        self._active = False
+        self._begun_s = self._began_at_s = self._used_s = 0.0
+        signal.signal(signal.SIGALRM, self._ring)
+
+    def begin(self, limit_s: float) -> None:
+        """See `TimeLimit.begin`."""
+        self._limit_s = limit_s
+        self._began_at_s, self._begun_s = time.monotonic(), time.thread_time()
+        self._active = True
+        if limit_s < math.inf:
+            signal.setitimer(signal.ITIMER_REAL, limit_s)
+
+    def end(self, limit_s: float) -> bool:
+        """See `TimeLimit.end`."""
+        if self._active:
+            self._active = False
+            self._used_s = time.thread_time() - self._begun_s
+            if self._limit_s < math.inf:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return self._used_s > limit_s
+
+    def over(self, limit_s: float) -> bool:
+        """See `TimeLimit.over`."""
+        return (time.thread_time() - self._begun_s if self._active else self._used_s) > limit_s
+
+    def _ring(self, *_: object) -> None:
+        if not self._active:
+            return
+        left_s = self._limit_s - (time.thread_time() - self._begun_s)
+        waited_s = time.monotonic() - self._began_at_s
+        if left_s <= 0.0 or waited_s >= LONGEST_WAIT_S:
+            self._active, self._used_s = False, math.inf
+            raise OutOfTimeError
+        signal.setitimer(signal.ITIMER_REAL, max(min(left_s, LONGEST_WAIT_S - waited_s), SHORTEST_ALARM_S))
+
+
+Overtime = tuple[int, int]
+"""Number of a call in a step, and number of the query `over` during it from which on its time was over; 0 if
+that was found at its end."""
+
+
+class NotedTimeLimit(TimeLimit):
+    """Notes which calls of a step another limit found too long, and when, for a replay.
 
     Attributes
     ----------
@@ -74,18 +122,18 @@ class NotedTimeLimit(TimeLimit):
     def __init__(self, limit: TimeLimit) -> None:
         self.overtime: list[Overtime] = []
         self._limit = limit
-        self._calls = self._questions = 0
+        self._calls = self._queries = 0
         self._was_over = False
 
     def begin_step(self) -> None:
-        """Count calls anew."""
+        """Begin a step, with its first call."""
         self.overtime.clear()
         self._calls = 0
 
     def begin(self, limit_s: float) -> None:
         """See `TimeLimit.begin`."""
         self._calls += 1
-        self._questions = 0
+        self._queries = 0
         self._was_over = False
         self._limit.begin(limit_s)
 
@@ -99,38 +147,39 @@ class NotedTimeLimit(TimeLimit):
     def over(self, limit_s: float) -> bool:
         """See `TimeLimit.over`."""
         over = self._limit.over(limit_s)
-        self._questions += 1
+        self._queries += 1
         if over and not self._was_over:
             self._was_over = True
-            self.overtime.append((self._calls, self._questions))
+            self.overtime.append((self._calls, self._queries))
         return over
 
 
 class RepeatedTimeLimit(TimeLimit):
-    """Says of every call what a `NotedTimeLimit` has noted."""
+    """Repeats in a replay what a `NotedTimeLimit` has noted."""
 
     def __init__(self) -> None:
-        self._from: dict[int, int] = {}
-        self._afterwards: frozenset[int] = frozenset()
-        self._calls = self._questions = 0
+        self._first_query: dict[int, int] = {}
+        """Query from which on the time was over, by call."""
+        self._late_at_end: frozenset[int] = frozenset()
+        self._calls = self._queries = 0
 
     def begin_step(self, overtime: Iterable[Overtime]) -> None:
-        """Repeat this in the next step."""
+        """Repeat this overtime in the next step."""
         noted = tuple(overtime)
-        self._from = {call: question for call, question in noted if question}
-        self._afterwards = frozenset(call for call, question in noted if not question)
+        self._first_query = {call: query for call, query in noted if query}
+        self._late_at_end = frozenset(call for call, query in noted if not query)
         self._calls = 0
 
-    def begin(self, limit_s: float) -> None:  # noqa: ARG002 - as long as it needs
+    def begin(self, limit_s: float) -> None:  # noqa: ARG002 - the limit of the recording applies
         """See `TimeLimit.begin`."""
         self._calls += 1
-        self._questions = 0
+        self._queries = 0
 
-    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - it was another computer's
+    def end(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
         """See `TimeLimit.end`."""
-        return self._calls in self._afterwards
+        return self._calls in self._late_at_end
 
-    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - it was another computer's
+    def over(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
         """See `TimeLimit.over`."""
-        self._questions += 1
-        return self._calls in self._from and self._questions >= self._from[self._calls]
+        self._queries += 1
+        return self._calls in self._first_query and self._queries >= self._first_query[self._calls]

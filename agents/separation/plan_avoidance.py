@@ -76,7 +76,7 @@ class PlanAvoidance:
         if avoiding is None:
             return not touching
         if obstacles or self._told:
-            heard = self._step_guard.tell(controller, lambda: avoiding.set_obstacles(obstacles))
+            heard = self._step_guard.try_call(controller, lambda: avoiding.set_obstacles(obstacles))
             self._told = bool(obstacles) or not heard
         self.ticks += touching
         return True

@@ -9,9 +9,8 @@ from collections.abc import Iterator
 import pytest
 from support.failing import compute_for
 
-from rcopterx.agents.guards import alarm
-from rcopterx.agents.guards.alarm import LONGEST_WAIT_S, AlarmTimeLimit
-from rcopterx.agents.guards.time_limit import OutOfTimeError
+from rcopterx.agents.guards import time_limit
+from rcopterx.agents.guards.time_limit import LONGEST_WAIT_S, AlarmTimeLimit, OutOfTimeError
 
 
 @pytest.fixture
@@ -24,7 +23,7 @@ def limit() -> Iterator[AlarmTimeLimit]:
 @pytest.fixture
 def patient_limit(limit: AlarmTimeLimit, monkeypatch: pytest.MonkeyPatch) -> AlarmTimeLimit:
     """Limit of computing alone, however long a busy machine makes the test wait for its turn."""
-    monkeypatch.setattr(alarm, "LONGEST_WAIT_S", 60.0)
+    monkeypatch.setattr(time_limit, "LONGEST_WAIT_S", 60.0)
     return limit
 
 
@@ -56,7 +55,7 @@ def test_code_that_was_interrupted_is_over_every_limit(
     with contextlib.suppress(OutOfTimeError), called(limit, 0.01):
         threading.Event().wait(60.0)
     assert limit.over(1e3)
-    monkeypatch.setattr(alarm, "LONGEST_WAIT_S", 60.0)
+    monkeypatch.setattr(time_limit, "LONGEST_WAIT_S", 60.0)
     with called(limit, 0.01):
         pass
     assert not limit.over(0.01)
