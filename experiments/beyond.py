@@ -1,4 +1,4 @@
-"""Helicopters beyond the family: what the default configuration bears of what nobody drew it for.
+"""Helicopters beyond the family: how far a vehicle may differ for the default configuration to fly it.
 
 Vehicles of the tuning seeds, each time with one thing, or several, further off than any member of the family.
 """
@@ -6,13 +6,13 @@ Vehicles of the tuning seeds, each time with one thing, or several, further off 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import product
 from types import MappingProxyType
 from typing import Any, Final
 
-from rcopterx.experiments.family import Flown, Programme, distribution, fly_member
+from rcopterx.experiments.family import Flown, Programme, TrueVehicle, distribution, fly_member
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.rig import GUARDED, Progress, RigOptions
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
@@ -143,11 +143,11 @@ DEPARTURES: Final = MappingProxyType(
         **{f"no bar: lag of {lag_s:g} s": lagging(lag_s) for lag_s in LAGS_S},
     }
 )
-"""By name. The guard against oscillation watches, as in agents."""
+"""By name. The guard against oscillation is active, as in agents."""
 
 
 def fly_departure(
-    name: str, conditions: Conditions, seed: int, programme: Programme, progress: Progress | None = None
+    name: str, programme: Programme, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Flown:
     """Fly one vehicle of a departure by the default configuration."""
     departure = DEPARTURES[name]
@@ -155,12 +155,11 @@ def fly_departure(
     flown: Particulars | None = departure.oscillator
     if departure.plant_type is None:
         flown = departure.change(helicopter_of("h1", conditions, seed))
-    return fly_member(
-        CASCADE, true, seed, programme, progress, flown, departure.plant_type, departure.options
-    )
+    vehicle = TrueVehicle(flown, departure.plant_type)
+    return fly_member(CASCADE, programme, true, seed, progress, vehicle, departure.options)
 
 
-def run(options: Options, tell: Tell) -> Result:
+def run(options: Options, show: ShowProgress) -> Result:
     """Fly every departure with every seed.
 
     Returns
@@ -169,34 +168,18 @@ def run(options: Options, tell: Tell) -> Result:
         Document: departure -> figure -> median, 95 %, worst, and counts.
     """
     programme = QUICK_PROGRAMME if options.quick else PROGRAMME
-    cases = list(product(DEPARTURES, options.seeds))
-    works = [
-        Work(f"{name}, seed {seed}", partial(fly_departure, name, options.conditions, seed, programme))
-        for name, seed in cases
-    ]
-    flown: dict[str, dict[int, Flown]] = {name: {} for name in DEPARTURES}
-    for (name, seed), figures in zip(cases, run_all(works, options, tell), strict=True):
-        flown[name][seed] = figures
-    document = {name: distribution(vehicles) for name, vehicles in flown.items()}
+    flights = {name: partial(fly_departure, name, programme) for name in DEPARTURES}
+    document = {name: distribution(flown) for name, flown in fly_seeds(flights, options, show).items()}
     return Result(document, partial(draw_beyond, document))
 
 
 def draw_beyond(document: Mapping[str, Mapping[str, Any]], figure: Any) -> None:
-    """Draw the median and worst vehicle of every departure.
-
-    Parameters
-    ----------
-    document
-        As `run` returns it.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw the median and worst vehicle of every departure."""
     figure.set_size_inches(12, 6)
     names = list(document)[::-1]
     for axes, name in zip(figure.subplots(1, len(FIGURES), sharey=True), FIGURES, strict=True):
         for which, mark in (("median", "o"), ("worst", "|")):
             axes.semilogx([document[row][name][which] for row in names], names, mark, label=which)
         axes.set_xlabel(name)
-        axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize="small")
-    figure.tight_layout()
+    finish_figure(figure)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -19,11 +18,11 @@ from rcopterx.experiments import (
     tuning,
     turning,
 )
-from rcopterx.experiments.runner import Options, Result, Tell
+from rcopterx.experiments.runner import Options, Result, ShowProgress
 from rcopterx.simulator.conditions import PRESETS
 
 FIRST_REPORTED_VEHICLE: Final = 100
-"""Helicopters drawn by smaller seeds are for tuning; what is reported is flown by those from here on."""
+"""Helicopters drawn with smaller seeds are for tuning; reported figures use those from here on."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +31,10 @@ class Experiment:
 
     Attributes
     ----------
-    name, title
-        For the command line.
     flights
-        Conditions in which it is flown where none are given, and how many seeds it takes in each; in others
-        as many as in the first.
-    run
-        Runs it.
+        Number of seeds for each preset that is flown by default; other presets take as many as the first.
     first_seed
-        Where none is given; None leaves it to the conditions.
+        Default of the first seed; None chooses it by the conditions.
     compares_knowledge
         Whether it flies at every level of `Options.knowledge`.
     """
@@ -48,12 +42,12 @@ class Experiment:
     name: str
     title: str
     flights: Mapping[str, int]
-    run: Callable[[Options, Tell], Result]
+    run: Callable[[Options, ShowProgress], Result]
     first_seed: int | None = None
     compares_knowledge: bool = False
 
     def seeds(self, preset: str, first: int | None = None) -> tuple[int, ...]:
-        """Seeds in some conditions, from the first one on."""
+        """Consecutive seeds for a preset."""
         if first is None:
             first = self.first_seed
         if first is None:
@@ -63,109 +57,68 @@ class Experiment:
         return tuple(range(first, first + count))
 
 
-EXPERIMENTS: Final = MappingProxyType(
-    {
-        row.name: row
-        for row in (
-            Experiment(
-                "hover",
-                "Fig. 1: hovering errors of [11], the paper and the cascade",
-                {"laboratory": 3, "helicopters": 5},
-                hover.run,
-            ),
-            Experiment(
-                "horizon",
-                "Fig. 2: computing time and tracking error against the horizon",
-                {"laboratory": 3},
-                horizon.run,
-            ),
-            Experiment(
-                "formation",
-                "Fig. 3: formation errors of every scheme over five minutes",
-                {"laboratory": 5, "helicopters": 2},
-                formation.run,
-            ),
-            Experiment(
-                "preview",
-                "A figure-eight with and without preview and feed-forward",
-                {"laboratory": 3, "helicopters": 3},
-                preview.run,
-            ),
-            Experiment(
-                "chain", "Errors along chains, trees and with several leaders", {"laboratory": 3}, chain.run
-            ),
-            Experiment(
-                "turning",
-                "Yaw steps of a leader whose followers turn with it",
-                {"laboratory": 3},
-                turning.run,
-            ),
-            Experiment(
-                "swapping",
-                "Ten vehicles swap places without collision",
-                {"laboratory": 5, "helicopters": 2},
-                swapping.run,
-            ),
-            Experiment(
-                "family",
-                "Fifty drawn helicopters hover, step, turn and fly an eight",
-                {"helicopters": 50},
-                family.run,
-                compares_knowledge=True,
-            ),
-            Experiment(
-                "fleets",
-                "Formations of ten fleets of drawn helicopters",
-                {"helicopters": 10},
-                fleets.run,
-                compares_knowledge=True,
-            ),
-            Experiment(
-                "beyond",
-                "Helicopters further off than any of the family",
-                {"helicopters": 3},
-                beyond.run,
-                first_seed=0,
-            ),
-            Experiment(
-                "tuning",
-                "Candidates from which the simple schemes got their settings for helicopters",
-                {"helicopters": 4},
-                tuning.run,
-                first_seed=0,
-            ),
-        )
-    }
+_ROWS: Final = (
+    Experiment(
+        "hover",
+        "Fig. 1: hovering errors of [11], the paper and the cascade",
+        {"laboratory": 3, "helicopters": 5},
+        hover.run,
+    ),
+    Experiment(
+        "horizon",
+        "Fig. 2: computing time and tracking error against the horizon",
+        {"laboratory": 3},
+        horizon.run,
+    ),
+    Experiment(
+        "formation",
+        "Fig. 3: formation errors of every scheme over five minutes",
+        {"laboratory": 5, "helicopters": 2},
+        formation.run,
+    ),
+    Experiment(
+        "preview",
+        "A figure-eight with and without preview and feed-forward",
+        {"laboratory": 3, "helicopters": 3},
+        preview.run,
+    ),
+    Experiment("chain", "Errors along chains, trees and with several leaders", {"laboratory": 3}, chain.run),
+    Experiment(
+        "turning", "Yaw steps of a leader whose followers turn with it", {"laboratory": 3}, turning.run
+    ),
+    Experiment(
+        "swapping",
+        "Ten vehicles swap places without collision",
+        {"laboratory": 5, "helicopters": 2},
+        swapping.run,
+    ),
+    Experiment(
+        "family",
+        "Fifty drawn helicopters hover, step, turn and fly an eight",
+        {"helicopters": 50},
+        family.run,
+        compares_knowledge=True,
+    ),
+    Experiment(
+        "fleets",
+        "Formations of ten fleets of drawn helicopters",
+        {"helicopters": 10},
+        fleets.run,
+        compares_knowledge=True,
+    ),
+    Experiment(
+        "beyond",
+        "Helicopters further off than any of the family",
+        {"helicopters": 3},
+        beyond.run,
+        first_seed=0,
+    ),
+    Experiment(
+        "tuning",
+        "Candidates from which the simple schemes got their settings for helicopters",
+        {"helicopters": 4},
+        tuning.run,
+        first_seed=0,
+    ),
 )
-"""Every experiment by name."""
-
-
-def save_figure(result: Result, path: Path) -> None:
-    """Draw a result into a file.
-
-    Parameters
-    ----------
-    result
-        What an experiment returned.
-    path
-        File; its ending chooses the format (png, svg, pdf).
-
-    Raises
-    ------
-    ImportError
-        matplotlib is not installed.
-    ValueError
-        An ending that matplotlib does not know.
-    OSError
-        The file cannot be written.
-    """
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    # Fixed identifiers keep a figure under version control the same as long as its data are.
-    mpl.rcParams["svg.hashsalt"] = "rcopterx"
-    figure = Figure()
-    FigureCanvasAgg(figure)
-    result.draw(figure)
-    figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
+EXPERIMENTS: Final = MappingProxyType({row.name: row for row in _ROWS})

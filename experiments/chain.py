@@ -1,7 +1,7 @@
 """Chains, trees and formations with several leaders: how errors grow with the generations below the head.
 
 The head flies set points in laboratory conditions; the error of each follower is its distance from where its
-own leaders truly are plus the offset, so that what a chain adds up is told apart.
+own leaders truly are plus the offset, so that errors that add up along a chain show.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,17 +13,16 @@ import numpy as np
 from rcopterx.agents.formation.topology import ancestors, places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, GoTo
-from rcopterx.experiments.record import rms
-from rcopterx.experiments.rig import Progress, Rig, RigVehicle
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.figures import finish_figure
+from rcopterx.experiments.record import rms_and_max_mm
+from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
 from rcopterx.experiments.schemes import CASCADE, HORIZON
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
 
 SLOT_S: Final = 5.0
-SETTLED_S: Final = 5.0
-"""Errors count from here on: estimators start at rest without knowing trim and turbulence."""
 QUICK_HORIZON: Final = 20
 HEAD: Final = "h1"
 START: Final = (0.8, 0.0, 1.0, 0.5)
@@ -75,18 +74,12 @@ def vehicles(
 
 def fly_shape(
     links: FormationGraph,
+    quick: bool,
     conditions: Conditions,
     seed: int,
-    quick: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Array]:
-    """Fly a formation.
-
-    Returns
-    -------
-    dict
-        Errors of every follower in every settled control period [m].
-    """
+    """Fly a formation; returns the errors of every follower in every settled control period [m]."""
     steps = STEPS_M[: 2 if quick else None]
     x, y, z, yaw = START
     events: Sequence[Event] = [
@@ -98,7 +91,7 @@ def fly_shape(
     return {name: record[name].formation_error_m(SETTLED_S) for name, own in links.items() if own}
 
 
-def run(options: Options, tell: Tell) -> Result:
+def run(options: Options, show: ShowProgress) -> Result:
     """Fly every formation on every seed.
 
     Returns
@@ -107,29 +100,19 @@ def run(options: Options, tell: Tell) -> Result:
         Document: formation -> vehicle -> generation, root mean square and largest error.
     """
     formations = shapes()
-    cases = [(name, seed) for name in formations for seed in options.seeds]
-    works = [
-        Work(
-            f"{name}, seed {seed}",
-            partial(fly_shape, formations[name], options.conditions, seed, options.quick),
-        )
-        for name, seed in cases
-    ]
-    flights = run_all(works, options, tell)
-    document = {
-        name: figures(links, [errors for (own, _), errors in zip(cases, flights, strict=True) if own == name])
-        for name, links in formations.items()
-    }
+    flown = fly_seeds(
+        {name: partial(fly_shape, links, options.quick) for name, links in formations.items()}, options, show
+    )
+    document = {name: figures(formations[name], list(flights.values())) for name, flights in flown.items()}
     return Result(document, partial(draw_chain, document))
 
 
 def figures(links: FormationGraph, flights: Sequence[Mapping[str, Array]]) -> dict[str, dict[str, float]]:
-    """Table of a formation: by vehicle its generation, and the errors of all flights together."""
+    """Generation of each follower, and the errors of all flights together."""
     return {
         name: {
             "generation": generation(links, name),
-            "rms_mm": round(1000 * rms(np.concatenate([errors[name] for errors in flights])), 2),
-            "max_mm": round(1000 * max(float(errors[name].max()) for errors in flights), 2),
+            **rms_and_max_mm(np.concatenate([errors[name] for errors in flights])),
         }
         for name, own in links.items()
         if own
@@ -143,15 +126,7 @@ def generation(links: FormationGraph, name: str) -> int:
 
 
 def draw_chain(document: Mapping[str, Mapping[str, Mapping[str, float]]], figure: Any) -> None:
-    """Draw errors against the generation.
-
-    Parameters
-    ----------
-    document
-        As `run` returns it.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw errors against the generation."""
     figure.set_size_inches(8, 4.5)
     axes = figure.subplots()
     for name, table in document.items():
@@ -163,7 +138,5 @@ def draw_chain(document: Mapping[str, Mapping[str, Mapping[str, float]]], figure
     axes.set_ylabel("distance from the place beside the own leaders [mm]")
     axes.set_ylim(bottom=0.0)
     axes.set_xticks(sorted({int(row["generation"]) for table in document.values() for row in table.values()}))
-    axes.grid(alpha=0.3)
     axes.legend(fontsize="small", ncols=2)
-    figure.suptitle("Errors along a chain, a tree and with several leaders, laboratory conditions")
-    figure.tight_layout()
+    finish_figure(figure, "Errors along a chain, a tree and with several leaders, laboratory conditions")

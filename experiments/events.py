@@ -1,8 +1,8 @@
-"""What happens during a flight in the rig: set points, offsets, leaders, controllers."""
+"""Events of a flight in the rig: set points, offsets, leaders, controllers."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -18,77 +18,57 @@ from rcopterx.vehicles.tuples import Three
 
 @dataclass(frozen=True)
 class Scene:
-    """What a vehicle knows of the others when something happens to it.
+    """What a vehicle knows of the others at an event.
 
     Attributes
     ----------
     plans
-        Newest plans of the leaders that are needed for it.
+        Newest plans of `Event.leaders`.
     turn
-        How fast it may turn for those it carries round, None for no limit.
+        Limits of its turns that followers on arms impose, None for no limit.
     """
 
     plans: Mapping[str, LeaderPlan]
     turn: TurnLimits | None = None
 
 
-class Event(Protocol):
-    """Something that happens to one vehicle at one time [s]."""
-
-    @property
-    def time_s(self) -> float:
-        """When."""
-        ...
-
-    @property
-    def vehicle(self) -> str:
-        """To whom."""
-        ...
-
-    @property
-    def leaders(self) -> tuple[str, ...]:
-        """Vehicles whose plans are needed for it."""
-        ...
-
-    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
-        """Make it happen; a refusal is returned as its reason."""
-        ...
-
-
 @dataclass(frozen=True)
-class GoTo:
-    """New set point of a vehicle that follows nobody."""
+class Event(ABC):
+    """An event of one vehicle at one time [s]."""
 
     time_s: float
     vehicle: str
-    position_m: Three
-    yaw_rad: float = 0.0
 
     @property
     def leaders(self) -> tuple[str, ...]:
-        """See `Event.leaders`."""
+        """Vehicles whose plans the event needs."""
         return ()
 
+    @abstractmethod
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:
-        """See `Event.apply`."""
+        """Apply the event to the pilot; returns the reason of a refusal."""
+
+
+@dataclass(frozen=True)
+class GoTo(Event):
+    """New set point of a vehicle that does not follow."""
+
+    position_m: Three
+    yaw_rad: float = 0.0
+
+    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
+        """Set the set point."""
         return pilot.guidance.go_to(np.array(self.position_m), self.yaw_rad, pilot.clock.time_s, scene.turn)
 
 
 @dataclass(frozen=True)
-class Fly:
-    """A path of a vehicle that follows nobody."""
+class Fly(Event):
+    """A path of a vehicle that does not follow."""
 
-    time_s: float
-    vehicle: str
     path: FlightPath
 
-    @property
-    def leaders(self) -> tuple[str, ...]:
-        """See `Event.leaders`."""
-        return ()
-
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
-        """See `Event.apply`."""
+        """Begin the path."""
         problem = pilot.guidance.flight_problem()
         if problem is None:
             pilot.guidance.fly(self.path, pilot.clock.time_s)
@@ -96,66 +76,49 @@ class Fly:
 
 
 @dataclass(frozen=True)
-class Follow:
-    """New leaders, or new offsets to the same ones; offsets move there smoothly.
+class Follow(Event):
+    """New leaders, or new offsets to the same ones, which are reached smoothly.
 
-    `transition_s` None leaves the duration to the guidance.
+    The guidance chooses the duration if `transition_s` is None.
     """
 
-    time_s: float
-    vehicle: str
     following: tuple[LeaderLink, ...]
     transition_s: float | None = None
 
     @property
     def leaders(self) -> tuple[str, ...]:
-        """See `Event.leaders`."""
-        return tuple(following.leader for following in self.following)
+        """The leaders to follow."""
+        return tuple(link.leader for link in self.following)
 
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:
-        """See `Event.apply`."""
+        """Follow them."""
         missing = [leader for leader in self.leaders if leader not in scene.plans]
         if missing:
             return f"no plan from {', '.join(missing)}"
-        links = [followed_leader(following) for following in self.following]
+        links = [followed_leader(link) for link in self.following]
         pilot.guidance.follow(links, scene.plans, pilot.estimate, pilot.clock.time_s, self.transition_s)
         return None
 
 
 @dataclass(frozen=True)
-class Lead:
-    """Follow nobody and hold the present place."""
-
-    time_s: float
-    vehicle: str
-
-    @property
-    def leaders(self) -> tuple[str, ...]:
-        """See `Event.leaders`."""
-        return ()
+class Lead(Event):
+    """Stop following and hold the present place."""
 
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
-        """See `Event.apply`."""
+        """Hold the place."""
         pilot.guidance.lead(pilot.estimate)
         return None
 
 
 @dataclass(frozen=True)
-class Switch:
-    """Another controller takes over in flight."""
+class Switch(Event):
+    """Another controller replaces the present one in flight."""
 
-    time_s: float
-    vehicle: str
     controller: str
     settings: Mapping[str, object] = field(default_factory=dict)
 
-    @property
-    def leaders(self) -> tuple[str, ...]:
-        """See `Event.leaders`."""
-        return ()
-
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
-        """See `Event.apply`."""
+        """Replace it."""
         controller = CONTROLLERS.build(self.controller, pilot.model, pilot.controller.period_s, self.settings)
         controller.reset(pilot.estimate, pilot.input_history.newest)
         pilot.controller = controller

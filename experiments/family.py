@@ -1,7 +1,7 @@
 """Helicopters drawn from the family, each flown through hover, steps, yaw steps and a figure-eight.
 
-What a laboratory may expect of a vehicle that nobody tuned for: a distribution over many vehicles, at several
-levels of knowledge of the vehicle, with the tilt measured and without.
+What a laboratory may expect of an untuned vehicle: a distribution over many vehicles, at several levels of
+knowledge of the vehicle, with the tilt measured and without.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from rcopterx.experiments.family_figure import draw_family
 from rcopterx.experiments.knowledge import Knowledge
 from rcopterx.experiments.record import VehicleRecord, rms
 from rcopterx.experiments.rig import GUARDED, Progress, Rig, RigOptions
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Particulars
@@ -31,16 +31,16 @@ HOME_M: Final[Three] = (0.0, 0.0, 1.0)
 LOST_M: Final = 0.5
 """Further from home at the end of the flight, a vehicle is lost."""
 LIMIT_CYCLE_STICK: Final = 0.4
-"""Standard deviation of a stick from which its motion is a limit cycle: a sine from stop to stop has 0.7, the
-gentlest one that was ever reported 0.72."""
+"""Standard deviation of a stick from which its motion counts as a limit cycle; a sine from stop to stop has
+0.7."""
 LIMIT_CYCLE_MRAD: Final = 100.0
-"""Root mean square error of the heading in hover from which it is one; turbulence alone leaves 25 to 50."""
+"""Root mean square error of the heading in hover from which it counts as one; turbulence causes 25 to 50."""
 QUICK_VEHICLES: Final = 2
 
 
 @dataclass(frozen=True)
 class Programme:
-    """What is flown, one thing after the other.
+    """Times of the parts of a flight.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ EIGHT: Final = partial(figure_eight, HOME_M, (0.5, 0.25))
 
 @dataclass(frozen=True)
 class Level:
-    """How a vehicle is flown: what its pilot knows of it, and whether the Tracker measures its tilt."""
+    """What the pilot knows of its vehicle, and whether the Tracker measures the tilt."""
 
     knowledge: Knowledge
     tilt: bool
@@ -84,7 +84,7 @@ class Level:
 
     @property
     def measured(self) -> str:
-        """What the Tracker measures."""
+        """The Tracker's part of the title."""
         return "tilt measured" if self.tilt else "positions only"
 
     @property
@@ -127,7 +127,7 @@ class Flown:
     lost, touched_floor
         Whether it left the volume or did not come home; whether it met the floor.
     fallbacks
-        Control steps that were answered by a fallback.
+        Number of control steps with a fallback.
     """
 
     hover_mm: float
@@ -150,41 +150,27 @@ class Flown:
 
 
 DISTRIBUTED: Final = tuple(field.name for field in fields(Flown) if field.type in (float, "float"))
-"""Figures that are told as a distribution."""
+"""Figures that are reported as a distribution."""
+
+
+@dataclass(frozen=True)
+class TrueVehicle:
+    """What flies in place of what the conditions give, see `RigVehicle`."""
+
+    particulars: Particulars | None = None
+    plant_type: Model | None = None
 
 
 def fly_member(
     scheme: Scheme,
+    programme: Programme,
     conditions: Conditions,
     seed: int,
-    programme: Programme,
     progress: Progress | None = None,
-    particulars: Particulars | None = None,
-    plant_type: Model | None = None,
+    true: TrueVehicle | None = None,
     options: RigOptions = GUARDED,
 ) -> Flown:
-    """Fly one vehicle through the whole programme.
-
-    Parameters
-    ----------
-    scheme
-        How it is controlled, and what is known of it.
-    conditions, seed
-        Which vehicle, and the weather.
-    programme
-        How long everything takes.
-    progress
-        Told the fraction flown.
-    particulars, plant_type
-        What truly flies, in place of what the conditions give (`RigVehicle`).
-    options
-        How the loop is closed.
-
-    Returns
-    -------
-    Flown
-        Its figures.
-    """
+    """Fly one vehicle through the whole programme."""
     slots = STEPS + YAW_STEPS
     starts = [programme.hover_s + index * programme.slot_s for index in range(len(slots) + 1)]
     path = EIGHT(programme.eight_s)
@@ -192,8 +178,10 @@ def fly_member(
         GoTo(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
     ]
     events.append(Fly(starts[-1], "h1", path))
-    told = scheme.vehicle("h1", Pose(HOME_M), conditions, seed)
-    vehicle = replace(told, particulars=particulars, plant_type=plant_type or told.plant_type)
+    vehicle = scheme.vehicle("h1", Pose(HOME_M), conditions, seed)
+    if true is not None:
+        plant_type = true.plant_type or vehicle.plant_type
+        vehicle = replace(vehicle, particulars=true.particulars, plant_type=plant_type)
     rig = Rig([vehicle], conditions, seed, options)
     record = rig.fly(starts[-1] + path.duration_s, events, progress)["h1"]
     eight = record.time_s >= starts[-1]
@@ -210,7 +198,7 @@ def _figures(
     hover = between(programme.settled_s, programme.hover_s)
     rests = [between(end_s - programme.rest_s, end_s) for end_s in starts[1:]]
     yaw_steps = between(starts[len(STEPS)], starts[-1])
-    errors = record.motion[:, : YAW + 1] - record.reference
+    errors = record.reference_error()
     hover_rms = np.sqrt(np.mean(np.square(errors[hover]), axis=0))
     sticks = record.inputs[:, : INPUT_SIZE - 2]
     distance_m = np.linalg.norm(errors[:, :3], axis=1)
@@ -232,7 +220,7 @@ def _figures(
     )
 
 
-def run(options: Options, tell: Tell) -> Result:
+def run(options: Options, show: ShowProgress) -> Result:
     """Fly every vehicle at every level.
 
     Returns
@@ -240,34 +228,28 @@ def run(options: Options, tell: Tell) -> Result:
     Result
         Document: knowledge -> what is measured -> figure -> median, 95 %, worst, and counts.
     """
-    seeds = options.seeds[:QUICK_VEHICLES] if options.quick else options.seeds
     programme = QUICK_PROGRAMME if options.quick else PROGRAMME
-    levels = levels_of(options.knowledge)
-    cases = list(product(levels, seeds))
-    works = [
-        Work(
-            f"{level.title}, seed {seed}",
-            partial(fly_member, level.scheme, options.conditions, seed, programme),
-        )
-        for level, seed in cases
-    ]
-    flown: dict[Level, dict[int, Flown]] = {level: {} for level in levels}
-    for (level, seed), figures in zip(cases, run_all(works, options, tell), strict=True):
-        flown[level][seed] = figures
+    if options.quick:
+        options = replace(options, seeds=options.seeds[:QUICK_VEHICLES])
+    levels = {level.title: level for level in levels_of(options.knowledge)}
+    flown = fly_seeds(
+        {title: partial(fly_member, level.scheme, programme) for title, level in levels.items()},
+        options,
+        show,
+    )
     document: dict[str, dict[str, Any]] = {}
-    for level, vehicles in flown.items():
+    drawn: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for title, level in levels.items():
+        vehicles = flown[title]
         document.setdefault(level.knowledge, {})[level.measured] = distribution(vehicles)
-    hovers: dict[tuple[str, str], dict[str, list[float]]] = {
-        (level.knowledge, level.measured): {
+        drawn[level.knowledge, level.measured] = {
             figure: [getattr(one, figure) for one in vehicles.values()] for figure in ("hover_mm", "eight_mm")
         }
-        for level, vehicles in flown.items()
-    }
-    return Result(document, partial(draw_family, hovers, options.preset))
+    return Result(document, partial(draw_family, drawn, options.preset))
 
 
 def distribution(vehicles: Mapping[int, Flown]) -> dict[str, Any]:
-    """Median, 95 % and worst of every figure over vehicles by seed; how many went wrong, and which."""
+    """Median, 95 % and worst of every figure over vehicles by seed; seeds of those that failed."""
     rows = {seed: asdict(flown) for seed, flown in vehicles.items()}
     table: dict[str, Any] = {}
     for name in DISTRIBUTED:

@@ -1,4 +1,4 @@
-"""Figure of the family experiment: how large a part of the vehicles flies how well."""
+"""Figure of the family experiment: distributions over the vehicles."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -6,8 +6,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from rcopterx.experiments.figures import finish_figure
+
 LevelName = tuple[str, str]
-"""What the pilot knows of its vehicle, and what the Tracker measures."""
+"""Knowledge of the pilot, and what the Tracker measures."""
 
 TARGETS_MM: Final[Mapping[LevelName, tuple[float, float]]] = MappingProxyType(
     {
@@ -19,7 +21,7 @@ TARGETS_MM: Final[Mapping[LevelName, tuple[float, float]]] = MappingProxyType(
         ("exact", "positions only"): (11.0, 20.0),
     }
 )
-"""What hover is to be: median and worst vehicle."""
+"""Targets of hover: median and worst vehicle."""
 PANELS: Final = MappingProxyType(
     {
         "hover_mm": "hover: rms error of the worse horizontal axis [mm]",
@@ -31,14 +33,7 @@ PANELS: Final = MappingProxyType(
 def draw_family(figures: Mapping[LevelName, Mapping[str, Sequence[float]]], preset: str, figure: Any) -> None:
     """Draw cumulative distributions over the vehicles, and the targets of hover.
 
-    Parameters
-    ----------
-    figures
-        By level and name of a figure: one value per vehicle.
-    preset
-        Name of the conditions.
-    figure
-        Empty `matplotlib.figure.Figure`.
+    `figures` has one value per vehicle, by level and name.
     """
     figure.set_size_inches(11, 4.5)
     for axes, (name, label) in zip(figure.subplots(1, len(PANELS), sharey=True), PANELS.items(), strict=True):
@@ -54,8 +49,6 @@ def draw_family(figures: Mapping[LevelName, Mapping[str, Sequence[float]]], pres
                 )
         axes.set_xlabel(label)
         axes.set_xlim(left=0.0)
-        axes.grid(alpha=0.3)
     figure.axes[0].set_ylabel("part of the vehicles")
     figure.axes[0].legend(fontsize="small", loc="lower right", title="circles: targets of median and worst")
-    figure.suptitle(f"Vehicles drawn from the family, conditions `{preset}`")
-    figure.tight_layout()
+    finish_figure(figure, f"Vehicles drawn from the family, conditions `{preset}`")

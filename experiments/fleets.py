@@ -1,36 +1,35 @@
 """Formations of three helicopters drawn from the family: five minutes of set points, distances and yaw steps.
 
-What `formation` flies, by the default configuration, fleet by fleet: every seed draws three other vehicles.
+The sequence of `formation`, flown with the default configuration; every seed draws three other vehicles.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.experiments.formation import FOLLOWERS, SETTLED_S, SLOT_S, events, formation, sequence
+from rcopterx.experiments.formation import FOLLOWERS, SLOT_S, events, formation, sequence
 from rcopterx.experiments.knowledge import Knowledge
-from rcopterx.experiments.record import rms, total_fallbacks
-from rcopterx.experiments.rig import GUARDED, Progress, Rig
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.record import rms
+from rcopterx.experiments.rig import GUARDED, SETTLED_S, Progress, Rig
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 
 TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
     {"default": (45.0, 220.0), "identified": (22.0, 100.0), "exact": (16.0, 70.0)}
 )
-"""What the worst fleet's root mean square and largest error are to be."""
+"""Targets of the worst fleet's root mean square and largest error."""
 LOST_M: Final = 0.5
 """Further from its place at the end of the flight, a follower is lost."""
 
 
 @dataclass(frozen=True)
 class Flown:
-    """Figures of one fleet: errors of both followers, lost vehicles, touched floors, fallbacks."""
+    """Figures of one fleet, errors those of both followers."""
 
     rms_mm: float
     max_mm: float
@@ -40,7 +39,7 @@ class Flown:
 
 
 def fly_fleet(
-    knowledge: Knowledge, conditions: Conditions, seed: int, quick: bool, progress: Progress | None = None
+    knowledge: Knowledge, quick: bool, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Flown:
     """Fly the whole sequence with one fleet."""
     slots = sequence(quick)
@@ -53,11 +52,11 @@ def fly_fleet(
         max_mm=1e3 * float(errors_m.max()),
         lost=any(vehicle.left_volume for vehicle in record.vehicles.values()) or not max(ends_m) < LOST_M,
         touched_floor=any(vehicle.touchdowns > 0 for vehicle in record.vehicles.values()),
-        fallbacks=sum(total_fallbacks(record).values()),
+        fallbacks=sum(record.fallbacks().values()),
     )
 
 
-def run(options: Options, tell: Tell) -> Result:
+def run(options: Options, show: ShowProgress) -> Result:
     """Fly every fleet at every level of knowledge.
 
     Returns
@@ -65,15 +64,10 @@ def run(options: Options, tell: Tell) -> Result:
     Result
         Document: knowledge -> figures over the fleets, and `per_fleet`.
     """
-    cases = list(product(options.knowledge, options.seeds))
-    works = [
-        Work(f"{level}, seed {seed}", partial(fly_fleet, level, options.conditions, seed, options.quick))
-        for level, seed in cases
-    ]
-    fleets: dict[str, dict[int, Flown]] = {level: {} for level in options.knowledge}
-    for (level, seed), flown in zip(cases, run_all(works, options, tell), strict=True):
-        fleets[level][seed] = flown
-    document = {level: figures(flown) for level, flown in fleets.items()}
+    flights: dict[str, partial[Flown]] = {
+        level: partial(fly_fleet, level, options.quick) for level in options.knowledge
+    }
+    document = {level: figures(flown) for level, flown in fly_seeds(flights, options, show).items()}
     return Result(document, partial(draw_fleets, document, options.preset))
 
 
@@ -96,17 +90,7 @@ def figures(fleets: Mapping[int, Flown]) -> dict[str, Any]:
 
 
 def draw_fleets(document: Mapping[str, Any], preset: str, figure: Any) -> None:
-    """Draw every fleet's errors, and the targets.
-
-    Parameters
-    ----------
-    document
-        As `run` returns it.
-    preset
-        Name of the conditions.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw every fleet's errors, and the targets."""
     figure.set_size_inches(9, 4)
     panels = (("rms_mm", "root mean square [mm]"), ("max_mm", "largest error [mm]"))
     for panel, (axes, (name, label)) in enumerate(zip(figure.subplots(1, 2), panels, strict=True)):

@@ -5,6 +5,7 @@ by every scheme, on the same seeds.
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -16,11 +17,11 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.experiments.events import Event, Follow, GoTo
 from rcopterx.experiments.formation_figure import draw_formation
-from rcopterx.experiments.record import FlightRecord, rms, total_fallbacks
-from rcopterx.experiments.rig import Progress, Rig, RigOptions, RigVehicle
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.record import FlightRecord, rms_and_max_mm
+from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigOptions, RigVehicle
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_presets
 from rcopterx.experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
-from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
@@ -29,8 +30,6 @@ from rcopterx.vehicles.types import COAXIAL_LAG
 LEADER: Final = "h1"
 FOLLOWERS: Final = ("h2", "h3")
 SLOT_S: Final = 6.0
-SETTLED_S: Final = 5.0
-"""Errors count from here on: estimators start at rest without knowing trim and turbulence."""
 QUICK_SLOTS: Final = 7
 
 HALF: Final = math.pi
@@ -72,18 +71,13 @@ SLOTS: Final[tuple[Slot, ...]] = (
 """One round. The second one is its mirror image: y and headings change sign, h2 and h3 change roles."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """One flight: a scheme by name, conditions by name, a seed."""
-
-    scheme: str
-    condition: str
-    seed: int
+SHOWN: Final = (PAPER.name, CASCADE.name)
+"""Schemes whose first flight is drawn."""
 
 
 @dataclass(frozen=True)
 class Flown:
-    """Figures of one flight: errors [m] while settled, largest excess over the bounds, fallbacks."""
+    """One flight: errors [m] while settled, largest excess over the bounds, fallbacks, perhaps the record."""
 
     errors_m: Array
     gap_errors_m: Array
@@ -139,32 +133,13 @@ def formation(scheme: Scheme, conditions: Conditions, seed: int, horizon: int = 
 
 def fly_formation(
     scheme: Scheme,
+    slots: Sequence[Slot],
+    recorded_seed: int | None,
     conditions: Conditions,
     seed: int,
-    slots: Sequence[Slot],
-    keep: bool,
     progress: Progress | None = None,
 ) -> Flown:
-    """Fly the sequence once.
-
-    Parameters
-    ----------
-    scheme
-        Controller of all three vehicles.
-    conditions, seed
-        The laboratory.
-    slots
-        What changes.
-    keep
-        Whether to return the whole record.
-    progress
-        Told the fraction flown.
-
-    Returns
-    -------
-    Flown
-        Errors of both followers.
-    """
+    """Fly the sequence once; the flight of `recorded_seed` is returned with its record."""
     vehicles = formation(scheme, conditions, seed)
     rig = Rig(vehicles, conditions, seed, RigOptions(previous_frame=scheme.previous_frame))
     record = rig.fly((len(slots) + 2) * SLOT_S, events(slots), progress)
@@ -172,8 +147,8 @@ def fly_formation(
         record.formation_error_m(SETTLED_S),
         record.gap_error_m(*FOLLOWERS, SETTLED_S),
         bound_excess(record),
-        dict(total_fallbacks(record)),
-        record if keep else None,
+        dict(record.fallbacks()),
+        record if seed == recorded_seed else None,
     )
 
 
@@ -194,8 +169,8 @@ def flown_schemes(conditions: Conditions) -> dict[str, Scheme]:
     return {name: scheme for name, scheme in compared(conditions).items() if scheme.controller in available}
 
 
-def run(options: Options, tell: Tell) -> Result:
-    """Fly every scheme on every seed, and beside first-order plants once in ideal conditions.
+def run(options: Options, show: ShowProgress) -> Result:
+    """Fly every scheme on every seed, and first-order plants once in ideal conditions.
 
     Returns
     -------
@@ -204,69 +179,53 @@ def run(options: Options, tell: Tell) -> Result:
     """
     slots = sequence(options.quick)
     schemes = flown_schemes(options.conditions)
-    cases = [
-        Case(scheme, condition, seed)
-        for scheme in schemes
-        for condition, seeds in options.beside_ideal.items()
-        for seed in seeds
-    ]
-    shown = [Case(scheme.name, options.preset, options.seeds[0]) for scheme in (PAPER, CASCADE)]
-    works = [
-        Work(
-            f"{case.scheme}, {case.condition}, seed {case.seed}" + (", recorded" if case in shown else ""),
-            partial(
-                fly_formation,
-                schemes[case.scheme],
-                PRESETS[case.condition],
-                case.seed,
-                slots,
-                case in shown,
-            ),
-        )
-        for case in cases
-    ]
-    flights = dict(zip(cases, run_all(works, options, tell), strict=True))
+    first = options.seeds[0]
+    # The name says which flight is recorded, so that a kept flight without its record is not taken for it.
+    names = {name: f"{name}, seed {first} recorded" if name in SHOWN else name for name in schemes}
+    flights = {
+        names[name]: partial(fly_formation, scheme, slots, first if name in SHOWN else None)
+        for name, scheme in schemes.items()
+    }
+    flown = {
+        preset: {name: by_name[names[name]] for name in schemes}
+        for preset, by_name in fly_presets(flights, options.beside_ideal, options, show).items()
+    }
     records = {
-        schemes[case.scheme].title: record for case in shown if (record := flights[case].record) is not None
+        schemes[name].title: record
+        for name in SHOWN
+        if name in schemes and (record := flown[options.preset][name][first].record) is not None
     }
-    return Result(document(flights), partial(draw_formation, records))
+    return Result(document(flown), partial(draw_formation, records))
 
 
-def document(flights: Mapping[Case, Flown]) -> dict[str, Any]:
-    """Figures of all flights: condition -> scheme -> figures; except for ideal conditions by seed as well."""
-    groups: dict[str, dict[str, dict[str, Flown]]] = {}
-    for case, flight in flights.items():
-        schemes = groups.setdefault(case.condition, {})
-        schemes.setdefault(case.scheme, {})[str(case.seed)] = flight
-    table = {
-        condition: {scheme: figures(list(flown.values())) for scheme, flown in schemes.items()}
-        for condition, schemes in groups.items()
-    }
-    for condition in groups.keys() - {"ideal"}:
-        for scheme, flown in groups[condition].items():
-            per_seed = {seed: figures([flight]) for seed, flight in flown.items()}
-            table[condition][scheme]["per_seed"] = per_seed
+def document(flown: Mapping[str, Mapping[str, Mapping[int, Flown]]]) -> dict[str, Any]:
+    """Figures of flights by condition, scheme and seed; each seed by itself except in ideal conditions."""
+    table: dict[str, dict[str, dict[str, Any]]] = {}
+    for preset, schemes in flown.items():
+        table[preset] = {name: figures(list(flights.values())) for name, flights in schemes.items()}
+        if preset != "ideal":
+            for name, flights in schemes.items():
+                table[preset][name]["per_seed"] = {
+                    str(seed): figures([flight]) for seed, flight in flights.items()
+                }
     return table
 
 
 def figures(flights: Sequence[Flown]) -> dict[str, Any]:
     """Figures of flights together, lengths in millimetres."""
     errors = np.concatenate([flight.errors_m for flight in flights])
-    gaps = np.concatenate([flight.gap_errors_m for flight in flights])
     excess = np.max([flight.excess for flight in flights], axis=0)
-    fallbacks: dict[str, int] = {}
+    between = rms_and_max_mm(np.concatenate([flight.gap_errors_m for flight in flights]), digits=3)
+    fallbacks: Counter[str] = Counter()
     for flight in flights:
-        for kind, count in flight.fallbacks.items():
-            fallbacks[kind] = fallbacks.get(kind, 0) + count
+        fallbacks.update(flight.fallbacks)
     return {
-        "rms_mm": round(1000 * rms(errors), 3),
-        "max_mm": round(1000 * float(errors.max()), 3),
-        "between_followers_rms_mm": round(1000 * rms(gaps), 3),
-        "between_followers_max_mm": round(1000 * float(gaps.max()), 3),
+        **rms_and_max_mm(errors, digits=3),
+        **{f"between_followers_{name}": value for name, value in between.items()},
         "bound_excess": {
             "position_m": round(float(excess[:3].max()), 4),
             "velocity_m_s": round(float(excess[3:6].max()), 4),
             "yaw_rate_rad_s": round(float(excess[6]), 4),
         },
-        "fallbacks": fallbacks,
+        "fallbacks": dict(fallbacks),
     }

@@ -15,15 +15,7 @@ YAW_MAGNIFICATION: Final = 100.0
 
 
 def draw_formation(records: Mapping[str, FlightRecord], figure: Any) -> None:
-    """Draw flights side by side: the leader, the distances to it, and the distance between the followers.
-
-    Parameters
-    ----------
-    records
-        Flights by title.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw flights by title side by side: the leader, the distances to it, and between the followers."""
     figure.set_size_inches(7.5 * len(records), 12)
     axes = figure.subplots(4, len(records), sharex=True, sharey="row", squeeze=False)
     for column, (title, record) in enumerate(records.items()):

@@ -9,9 +9,10 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.experiments.events import GoTo
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.record import VehicleRecord
 from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
 from rcopterx.experiments.schemes import CASCADE, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -24,7 +25,7 @@ QUICK_HOVER_S: Final = 4.0
 SET_POINT_S: Final = 4.0
 SETTLED_S: Final = 4.0
 WARM_S: Final = 0.2
-"""Times count from here on: the very first steps of a process load code."""
+"""Times count from here on: the first steps of a process load code."""
 SET_POINTS: Final = (
     ((0.3, 0.0, 1.4), 0.0),
     ((0.3, 0.3, 1.4), 0.0),
@@ -49,18 +50,12 @@ class Flown:
 def fly_horizon(
     scheme: Scheme,
     horizon: int,
+    hover_s: float,
     conditions: Conditions,
     seed: int,
-    hover_s: float,
     progress: Progress | None = None,
 ) -> Flown:
-    """Hover for the computing times, then fly the paper's set points for the errors.
-
-    Returns
-    -------
-    Flown
-        Of this scheme and horizon.
-    """
+    """Hover for the computing times, then fly the paper's set points for the errors."""
     vehicle = scheme.vehicle("h1", Pose((0.0, 0.0, 1.4)), conditions, seed, horizon)
     hover = Rig([vehicle], conditions, seed).fly(hover_s, progress=progress)["h1"]
     changes = [
@@ -73,13 +68,13 @@ def fly_horizon(
 
 def weighted_squares_mm2(flown: VehicleRecord) -> Array:
     """Squared distance to the set point plus weighted squared yaw error, from the first set point on."""
-    error = (flown.motion[:, : YAW + 1] - flown.reference)[flown.time_s >= SETTLED_S]
+    error = flown.reference_error(SETTLED_S)
     position = 1e6 * np.square(error[:, :YAW]).sum(axis=1)
     return np.asarray(position + YAW_WEIGHT_MM2_PER_RAD2 * np.square(error[:, YAW]))
 
 
-def run(options: Options, tell: Tell) -> Result:
-    """Fly every horizon with the paper's scheme and the cascade, in one process for the sake of the times.
+def run(options: Options, show: ShowProgress) -> Result:
+    """Fly every horizon with the paper's scheme and the cascade, in one process to measure their times.
 
     Returns
     -------
@@ -88,25 +83,15 @@ def run(options: Options, tell: Tell) -> Result:
     """
     horizons = QUICK_HORIZONS if options.quick else HORIZONS
     hover_s = QUICK_HOVER_S if options.quick else HOVER_S
-    cases = [(scheme, horizon, seed) for horizon in horizons for seed in options.seeds for scheme in SCHEMES]
-    works = [
-        Work(
-            f"{scheme.name}, N = {horizon}, seed {seed}",
-            partial(fly_horizon, scheme, horizon, options.conditions, seed, hover_s),
-        )
-        for scheme, horizon, seed in cases
-    ]
-    flights = run_all(works, replace(options, processes=1), tell)
-    table: dict[str, dict[str, dict[str, float]]] = {}
-    for horizon in horizons:
-        table[str(horizon)] = {}
-        for scheme in SCHEMES:
-            own = [
-                flight
-                for (other, length, _), flight in zip(cases, flights, strict=True)
-                if other is scheme and length == horizon
-            ]
-            table[str(horizon)][scheme.name] = figures(own)
+    cases = {f"{scheme.name}, N = {horizon}": (scheme, horizon) for horizon in horizons for scheme in SCHEMES}
+    flown = fly_seeds(
+        {name: partial(fly_horizon, *case, hover_s) for name, case in cases.items()},
+        replace(options, processes=1),
+        show,
+    )
+    table: dict[str, dict[str, dict[str, float]]] = {str(horizon): {} for horizon in horizons}
+    for name, (scheme, horizon) in cases.items():
+        table[str(horizon)][scheme.name] = figures(list(flown[name].values()))
     return Result({"horizons": table}, partial(draw_horizon, table))
 
 
@@ -123,15 +108,7 @@ def figures(flights: Sequence[Flown]) -> dict[str, float]:
 
 
 def draw_horizon(table: Mapping[str, Mapping[str, Mapping[str, float]]], figure: Any) -> None:
-    """Draw computing times on the left and tracking errors on the right, as in the paper's Fig. 2.
-
-    Parameters
-    ----------
-    table
-        N -> scheme -> figures.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw computing times on the left and tracking errors on the right, as in the paper's Fig. 2."""
     figure.set_size_inches(11, 4.5)
     left, right = figure.subplots(1, 2)
     lengths = [int(length) for length in table]
@@ -154,6 +131,5 @@ def draw_horizon(table: Mapping[str, Mapping[str, Mapping[str, float]]], figure:
     right.set_ylim(bottom=0)
     for axes in (left, right):
         axes.set_xlabel("horizon N")
-        axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
-    figure.tight_layout()
+    finish_figure(figure)

@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.experiments.knowledge import flies_helicopters
-from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.rig import SETTLED_S, Progress, Rig
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
 from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, HORIZON, KUNZ, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -19,8 +19,6 @@ FLIGHT_S: Final = 120.0
 HELICOPTER_FLIGHT_S: Final = 20.0
 """Drawn vehicles differ more than minutes do: many short flights say more than few long ones."""
 QUICK_FLIGHT_S: Final = 15.0
-SETTLED_S: Final = 5.0
-"""Errors count from here on: estimators start at rest without knowing trim and turbulence."""
 PAPER_HORIZON: Final = 18
 SET_POINT_M: Final = (0.0, 0.0, 1.0)
 AXES: Final = ("x", "y", "z")
@@ -44,7 +42,7 @@ SETTINGS: Final[tuple[Setting, ...]] = (
 HELICOPTER_SETTINGS: Final = tuple(
     Setting(scheme, HORIZON) for scheme in (*HELICOPTER_SCHEMES.values(), *ABLATIONS.values())
 )
-"""On helicopters: every scheme, and what the parts of the cascade are worth."""
+"""On helicopters: every scheme, and the cascade without each of its parts."""
 
 
 def settings_in(conditions: Conditions) -> tuple[Setting, ...]:
@@ -53,22 +51,15 @@ def settings_in(conditions: Conditions) -> tuple[Setting, ...]:
 
 
 def fly_hover(
-    setting: Setting, conditions: Conditions, seed: int, flight_s: float, progress: Progress | None = None
+    setting: Setting, flight_s: float, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Array:
-    """Hover.
-
-    Returns
-    -------
-    Array
-        True errors x, y, z [m], yaw [rad] in every settled control period, shape (K, 4).
-    """
+    """Hover; returns true errors x, y, z [m], yaw [rad] in every settled control period, shape (K, 4)."""
     vehicle = setting.scheme.vehicle("h1", Pose(SET_POINT_M), conditions, seed, setting.horizon)
     rig = Rig([vehicle], conditions, seed)
-    flown = rig.fly(flight_s, progress=progress)["h1"]
-    return np.asarray((flown.motion[:, : YAW + 1] - flown.reference)[flown.time_s >= SETTLED_S])
+    return rig.fly(flight_s, progress=progress)["h1"].reference_error(SETTLED_S)
 
 
-def run(options: Options, tell: Tell) -> Result:
+def run(options: Options, show: ShowProgress) -> Result:
     """Fly every setting on every seed.
 
     Returns
@@ -80,19 +71,13 @@ def run(options: Options, tell: Tell) -> Result:
     drawn = flies_helicopters(options.conditions)
     flight_s = QUICK_FLIGHT_S if options.quick else HELICOPTER_FLIGHT_S if drawn else FLIGHT_S
     settings = settings_in(options.conditions)
-    cases = [(setting, seed) for setting in settings for seed in options.seeds]
-    works = [
-        Work(
-            f"{setting.scheme.name}, seed {seed}",
-            partial(fly_hover, setting, options.conditions, seed, flight_s),
-        )
-        for setting, seed in cases
-    ]
-    flights = run_all(works, options, tell)
+    flown = fly_seeds(
+        {setting.scheme.name: partial(fly_hover, setting, flight_s) for setting in settings}, options, show
+    )
     document = {}
-    for setting in settings:
-        own = [errors for (other, _), errors in zip(cases, flights, strict=True) if other is setting]
-        document[setting.scheme.name] = figures(own) | ({"vehicles": over_vehicles(own)} if drawn else {})
+    for name, flights in flown.items():
+        errors = list(flights.values())
+        document[name] = figures(errors) | ({"vehicles": over_vehicles(errors)} if drawn else {})
     titles = {setting.scheme.name: setting.scheme.title for setting in settings}
     return Result(document, partial(draw_hover, document, titles, options.preset))
 
@@ -135,19 +120,7 @@ def draw_hover(
     preset: str,
     figure: Any,
 ) -> None:
-    """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale.
-
-    Parameters
-    ----------
-    document
-        As `run` returns it.
-    titles
-        Of the settings.
-    preset
-        Name of the conditions.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale."""
     figure.set_size_inches(9, 4.5)
     left, right = figure.subplots(1, 2, width_ratios=(3, 1))
     width = 0.8 / len(document)

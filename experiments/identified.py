@@ -1,4 +1,4 @@
-"""Models that helicopters of the rig got by an identification in flight, as `rcopterx identify` flies it."""
+"""Identification of simulated helicopters in the rig, with the excitation of `rcopterx identify`."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -25,23 +25,11 @@ POSITIONS_ONLY: Final[Mapping[str, object]] = {"measured_tilt": False}
 
 
 class NotIdentifiedError(ValueError):
-    """The excitation ended early; says why."""
+    """The excitation ended early; the message says why."""
 
 
 def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> FlightRecording:
-    """Hover a vehicle of which only the type is known, and excite its sticks.
-
-    Parameters
-    ----------
-    conditions, name, seed
-        Which vehicle.
-    measured_tilt
-        Whether the Tracker gives roll and pitch.
-
-    Returns
-    -------
-    FlightRecording
-        The excited part.
+    """Hover a vehicle of which only the type is known, and excite its sticks; returns the excited part.
 
     Raises
     ------
@@ -70,18 +58,7 @@ def identification(conditions: Conditions, name: str, seed: int, measured_tilt: 
 
 @lru_cache(maxsize=256)
 def identified_model(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Model:
-    """Model that an identification found; that of the type where it was refused.
-
-    Parameters
-    ----------
-    conditions, name, seed, measured_tilt
-        See `excited_flight`.
-
-    Returns
-    -------
-    Model
-        What a laboratory flies after `rcopterx identify`, whose refusals write nothing.
-    """
+    """Model that an identification found; that of the type where it was refused."""
     try:
         found = identification(conditions, name, seed, measured_tilt)
     except NotIdentifiedError:

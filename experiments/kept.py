@@ -1,7 +1,7 @@
-"""Flights of an experiment that are kept in a file, so that an interrupted experiment goes on.
+"""A file of finished flights, with which an interrupted experiment continues.
 
-One line of JSON per flight. A flight comes out the same only while the code and what is asked for do,
-so a line also says which code, conditions and length it was flown with; lines of others are left alone.
+One line of JSON per flight, with the digest of the code, the conditions and the length it was flown with;
+lines of others are left alone.
 """
 
 import base64
@@ -15,30 +15,30 @@ from typing import Any, Final, get_origin, get_type_hints
 import msgspec
 import numpy as np
 
-from rcopterx import agents, bus, experiments, simulator, vehicles
+from rcopterx import agents, bus, control, experiments, simulator, vehicles
 
-FLOWN_BY: Final = (agents, bus, experiments, simulator, vehicles)
-"""Packages whose code decides how a flight comes out."""
+FLOWN_BY: Final = (agents, bus, control, experiments, simulator, vehicles)
+"""Packages whose code determines the result of a flight."""
 
 
 class KeptFlightsError(ValueError):
-    """The file cannot be used; says why."""
+    """The file cannot be used; the message says why."""
 
 
 class KeptFlights:
-    """Results of flights by label, in a file that grows with every one of them.
+    """Results of flights by label, in a file that each new flight is appended to.
 
     Parameters
     ----------
     path
-        The file; made if there is none.
+        Created if missing.
     context
         What besides label and code a flight depends on, as JSON.
 
     Raises
     ------
     KeptFlightsError
-        A line that is no kept flight, or a file that cannot be read or written.
+        A line that is not a kept flight, or a file that cannot be read or written.
     """
 
     def __init__(self, path: Path, context: Mapping[str, object]) -> None:
@@ -51,7 +51,7 @@ class KeptFlights:
             raise KeptFlightsError(f"{path}: {error.strerror}") from error
 
     def __len__(self) -> int:
-        """Number of flights that need not be flown again."""
+        """Number of kept flights."""
         return len(self._found)
 
     def __contains__(self, label: str) -> bool:
@@ -59,19 +59,12 @@ class KeptFlights:
         return label in self._found
 
     def result(self, label: str, flight: partial[Any]) -> Any:
-        """Result of a kept flight.
-
-        Parameters
-        ----------
-        label
-            Of the flight.
-        flight
-            The function that would fly it; the type that it returns is that of the result.
+        """Result of a kept flight, of the type that the function `flight` returns.
 
         Raises
         ------
         KeptFlightsError
-            What is kept is not of this type.
+            The kept result is not of this type.
         """
         kind = get_type_hints(flight.func)["return"]
         try:
@@ -99,13 +92,13 @@ class KeptFlights:
             if row == self._context:
                 self._found[label] = result
         if whole != text or not there:
-            # What is cut off is the last line of an experiment that was killed while it wrote it.
+            # An experiment that was killed while it wrote leaves half a line.
             self._path.write_text(whole, encoding="utf-8")
 
 
 @lru_cache(maxsize=1)
 def code_digest() -> str:
-    """Digest of the source files that decide how a flight comes out."""
+    """Digest of the source files of `FLOWN_BY`."""
     digest = hashlib.sha256()
     for package in FLOWN_BY:
         for file in sorted(Path(package.__path__[0]).rglob("*.py")):

@@ -1,7 +1,7 @@
-"""What a pilot is told of its vehicle: the type only, the true parameters, or something that is wrong.
+"""Models that pilots get of their vehicles: of the type only, the true parameters, or wrong ones.
 
-In conditions with first-order plants there is one answer, the nominal parameters of the plants. Helicopters
-are flown at several levels of knowledge, so that experiments can tell what each of them is worth.
+In conditions with first-order plants there is one model, their nominal parameters. Helicopters are flown at
+several levels of knowledge, so that experiments can compare them.
 """
 
 from dataclasses import replace
@@ -17,9 +17,9 @@ from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 Knowledge = Literal["default", "identified", "exact", "lag", "late"]
-"""`default`: nothing but the type. `identified`: a model fitted to a flight of the vehicle; the type where
-the fit was refused. `exact`: the true parameters. `lag`: the type, but first-order lags in place of the tilt.
-`late`: the type, and a transport delay one period shorter than it is."""
+"""`default`: the type. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.
+`exact`: the true parameters. `lag`: the type with first-order lags in place of the tilt. `late`: the type
+with a transport delay that is one period too short."""
 
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 """Levels of knowledge that a laboratory may have of its vehicles; the others are for comparisons."""
@@ -39,26 +39,17 @@ def plant_type(conditions: Conditions) -> Model:
 def known_model(
     knowledge: Knowledge, conditions: Conditions, name: str, seed: int, measured_tilt: bool = True
 ) -> Model:
-    """Model that a pilot is given.
+    """Model of a coaxial vehicle that a pilot gets.
 
     Parameters
     ----------
-    knowledge
-        How much it is told.
-    conditions, name, seed
-        Which vehicle it flies.
     measured_tilt
-        Whether an identification had roll and pitch.
-
-    Returns
-    -------
-    Model
-        Of a coaxial vehicle.
+        Whether an identification used roll and pitch.
 
     Raises
     ------
     ValueError
-        Knowledge of a helicopter where none flies.
+        Knowledge of a helicopter in conditions with first-order plants.
     """
     if not flies_helicopters(conditions):
         if knowledge != "default":
@@ -80,19 +71,9 @@ def known_model(
 def exact_model(parameters: HelicopterParameters) -> Model:
     """The model that a perfect identification of a simulated helicopter would find.
 
-    Where the structure of the model is simpler than the vehicle it gets the mean: the servos and inertias of
-    pitch and roll, the lags of the two rotors in proportion to their thrust, and for yaw to their torque.
-    Trim, markers and battery are not in it; they are estimated in flight.
-
-    Parameters
-    ----------
-    parameters
-        The vehicle.
-
-    Returns
-    -------
-    Model
-        With the uncertainty of an identified one.
+    Where the model is simpler than the vehicle it gets means: of servos and inertias of pitch and roll, of
+    the lags of the two rotors, weighted by their thrust, and for yaw by their torque. Trim, markers and
+    battery are not in it; they are estimated in flight.
     """
     speed_upper, speed_lower = parameters.hover_speeds_rad_s
     phase_upper, phase_lower = parameters.hover_phases_rad

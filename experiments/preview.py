@@ -1,4 +1,4 @@
-"""What preview and feed-forward are worth: a figure-eight, flown with and without them.
+"""The benefit of preview and feed-forward: a figure-eight, flown with and without them.
 
 One vehicle flies the same path in the same laboratory: with the path over the whole horizon and the inputs
 that fly it, without these inputs, and with the path's present point as set point, a new one in every period.
@@ -13,10 +13,11 @@ import numpy as np
 
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import flies_helicopters
-from rcopterx.experiments.record import rms
+from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_presets
 from rcopterx.experiments.schemes import (
     CASCADE,
     NO_FEED_FORWARD,
@@ -26,7 +27,7 @@ from rcopterx.experiments.schemes import (
     TUNED_PID,
     Scheme,
 )
-from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
 
@@ -83,7 +84,7 @@ class Flown:
 
 
 def fly_path(
-    setting: Setting, conditions: Conditions, seed: int, turns: float, progress: Progress | None = None
+    setting: Setting, turns: float, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Flown:
     """Fly the path once."""
     path = PATH(turns=turns)
@@ -104,39 +105,24 @@ def fly_path(
     return Flown(wanted[:, :3], motion[:, :3], motion[:, 3] - wanted[:, 3])
 
 
-def run(options: Options, tell: Tell) -> Result:
-    """Fly every setting on every seed, and beside first-order plants once in ideal conditions.
+def run(options: Options, show: ShowProgress) -> Result:
+    """Fly every setting on every seed, and first-order plants once in ideal conditions.
 
     Returns
     -------
     Result
         Document: condition -> setting -> figures.
     """
-    turns = QUICK_TURNS if options.quick else TURNS
     settings = settings_in(options.conditions)
-    cases = [
-        (condition, setting, seed)
-        for condition, seeds in options.beside_ideal.items()
-        for setting in settings
-        for seed in seeds
-    ]
-    works = [
-        Work(
-            f"{setting.name}, {condition}, seed {seed}",
-            partial(fly_path, setting, PRESETS[condition], seed, turns),
-        )
-        for condition, setting, seed in cases
-    ]
-    flights = run_all(works, options, tell)
-    groups: dict[str, dict[str, list[Flown]]] = {condition: {} for condition in options.beside_ideal}
-    for (condition, setting, _), flight in zip(cases, flights, strict=True):
-        groups[condition].setdefault(setting.name, []).append(flight)
+    turns = QUICK_TURNS if options.quick else TURNS
+    flights = {setting.name: partial(fly_path, setting, turns) for setting in settings}
+    flown = fly_presets(flights, options.beside_ideal, options, show)
     document = {
-        condition: {name: figures(flown) for name, flown in group.items()}
-        for condition, group in groups.items()
+        preset: {name: figures(list(by_seed.values())) for name, by_seed in group.items()}
+        for preset, group in flown.items()
     }
-    first, group = next(iter(groups.items()))
-    shown = {setting.title: group[setting.name][0] for setting in settings}
+    first, group = next(iter(flown.items()))
+    shown = {setting.title: next(iter(group[setting.name].values())) for setting in settings}
     return Result(document, partial(draw_preview, shown, first))
 
 
@@ -147,24 +133,13 @@ def figures(flights: Sequence[Flown]) -> dict[str, float]:
     )
     yaw = np.concatenate([flight.yaw_error_rad for flight in flights])
     return {
-        "rms_mm": round(1000 * rms(errors_m), 2),
-        "max_mm": round(1000 * float(errors_m.max()), 2),
+        **rms_and_max_mm(errors_m),
         "yaw_rms_rad": round(rms(yaw), 4),
     }
 
 
 def draw_preview(flights: Mapping[str, Flown], preset: str, figure: Any) -> None:
-    """Draw the path from above and the distance from it over time.
-
-    Parameters
-    ----------
-    flights
-        By title.
-    preset
-        Name of the conditions.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw the path of flights by title from above, and the distance from it over time."""
     figure.set_size_inches(11, 4.5)
     above, over_time = figure.subplots(1, 2)
     for title, flight in flights.items():
@@ -181,7 +156,4 @@ def draw_preview(flights: Mapping[str, Flown], preset: str, figure: Any) -> None
     above.set_ylim(-0.6, 0.6)
     over_time.set_xlabel("time [s]")
     over_time.set_ylabel("distance from the path's present point [mm]")
-    for axes in (above, over_time):
-        axes.grid(alpha=0.3)
-    figure.suptitle(f"A figure-eight with the heading along the path, conditions `{preset}`")
-    figure.tight_layout()
+    finish_figure(figure, f"A figure-eight with the heading along the path, conditions `{preset}`")

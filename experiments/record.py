@@ -9,7 +9,7 @@ import numpy as np
 
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.simulator.plant import Plant
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import YAW, Array
 
 _UNKNOWN: Final = np.full(4, np.nan)
 
@@ -32,16 +32,16 @@ class VehicleRecord:
         First stage of the reference: x, y, z [m], yaw [rad], shape (K, 4). It belongs to the time at which
         the command begins to act.
     station
-        True position [m] and yaw [rad] of the leaders plus the present offset, shape (K, 4); not a
-        number where nobody is followed.
+        True position [m] and yaw [rad] of the leaders plus the present offset, shape (K, 4); NaN where the
+        vehicle does not follow.
     inputs
         Commands, shape (K, 4).
     step_s
-        Processor time of each control step, shape (K,); what other processes take is left out.
+        Processor time of each control step, shape (K,).
     fallbacks
         How often each fallback was taken.
     left_volume, touchdowns
-        Whether the vehicle ever left the flight volume; how often it met the floor.
+        Whether the vehicle ever left the flight volume; how often it touched the floor.
     """
 
     time_s: Array
@@ -61,9 +61,9 @@ class VehicleRecord:
         rows = (self.time_s >= from_s) & np.isfinite(self.station[:, 0])
         return np.asarray(np.linalg.norm(self.motion[rows, :3] - self.station[rows, :3], axis=1))
 
-    def yaw_error_rad(self) -> Array:
-        """True yaw less the reference's, shape (K,)."""
-        return np.asarray(self.motion[:, 3] - self.reference[:, 3])
+    def reference_error(self, from_s: float = 0.0) -> Array:
+        """True x, y, z [m] and yaw [rad] less the reference's from a time on, shape (K, 4)."""
+        return np.asarray((self.motion[:, : YAW + 1] - self.reference)[self.time_s >= from_s])
 
 
 class Recorder:
@@ -121,12 +121,19 @@ class FlightRecord:
         return np.concatenate([vehicle.formation_error_m(from_s) for vehicle in self.vehicles.values()])
 
     def gap_error_m(self, first: str, second: str, from_s: float = 0.0) -> Array:
-        """Norm of the error of the distance between two followers, which no controller is asked to hold."""
+        """Norm of the error of the distance between two followers, which no controller regulates."""
         one, two = self.vehicles[first], self.vehicles[second]
         rows = one.time_s >= from_s
         gap = (two.motion - one.motion)[rows, :3]
         wanted = (two.station - one.station)[rows, :3]
         return np.asarray(np.linalg.norm(gap - wanted, axis=1))
+
+    def fallbacks(self) -> Counter[str]:
+        """Fallbacks of all vehicles together."""
+        total: Counter[str] = Counter()
+        for vehicle in self.vehicles.values():
+            total.update(vehicle.fallbacks)
+        return total
 
 
 def rms(values: Array) -> float:
@@ -134,9 +141,9 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def total_fallbacks(record: FlightRecord) -> Counter[str]:
-    """Fallbacks of all vehicles together."""
-    total: Counter[str] = Counter()
-    for vehicle in record.vehicles.values():
-        total.update(vehicle.fallbacks)
-    return total
+def rms_and_max_mm(errors_m: Array, digits: int = 2) -> dict[str, float]:
+    """Root mean square and largest error, rounded [mm]."""
+    return {
+        "rms_mm": round(1000 * rms(errors_m), digits),
+        "max_mm": round(1000 * float(errors_m.max()), digits),
+    }

@@ -37,18 +37,20 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
 Progress = Callable[[float], None]
-"""Called now and then with the fraction of the flight that is flown."""
+"""Called every few seconds with the fraction of the flight that is flown."""
 
 NO_BUS: Final = BusAddress((), "rig")
 ROOM_M: Final = 100.0
 PROGRESS_EVERY_S: Final = 5.0
-SHARES_EVERY_FRAMES: Final = 10
-"""As often as agents hear each other's statuses."""
+SETTLED_S: Final = 5.0
+"""Errors of experiments count from here on: estimators start at rest without knowing trim and turbulence."""
+SCALES_EVERY_FRAMES: Final = 10
+"""As often as agents receive each other's statuses."""
 
 
 @dataclass(frozen=True)
 class RigVehicle:
-    """One vehicle: what its agent would be told at start, and where it hovers at time 0.
+    """One vehicle: the settings of its agent, and where it hovers at time 0.
 
     `plant_type` is the type that truly flies, and with it the true transport delay; None for `model`.
     `particulars` are the true parameters of a helicopter, or another tilt; None for what the conditions give.
@@ -79,12 +81,12 @@ class RigOptions:
     previous_frame
         Followers get their leaders' plans of the previous control period instead of the present one.
     clearance
-        What vehicles keep clear of each other; None for experiments about the formation law alone, in which
-        references may cross.
+        Separation of the vehicles; None for experiments about the formation law alone, in which references
+        may cross.
     guard
-        Vehicles that oscillate lower their bandwidth, as agents do. A change takes over in the next period.
+        Vehicles that oscillate lower their bandwidth, as in agents. A change is used from the next period on.
     watch
-        Vehicles that do not do what they are told land by themselves, as agents do.
+        Vehicles that do not follow their commands land by themselves, as in agents.
     """
 
     frame_period_s: float = 0.02
@@ -96,26 +98,14 @@ class RigOptions:
 
 SAME_FRAME: Final = RigOptions()
 GUARDED: Final = RigOptions(guard=True)
-"""As agents fly."""
 
 
 class RigError(ValueError):
-    """The rig cannot fly what it was given; says what and why."""
+    """The rig cannot fly these vehicles or events; the message says why."""
 
 
 class Rig:
-    """Vehicles that fly together.
-
-    Parameters
-    ----------
-    vehicles
-        In any order; within a frame leaders are computed before their followers.
-    conditions
-        How real the laboratory is.
-    seed
-        Seed of the laboratory.
-    options
-        How the loop is closed.
+    """Vehicles that fly together; within a frame leaders are computed before their followers.
 
     Raises
     ------
@@ -145,7 +135,7 @@ class Rig:
         )
         self._frame = 0
         self._plans: dict[str, tuple[int, ControlOutput]] = {}
-        self._shares: dict[str, dict[str, float]] = {}
+        self._scales: dict[str, dict[str, float]] = {}
         self._logs: dict[str, FlightLog] = {}
         self._seen: dict[str, StampedMeasurement] = {}
         self._frames_per_tick = {
@@ -158,10 +148,10 @@ class Rig:
             name: self._settings(vehicle, limit_scale_of(links, models, name))
             for name, vehicle in self._vehicles.items()
         }
-        self.pilots = {name: build_pilot(told) for name, told in settings.items()}
+        self.pilots = {name: build_pilot(own) for name, own in settings.items()}
         self.tunings = {
-            name: Tuning(told.configuration, self.pilots[name], told.period_s, told.limit_scale)
-            for name, told in settings.items()
+            name: Tuning(own.configuration, self.pilots[name], own.period_s, own.limit_scale)
+            for name, own in settings.items()
         }
         self.guards = {
             name: OscillationGuard(pilot, self.tunings[name]) for name, pilot in self.pilots.items()
@@ -169,7 +159,7 @@ class Rig:
         for name, pilot in self.pilots.items():
             pilot.self_check.active = options.watch
             pilot.observe(self._measured(name))
-            # Like an agent that starts while its vehicle is in the air: the arbiter's word puts it in flight.
+            # As for an agent that starts while its vehicle is in the air.
             pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)
 
     @property
@@ -178,28 +168,14 @@ class Rig:
         return self._laboratory
 
     def log(self, name: str) -> FlightLog:
-        """Log the poses and sticks of a vehicle from now on, as an identification needs them."""
+        """Log poses and sticks of a vehicle from now on, for an identification."""
         self._logs[name] = FlightLog(self._vehicles[name].model.kind, self._vehicles[name].period_s)
         return self._logs[name]
 
     def fly(
         self, duration_s: float, events: Sequence[Event] = (), progress: Progress | None = None
     ) -> FlightRecord:
-        """Fly on for a while.
-
-        Parameters
-        ----------
-        duration_s
-            How long.
-        events
-            What happens on the way; times count from the rig's own time 0.
-        progress
-            Told the fraction flown.
-
-        Returns
-        -------
-        FlightRecord
-            Every control period of every vehicle.
+        """Fly on for a while; times of events count from the rig's own time 0.
 
         Raises
         ------
@@ -214,8 +190,8 @@ class Rig:
             now_s = self._frame * period_s
             while waiting and waiting[0].time_s <= now_s + 1e-9:
                 self._apply(waiting.popleft())
-            if self._frame % SHARES_EVERY_FRAMES == 0:
-                self._share_the_room()
+            if self._frame % SCALES_EVERY_FRAMES == 0:
+                self._update_scales()
             self._control(now_s, recorders)
             self._laboratory.advance(period_s)
             self._frame += 1
@@ -232,7 +208,7 @@ class Rig:
             }
         )
 
-    def _settings(self, vehicle: RigVehicle, share: LimitScale) -> AgentSettings:
+    def _settings(self, vehicle: RigVehicle, limit_scale: LimitScale) -> AgentSettings:
         return AgentSettings(
             bus=NO_BUS,
             vehicle=vehicle.name,
@@ -247,7 +223,7 @@ class Rig:
             controller_settings=vehicle.controller_settings,
             estimator_settings=vehicle.estimator_settings,
             following=vehicle.following,
-            limit_scale=share,
+            limit_scale=limit_scale,
             separation=self._options.clearance,
         )
 
@@ -293,7 +269,7 @@ class Rig:
                 self.tunings[name].finish()
             self._laboratory.set_input(name, flight.input)
             self._add_to_log(name, flight)
-            # The transmitter gateway's report of what it applied comes back before the next pose.
+            # The transmitter gateway reports the applied input before the next pose.
             pilot.note_applied("armed", pilot.sequence, flight.input)
             self._plans[name] = (self._frame, flight)
             recorders[name].add(
@@ -312,21 +288,21 @@ class Rig:
         return [link.leader for link in pilot.guidance.followed]
 
     def _links(self) -> dict[str, tuple[LeaderLink, ...]]:
-        """Who follows whom now, offsets at rest."""
+        """Present links of each vehicle, with offsets at rest."""
         return {
             name: tuple(target_link(link) for link in pilot.guidance.followed)
             for name, pilot in self.pilots.items()
         }
 
-    def _share_the_room(self) -> None:
-        """Who keeps how clear of whom, as agents work it out from each other's statuses."""
+    def _update_scales(self) -> None:
+        """Scale the separation of each pair, as agents do from each other's statuses."""
         clearance = self._options.clearance
         if clearance is None:
             return
         links = self._links()
         heads = {name: np.append(*pilot.guidance.set_point()) for name, pilot in self.pilots.items()}
         where, order = places(links, heads), list(self.pilots)
-        self._shares = {
+        self._scales = {
             name: {
                 other: ellipsoid_scale(clearance, links, where, name, other)
                 for other in order
@@ -336,14 +312,14 @@ class Rig:
         }
 
     def _neighbours(self, name: str, known: Mapping[str, tuple[int, ControlOutput]]) -> dict[str, Neighbour]:
-        shares = self._shares.get(name, {})
-        plans = self._leader_plans(name, known, [other for other, share in shares.items() if share > 0.0])
-        return {other: Neighbour(plan, shares[other]) for other, plan in plans.items()}
+        scales = self._scales.get(name, {})
+        plans = self._leader_plans(name, known, [other for other, scale in scales.items() if scale > 0.0])
+        return {other: Neighbour(plan, scales[other]) for other, plan in plans.items()}
 
     def _leader_plans(
         self, name: str, known: Mapping[str, tuple[int, ControlOutput]], leaders: Sequence[str]
     ) -> dict[str, LeaderPlan]:
-        """Plans on a follower's clock, as `leader_plans` of the agents aligns those of the bus."""
+        """Plans aligned to a follower's clock, as in agents."""
         clock = self.pilots[name].clock
         plans = {}
         for leader in leaders:
@@ -355,7 +331,7 @@ class Rig:
         return plans
 
     def _station(self, pilot: Pilot) -> Array | None:
-        """Where a follower would be at exactly its present offsets from where its leaders truly are."""
+        """True position and yaw of the leaders plus the present offsets."""
         links = pilot.guidance.followed
         if not (links and pilot.guidance.follows):
             return None
@@ -372,17 +348,7 @@ class Rig:
 
 
 def flying_order(leaders: Mapping[str, Sequence[str]]) -> list[str]:
-    """Vehicles such that leaders come before their followers.
-
-    Parameters
-    ----------
-    leaders
-        Leaders of each vehicle.
-
-    Returns
-    -------
-    list of str
-        Names; those that do not depend on each other in the given order.
+    """Order vehicles so that leaders come before their followers, otherwise as given.
 
     Raises
     ------

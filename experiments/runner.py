@@ -1,21 +1,20 @@
-"""What the experiments have in common: options, results, and running flights on several processor cores."""
+"""What the experiments share: options, results, and flying every flight on every seed."""
 
 import multiprocessing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from rcopterx.experiments.kept import KeptFlights
 from rcopterx.experiments.knowledge import LEVELS, Knowledge, flies_helicopters
-from rcopterx.experiments.rig import Progress
 from rcopterx.simulator.conditions import PRESETS, Conditions
 
 T = TypeVar("T")
 
-Tell = Callable[[str, float], None]
-"""Told what is being flown, and the fraction of the experiment that is done."""
+ShowProgress = Callable[[str, float], None]
+"""Called with the label of a flight and the fraction of the experiment that is done."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +30,9 @@ class Options:
     processes
         Processor cores to use. Flights do not depend on it, measured computing times do.
     preset
-        Name of the laboratory's conditions, of `rcopterx.simulator.conditions.PRESETS`.
+        Name of the laboratory's conditions in `rcopterx.simulator.conditions.PRESETS`.
     kept
-        Flights that need not be flown again, and where those that are flown are kept.
+        Finished flights of an earlier run; new ones are added.
     knowledge
         What pilots know of their vehicles, for experiments that compare that.
     """
@@ -52,9 +51,9 @@ class Options:
 
     @property
     def beside_ideal(self) -> dict[str, tuple[int, ...]]:
-        """Seeds by preset for experiments that fly once in ideal conditions, too, which know no chance.
+        """Seeds by preset, with one flight in ideal conditions, which involve no chance.
 
-        Beside helicopters that would say nothing: nobody knows an ideal one.
+        Helicopters are flown without it: ideal conditions are those of first-order plants.
         """
         own = {self.preset: self.seeds}
         if flies_helicopters(self.conditions):
@@ -64,73 +63,97 @@ class Options:
 
 @dataclass(frozen=True)
 class Result:
-    """What came out.
-
-    Attributes
-    ----------
-    document
-        JSON document.
-    draw
-        Draws the figure into an empty `matplotlib.figure.Figure`.
-    """
+    """JSON document of an experiment, and a function that draws its figure into a `matplotlib` figure."""
 
     document: dict[str, Any]
     draw: Callable[[Any], None]
 
 
-@dataclass(frozen=True)
-class Work(Generic[T]):
-    """One flight: a label, and a function of how to tell the progress, which another process can be sent."""
-
-    label: str
-    run: "partial[T]"
-
-
-def run_all(works: Sequence[Work[T]], options: Options, tell: Tell) -> list[T]:
-    """Do all work that is not kept.
+def fly_all(flights: Mapping[str, "partial[T]"], options: Options, show: ShowProgress) -> dict[str, T]:
+    """Fly every flight that `options.kept` does not have.
 
     Parameters
     ----------
-    works
-        Independent of each other; no two labels are the same.
-    options
-        Processes to use, of which one stays in this one, and kept flights.
-    tell
-        Progress; within a flight only if it stays in this process.
+    flights
+        By label. With one process each is called with `progress`, a function of the fraction flown;
+        otherwise it must be picklable and is called without arguments.
 
     Returns
     -------
-    list
-        Results in the order of the works.
+    dict
+        Results by label, in the order of `flights`.
 
     Raises
     ------
     KeptFlightsError
-        A kept flight is not what this experiment keeps.
+        A kept flight has a result of another type.
     """
     kept = options.kept
     results: dict[str, T] = {}
     if kept is not None:
-        results |= {work.label: kept.result(work.label, work.run) for work in works if work.label in kept}
-    todo = [work for work in works if work.label not in results]
+        results = {label: kept.result(label, fly) for label, fly in flights.items() if label in kept}
 
-    def finished(work: Work[T], result: T) -> None:
-        results[work.label] = result
+    def finish(label: str, result: T) -> None:
+        results[label] = result
         if kept is not None:
-            kept.add(work.label, result)
-        tell(work.label, len(results) / len(works))
+            kept.add(label, result)
+        show(label, len(results) / len(flights))
 
+    missing = {label: fly for label, fly in flights.items() if label not in results}
     if options.processes == 1:
-        for work in todo:
-            done = len(results)
-            finished(work, work.run(_within(work.label, done, len(works), tell)))
+        for label, fly in missing.items():
+            finish(label, fly(progress=partial(_show_within, show, label, len(results), len(flights))))
     else:
         with ProcessPoolExecutor(options.processes, multiprocessing.get_context("spawn")) as pool:
-            futures = {pool.submit(work.run, None): work for work in todo}
+            futures = {pool.submit(fly): label for label, fly in missing.items()}
             for future in as_completed(futures):
-                finished(futures[future], future.result())
-    return [results[work.label] for work in works]
+                finish(futures[future], future.result())
+    return {label: results[label] for label in flights}
 
 
-def _within(label: str, done: int, total: int, tell: Tell) -> Progress:
-    return lambda fraction: tell(label, (done + fraction) / total)
+def _show_within(show: ShowProgress, label: str, finished: int, total: int, fraction: float) -> None:
+    show(label, (finished + fraction) / total)
+
+
+def fly_seeds(
+    flights: Mapping[str, "partial[T]"], options: Options, show: ShowProgress
+) -> dict[str, dict[int, T]]:
+    """Fly every flight on every seed in the conditions of the options.
+
+    Parameters
+    ----------
+    flights
+        By name; called with `conditions`, `seed` and perhaps `progress`.
+
+    Returns
+    -------
+    dict
+        Results by name and seed.
+    """
+    return fly_presets(flights, {options.preset: options.seeds}, options, show)[options.preset]
+
+
+def fly_presets(
+    flights: Mapping[str, "partial[T]"],
+    presets: Mapping[str, Sequence[int]],
+    options: Options,
+    show: ShowProgress,
+) -> dict[str, dict[str, dict[int, T]]]:
+    """Fly every flight in several conditions, with the seeds of each; results by preset, name and seed."""
+    cases = {
+        f"{name}, {preset}, seed {seed}": (preset, name, seed)
+        for preset, seeds in presets.items()
+        for name in flights
+        for seed in seeds
+    }
+    works = {
+        label: partial(flights[name], conditions=PRESETS[preset], seed=seed)
+        for label, (preset, name, seed) in cases.items()
+    }
+    results: dict[str, dict[str, dict[int, T]]] = {
+        preset: {name: {} for name in flights} for preset in presets
+    }
+    for label, result in fly_all(works, options, show).items():
+        preset, name, seed = cases[label]
+        results[preset][name][seed] = result
+    return results

@@ -12,26 +12,20 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 
 NO_HURRY: Final[dict[str, object]] = {"time_limit_s": 1.0}
-"""A solver that stops by the clock would make a flight depend on the machine; the rig's time can wait."""
+"""With a time limit of the solver a flight would depend on the speed of the computer."""
 HORIZON: Final = 50
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """A controller with settings, and what its pilot is told of the vehicle.
+    """A controller with settings, and the knowledge of its pilot.
 
     Attributes
     ----------
-    name, title
-        For documents and for figures.
-    controller, settings
-        As in a fleet file.
     previous_frame
         Followers get their leaders' plans one control period late.
     estimator_settings
-        Of the extended Kalman filter, which every scheme flies with.
-    knowledge
-        What the model is made of.
+        Of the extended Kalman filter, which every scheme uses.
     """
 
     name: str
@@ -44,7 +38,7 @@ class Scheme:
 
     @property
     def measured_tilt(self) -> bool:
-        """Whether the estimator takes roll and pitch."""
+        """Whether the estimator uses roll and pitch."""
         return bool(self.estimator_settings.get("measured_tilt", True))
 
     def vehicle(
@@ -132,8 +126,7 @@ HELICOPTER_SCHEMES: Final = by_name(
         ),
     )
 )
-"""Schemes that are compared on helicopters, each with a vehicle of which it knows the type, and with one that
-it knows exactly."""
+"""Schemes that are compared on helicopters, with knowledge of the type and of the exact parameters."""
 
 NO_DISTURBANCE: Final = Scheme(
     "cascade_no_disturbance",
@@ -156,7 +149,7 @@ ABLATIONS: Final = by_name(
         replace(CASCADE.knowing("late"), title="Cascade, delay one period longer than known"),
     )
 )
-"""The cascade of a vehicle of which the type is known, each time without one thing that it has."""
+"""The cascade with knowledge of the type, each time without one of its parts."""
 
 
 def compared(conditions: Conditions) -> Mapping[str, Scheme]:

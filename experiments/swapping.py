@@ -1,7 +1,7 @@
 """Ten vehicles on a circle swap places: collision avoidance by published plans.
 
-Everybody is sent to the opposite place at the same moment, or to a place drawn at random, so that all paths
-cross in the middle. The pilots know each other's plans as they do on the bus; nobody coordinates them.
+All vehicles leave at the same moment for the opposite place, or for a place drawn at random, so that their
+paths cross in the middle. The pilots know each other's plans as on the bus; nothing else coordinates them.
 """
 
 from collections.abc import Mapping
@@ -14,9 +14,10 @@ import numpy as np
 
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.experiments.events import GoTo
-from rcopterx.experiments.record import FlightRecord, total_fallbacks
+from rcopterx.experiments.figures import finish_figure
+from rcopterx.experiments.record import FlightRecord
 from rcopterx.experiments.rig import Progress, Rig, RigOptions
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_all
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -30,7 +31,7 @@ QUICK_VEHICLES: Final = 4
 RADIUS_M: Final = 0.8
 HEIGHT_M: Final = 1.0
 START_S: Final = 2.0
-"""Estimators settle before everybody is sent off."""
+"""When all vehicles leave; estimators have settled by then."""
 FLIGHT_S: Final = 14.0
 QUICK_FLIGHT_S: Final = 8.0
 ARRIVED_M: Final = 0.1
@@ -46,14 +47,14 @@ CASES: Final = (ANTIPODES, RANDOM, WITHOUT)
 
 @dataclass(frozen=True)
 class Swap:
-    """What one flight showed.
+    """Figures of one flight.
 
     Attributes
     ----------
     tracks_m
         True positions, shape (K, vehicles, 3).
     time_s
-        Since everybody was sent off, shape (K,).
+        Since all vehicles left, shape (K,).
     goals_m
         Shape (vehicles, 3).
     fallbacks
@@ -139,27 +140,27 @@ def _swap(record: FlightRecord, rig: Rig, names: list[str], goals: Array) -> Swa
         np.stack([record[name].motion[rows, :3] for name in names], axis=1),
         record[names[0]].time_s[rows] - START_S,
         goals,
-        total_fallbacks(record),
+        record.fallbacks(),
         sum(rig.pilots[name].avoidance.ticks for name in names),
         sum(len(record[name].time_s) for name in names),
     )
 
 
-def run(options: Options, tell: Tell) -> Result:
-    """Fly every case on every seed; without avoidance only the first seed, to show what it is for.
+def run(options: Options, show: ShowProgress) -> Result:
+    """Fly every case on every seed; without avoidance, for comparison, on the first seed only.
 
     Returns
     -------
     Result
         Document: `hard_distance_m`, the clearance, and case -> seed -> figures of the flight.
     """
-    flights = [(case, seed) for case in CASES for seed in options.seeds]
-    flights = [(case, seed) for case, seed in flights if case != WITHOUT or seed == options.seeds[0]]
-    works = [
-        Work(f"{case}, seed {seed}", partial(fly_swap, case, options.conditions, seed, options.quick))
-        for case, seed in flights
-    ]
-    swaps = dict(zip(flights, run_all(works, options, tell), strict=True))
+    cases = [(case, seed) for case in CASES for seed in options.seeds]
+    cases = [(case, seed) for case, seed in cases if case != WITHOUT or seed == options.seeds[0]]
+    flights = {
+        f"{case}, seed {seed}": partial(fly_swap, case, options.conditions, seed, options.quick)
+        for case, seed in cases
+    }
+    swaps = dict(zip(cases, fly_all(flights, options, show).values(), strict=True))
     document: dict[str, Any] = {
         "vehicles": QUICK_VEHICLES if options.quick else VEHICLES,
         "hard_distance_m": HARD_M,
@@ -184,17 +185,7 @@ def figures(swap: Swap) -> dict[str, Any]:
 
 
 def draw_swapping(swaps: Mapping[tuple[str, int], Swap], preset: str, figure: Any) -> None:
-    """Draw the tracks of the first seed from above, and the smallest distance over time of every flight.
-
-    Parameters
-    ----------
-    swaps
-        Flights by case and seed.
-    preset
-        Name of the conditions.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw the tracks of the first seed from above, and the smallest distance over time of every flight."""
     figure.set_size_inches(13, 4.6)
     left, middle, right = figure.subplots(1, 3)
     first = {case: swap for (case, seed), swap in reversed(list(swaps.items()))}
@@ -208,7 +199,6 @@ def draw_swapping(swaps: Mapping[tuple[str, int], Swap], preset: str, figure: An
         axes.set_title(title)
         axes.set_xlabel("x [m]")
         axes.set_ylabel("y [m]")
-        axes.grid(alpha=0.3)
     colours = {ANTIPODES: "C0", RANDOM: "C1", WITHOUT: "0.6"}
     labels = {ANTIPODES: "opposite places", RANDOM: "places at random", WITHOUT: "without avoidance"}
     for (case, _), swap in swaps.items():
@@ -217,9 +207,7 @@ def draw_swapping(swaps: Mapping[tuple[str, int], Swap], preset: str, figure: An
     right.axhline(HARD_M, color="k", linestyle=":", label="hard distance")
     right.set_xlim(0.0, 6.0)
     right.set_ylim(bottom=0.0)
-    right.set_xlabel("time since everybody was sent off [s]")
+    right.set_xlabel("time since all vehicles left [s]")
     right.set_ylabel("smallest distance of two vehicles [m]")
-    right.grid(alpha=0.3)
     right.legend(fontsize="small")
-    figure.suptitle(f"Swapping places in conditions `{preset}`")
-    figure.tight_layout()
+    finish_figure(figure, f"Swapping places in conditions `{preset}`")

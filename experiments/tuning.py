@@ -1,23 +1,23 @@
-"""How the simple schemes were given their settings for helicopters: each the best of a row of candidates.
+"""Settings of the simple schemes for helicopters, each the best of a row of candidates.
 
-The cascade's weights follow from its model by a rule. So that it is not compared with schemes that nobody
-tuned for the vehicle, theirs are chosen here, on vehicles that no reported figure comes from. The best is the
-one whose worst vehicle hovers best: what flies three vehicles well and the fourth in a limit cycle is no use.
+The cascade's weights follow from its model by a rule. For a fair comparison the settings of the other schemes
+are chosen here, on vehicles that no reported figure comes from. The best candidate is the one whose worst
+vehicle hovers best.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 from typing import Any, Final
 
 import numpy as np
 
 from rcopterx.control.controllers.paper.model import INPUT_WEIGHTS
 from rcopterx.control.controllers.pid import PidSettings
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.record import rms
 from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
 from rcopterx.experiments.schemes import LQR, PAPER, PID, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -28,12 +28,12 @@ QUICK_FLIGHT_S: Final = 7.0
 SETTLED_S: Final = 6.0
 """Errors count from here on."""
 AHEAD_M: Final = 0.1
-"""Errors are those of a point this far ahead of the vehicle's centre, so that the heading counts, too."""
+"""Errors are those of a point this far ahead of the vehicle's centre, so that they include the heading's."""
 
 
 @dataclass(frozen=True)
 class Factors:
-    """What the input weights or, of the PID, the bandwidth of the axes are multiplied by."""
+    """Factors of the input weights of the axes or, of the PID, of their bandwidths."""
 
     horizontal: float
     height: float
@@ -72,7 +72,7 @@ def faster(scheme: Scheme, factors: Factors) -> Scheme:
 
 @dataclass(frozen=True)
 class Row:
-    """Candidates of a scheme: how they are made of factors, and the factors."""
+    """Candidates of a scheme: `made` applies factors to it."""
 
     scheme: Scheme
     made: Callable[[Scheme, Factors], Scheme]
@@ -89,23 +89,17 @@ ROWS: Final = (
 
 
 def fly_candidate(
-    scheme: Scheme, conditions: Conditions, seed: int, flight_s: float, progress: Progress | None = None
+    scheme: Scheme, flight_s: float, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> float:
-    """Hover.
-
-    Returns
-    -------
-    float
-        Root mean square error of the point ahead [mm].
-    """
+    """Hover; returns the root mean square error of the point ahead [mm]."""
     rig = Rig([scheme.vehicle("h1", Pose((0.0, 0.0, 1.0)), conditions, seed)], conditions, seed)
     record = rig.fly(flight_s, progress=progress)["h1"]
-    errors = (record.motion[:, : YAW + 1] - record.reference)[record.time_s >= SETTLED_S]
+    errors = record.reference_error(SETTLED_S)
     errors[:, YAW] *= AHEAD_M
     return 1000 * rms(np.linalg.norm(errors, axis=1))
 
 
-def run(options: Options, tell: Tell) -> Result:
+def run(options: Options, show: ShowProgress) -> Result:
     """Fly every candidate on every seed.
 
     Returns
@@ -114,18 +108,19 @@ def run(options: Options, tell: Tell) -> Result:
         Document: scheme -> error of every candidate's median and worst vehicle [mm], the best, its settings.
     """
     flight_s = QUICK_FLIGHT_S if options.quick else FLIGHT_S
-    cases = [(row, factors, seed) for row, seed in product(ROWS, options.seeds) for factors in row.factors]
-    works = [
-        Work(
-            f"{row.scheme.name} {factors}, seed {seed}",
-            partial(fly_candidate, row.made(row.scheme, factors), options.conditions, seed, flight_s),
+    flights = {
+        f"{row.scheme.name} {factors}": partial(fly_candidate, row.made(row.scheme, factors), flight_s)
+        for row in ROWS
+        for factors in row.factors
+    }
+    flown = fly_seeds(flights, options, show)
+    document = {
+        row.scheme.name: judged(
+            row,
+            {factors: list(flown[f"{row.scheme.name} {factors}"].values()) for factors in row.factors},
         )
-        for row, factors, seed in cases
-    ]
-    errors: dict[str, dict[Factors, list[float]]] = {row.scheme.name: {} for row in ROWS}
-    for (row, factors, _), error_mm in zip(cases, run_all(works, options, tell), strict=True):
-        errors[row.scheme.name].setdefault(factors, []).append(error_mm)
-    document = {row.scheme.name: judged(row, errors[row.scheme.name]) for row in ROWS}
+        for row in ROWS
+    }
     return Result(document, partial(draw_tuning, document))
 
 
@@ -144,15 +139,7 @@ def judged(row: Row, errors_mm: Mapping[Factors, Sequence[float]]) -> dict[str, 
 
 
 def draw_tuning(document: Mapping[str, Mapping[str, Any]], figure: Any) -> None:
-    """Draw the median and worst error of every candidate.
-
-    Parameters
-    ----------
-    document
-        As `run` returns it.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw the median and worst error of every candidate."""
     figure.set_size_inches(11, 4)
     panels = figure.subplots(1, len(document), sharey=True)
     for axes, (scheme, table) in zip(panels, document.items(), strict=True):
@@ -161,7 +148,6 @@ def draw_tuning(document: Mapping[str, Mapping[str, Any]], figure: Any) -> None:
             axes.semilogy(list(table["errors_mm"]), errors, "o-", label=which)
         axes.set_title(scheme)
         axes.set_xlabel("factors: horizontal, height, heading")
-        axes.grid(alpha=0.3)
     figure.axes[0].set_ylabel("rms error of a point 0.1 m ahead [mm]")
     figure.axes[0].legend(fontsize="small")
-    figure.tight_layout()
+    finish_figure(figure)

@@ -1,4 +1,4 @@
-"""Yaw steps of a leader whose followers' offsets turn with its heading: what arms of a length cost.
+"""Yaw steps of a leader whose followers' offsets turn with its heading: errors against the arms' length.
 
 A leader and two followers at the ends of equal arms, behind and to the left in its heading frame. The heading
 makes steps, at last together with the position; errors are the followers' distances from their places.
@@ -14,11 +14,12 @@ import numpy as np
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.chain import vehicles
 from rcopterx.experiments.events import Event, GoTo
-from rcopterx.experiments.record import rms
+from rcopterx.experiments.figures import finish_figure
+from rcopterx.experiments.record import rms_and_max_mm
 from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, Tell, Work, run_all
+from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_presets
 from rcopterx.experiments.schemes import HORIZON
-from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.vehicles.state import Array
 
 ARMS_M: Final = (0.35, 0.64, 0.9)
@@ -44,19 +45,13 @@ def links_with(arm_m: float) -> dict[str, tuple[LeaderLink, ...]]:
 
 def fly_steps(
     arm_m: float,
-    conditions: Conditions,
-    seed: int,
     steps: Sequence[str],
     quick: bool,
+    conditions: Conditions,
+    seed: int,
     progress: Progress | None = None,
 ) -> dict[str, Array]:
-    """Fly the steps.
-
-    Returns
-    -------
-    dict
-        By step the errors of both followers from then on [m].
-    """
+    """Fly the steps; returns the errors of both followers after each of them [m]."""
     # The leader of a formation of the chain experiment starts elsewhere; it has a slot to come here.
     events: list[Event] = [GoTo(0.0, HEAD, (0.0, 0.0, 1.0), 0.0)]
     events += [GoTo(SLOT_S * number, HEAD, *STEPS[name]) for number, name in enumerate(steps, 1)]
@@ -72,8 +67,8 @@ def fly_steps(
     }
 
 
-def run(options: Options, tell: Tell) -> Result:
-    """Fly with every arm: once in ideal conditions, and on every seed in those of the laboratory.
+def run(options: Options, show: ShowProgress) -> Result:
+    """Fly with every arm on every seed, and first-order plants once in ideal conditions.
 
     Returns
     -------
@@ -81,50 +76,23 @@ def run(options: Options, tell: Tell) -> Result:
         Document: condition -> arm -> step -> root mean square and largest error.
     """
     arms, steps = (ARMS_M[1:2], tuple(STEPS)[:1]) if options.quick else (ARMS_M, tuple(STEPS))
-    cases = [
-        (condition, arm_m, seed)
-        for condition, seeds in options.beside_ideal.items()
-        for arm_m in arms
-        for seed in seeds
-    ]
-    works = [
-        Work(
-            f"{arm_m:g} m, {condition}, seed {seed}",
-            partial(fly_steps, arm_m, PRESETS[condition], seed, steps, options.quick),
-        )
-        for condition, arm_m, seed in cases
-    ]
-    flights = run_all(works, options, tell)
-    document: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
-    for condition in options.beside_ideal:
-        document[condition] = {}
-        for arm_m in arms:
-            flown = [
-                flight
-                for (own, arm, _), flight in zip(cases, flights, strict=True)
-                if (own, arm) == (condition, arm_m)
-            ]
-            document[condition][f"{arm_m:g} m"] = {
-                step: figures(np.concatenate([errors[step] for errors in flown])) for step in steps
+    flights = {f"{arm_m:g} m": partial(fly_steps, arm_m, steps, options.quick) for arm_m in arms}
+    flown = fly_presets(flights, options.beside_ideal, options, show)
+    document = {
+        preset: {
+            arm: {
+                step: rms_and_max_mm(np.concatenate([errors[step] for errors in by_seed.values()]))
+                for step in steps
             }
+            for arm, by_seed in group.items()
+        }
+        for preset, group in flown.items()
+    }
     return Result(document, partial(draw_turning, document))
 
 
-def figures(errors_m: Array) -> dict[str, float]:
-    """Root mean square and largest error [mm]."""
-    return {"rms_mm": round(1000 * rms(errors_m), 2), "max_mm": round(1000 * float(errors_m.max()), 2)}
-
-
 def draw_turning(document: dict[str, Any], figure: Any) -> None:
-    """Draw the largest errors against the arm.
-
-    Parameters
-    ----------
-    document
-        As `run` returns it.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+    """Draw the largest errors against the arm."""
     figure.set_size_inches(8, 4)
     panels = figure.subplots(1, len(document), sharey=True, squeeze=False)[0]
     for axes, (condition, table) in zip(panels, document.items(), strict=True):
@@ -133,9 +101,7 @@ def draw_turning(document: dict[str, Any], figure: Any) -> None:
             axes.plot(arms, [table[arm][step]["max_mm"] for arm in arms], "o-", label=step)
         axes.set_title(condition)
         axes.set_xlabel("arm")
-        axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
     figure.axes[0].set_ylabel("largest distance from the place [mm]")
     figure.axes[0].set_ylim(bottom=0.0)
-    figure.suptitle("Followers that turn with their leader, while it turns")
-    figure.tight_layout()
+    finish_figure(figure, "Followers that turn with their leader, while it turns")

@@ -45,8 +45,7 @@ def solver(
     """Whole control steps of the cascade, the paper's scheme and other solvers, on the same problems."""
     from rcopterx.benchmarks.solver import STEPS, run
     from rcopterx.benchmarks.solver_figure import draw_solver
-    from rcopterx.experiments.catalogue import save_figure
-    from rcopterx.experiments.runner import Result
+    from rcopterx.experiments.figures import save_figure
 
     check_plot(plot)
     document = run(
@@ -56,7 +55,7 @@ def solver(
         lambda text: typer.echo(f"bench solver: {text}", err=True),
     )
     if plot is not None:
-        save_figure(Result(document, partial(draw_solver, document)), plot)
+        save_figure(partial(draw_solver, document), plot)
         typer.echo(f"figure: {plot}", err=True)
     typer.echo(json.dumps(document, indent=2) if as_json else _readable(document))
 
@@ -151,8 +150,7 @@ def scale(
 ) -> None:
     """Fleets of growing size on this computer: missed control periods, pose to command, load."""
     from rcopterx.benchmarks.scale import draw_scale, run
-    from rcopterx.experiments.catalogue import save_figure
-    from rcopterx.experiments.runner import Result
+    from rcopterx.experiments.figures import save_figure
 
     check_plot(plot)
     sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=63)
@@ -161,7 +159,7 @@ def scale(
             sizes, horizon, seconds, lambda text: typer.echo(f"bench scale: {text}", err=True), rate
         )
     if plot is not None:
-        save_figure(Result(document, partial(draw_scale, document)), plot)
+        save_figure(partial(draw_scale, document), plot)
     if as_json:
         typer.echo(json.dumps(document, indent=2))
         return

@@ -67,8 +67,9 @@ def experiment(
     ] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
 ) -> None:
-    """Fly an experiment of the paper in simulation, faster than real time, and tell its figures."""
-    from rcopterx.experiments.catalogue import EXPERIMENTS, save_figure
+    """Fly an experiment of the paper in simulation, faster than real time, and print its figures."""
+    from rcopterx.experiments.catalogue import EXPERIMENTS
+    from rcopterx.experiments.figures import save_figure
     from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
     from rcopterx.experiments.runner import Options
 
@@ -102,14 +103,14 @@ def experiment(
         documents[preset] = result.document
         if plot is not None:
             path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")
-            save_figure(result, path)
+            save_figure(result.draw, path)
             typer.echo(f"figure: {path}", err=True)
     document = documents if len(presets) > 1 else documents[presets[0]]
     typer.echo(json.dumps(document, indent=2) if as_json else readable(document))
 
 
 def knowledge_levels(chosen: str | None, row: "Experiment") -> "tuple[Knowledge, ...]":
-    """Levels of knowledge that the command names, in the usual order; all without a word."""
+    """Levels of knowledge that the command names, in the usual order; all by default."""
     from rcopterx.experiments.knowledge import LEVELS
 
     if chosen is None:
@@ -133,7 +134,7 @@ class ProgressLine:
         self._shown = ""
 
     def __call__(self, label: str, fraction: float) -> None:
-        """Tell what is flown and the fraction that is done."""
+        """Show the label of a flight and the fraction of the experiment that is done."""
         elapsed_s = time.monotonic() - self._started_s
         text = f"{self._name}: {label}, {100 * fraction:.0f} % after {elapsed_s:.0f} s"
         if self._live:

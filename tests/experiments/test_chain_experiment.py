@@ -17,7 +17,7 @@ EACH_TIME = ("chain_heading", "several_leaders")
     [name if name in EACH_TIME else pytest.param(name, marks=pytest.mark.campaign) for name in SHAPES],
 )
 def test_every_follower_stays_beside_its_leaders(name: str) -> None:
-    errors = fly_shape(SHAPES[name], LABORATORY, 0, quick=True)
+    errors = fly_shape(SHAPES[name], True, LABORATORY, 0)
     assert errors.keys() == {vehicle for vehicle, own in SHAPES[name].items() if own}
     for vehicle, values in errors.items():
         assert rms(values) < 0.02, vehicle

@@ -1,6 +1,7 @@
 """The command `rcopterx experiment`: documents, figures, and what it says to mistakes."""
 
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
+from rcopterx.experiments.catalogue import EXPERIMENTS
 from rcopterx.experiments.family import Flown
-from rcopterx.experiments.runner import Options, Work, run_all
-from rcopterx.experiments.schemes import Scheme
-from rcopterx.simulator.conditions import HELICOPTERS, Conditions
+from rcopterx.experiments.runner import Options, Result, fly_all
+from rcopterx.simulator.conditions import HELICOPTERS
 
 runner = CliRunner()
 
@@ -35,11 +36,11 @@ def test_experiments_are_listed() -> None:
     ]
 
 
-def test_experiments_fly_in_the_conditions_that_are_asked_for() -> None:
+def test_experiments_fly_in_the_chosen_conditions() -> None:
     result = runner.invoke(app, ["experiment", "hover", "--conditions", "storm"])
     assert result.exit_code == 2
-    told = " ".join(result.output.replace("│", " ").split())
-    assert "known are ideal, laboratory, helicopter, helicopters" in told
+    message = " ".join(result.output.replace("│", " ").split())
+    assert "known are ideal, laboratory, helicopter, helicopters" in message
     assert Options((3, 4), preset="helicopters").conditions is HELICOPTERS
     assert Options((3, 4), preset="laboratory").beside_ideal == {"ideal": (3,), "laboratory": (3, 4)}
     assert Options((3, 4), preset="helicopters").beside_ideal == {"helicopters": (3, 4)}
@@ -80,11 +81,6 @@ def test_hover_prints_its_document_and_draws_its_figure(
 
 
 def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataclasses import replace
-
-    from rcopterx.experiments.catalogue import EXPERIMENTS
-    from rcopterx.experiments.runner import Result
-
     seen: list[Options] = []
 
     def record(options: Options, _: object) -> Result:
@@ -109,15 +105,10 @@ def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyP
 def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dataclasses import replace
-
-    from rcopterx.experiments.catalogue import EXPERIMENTS
-    from rcopterx.experiments.runner import Result
-
-    def told(options: Options, _: object) -> Result:
+    def run(options: Options, _: object) -> Result:
         return Result({"seeds": list(options.seeds)}, lambda figure: figure.subplots())
 
-    row = replace(EXPERIMENTS["hover"], run=told)
+    row = replace(EXPERIMENTS["hover"], run=run)
     monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", {"hover": row})
     arguments = ["experiment", "hover", "--json", "--plot", str(tmp_path / "hover.svg")]
     result = runner.invoke(app, arguments)
@@ -159,7 +150,7 @@ def test_interrupted_experiment_flies_only_what_its_file_lacks(
 ) -> None:
     flown: list[int] = []
 
-    def fly(scheme: Scheme, conditions: Conditions, seed: int, *_: object) -> Flown:
+    def fly(*_: object, seed: int, **__: object) -> Flown:
         flown.append(seed)
         if seed == 101 and len(flown) == 2:
             raise KeyboardInterrupt
@@ -177,14 +168,15 @@ def test_interrupted_experiment_flies_only_what_its_file_lacks(
     assert table["exact"]["tilt measured"]["hover_mm"]["worst"] == 101.0
 
 
-def test_work_on_several_cores_returns_in_order() -> None:
-    told: list[float] = []
-    works = [Work(str(index), partial(_square, index)) for index in range(4)]
+def test_flights_on_several_cores_return_in_order() -> None:
+    fractions: list[float] = []
+    flights = {str(number): partial(_square, number) for number in range(4)}
     for processes in (1, 2):
         options = Options((0,), processes=processes)
-        assert run_all(works, options, lambda _, fraction: told.append(fraction)) == [0, 1, 4, 9]
-        assert told[-1] == 1.0
+        flown = fly_all(flights, options, lambda _, fraction: fractions.append(fraction))
+        assert list(flown.items()) == [("0", 0), ("1", 1), ("2", 4), ("3", 9)]
+        assert fractions[-1] == 1.0
 
 
-def _square(number: int, _: object) -> int:
+def _square(number: int, progress: object = None) -> int:
     return number * number

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from rcopterx.experiments import family
-from rcopterx.experiments.catalogue import save_figure
 from rcopterx.experiments.family import (
     LIMIT_CYCLE_MRAD,
     LIMIT_CYCLE_STICK,
@@ -17,6 +16,7 @@ from rcopterx.experiments.family import (
     fly_member,
     levels_of,
 )
+from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.knowledge import LEVELS
 from rcopterx.experiments.runner import Options
 from rcopterx.experiments.schemes import Scheme
@@ -26,7 +26,7 @@ GOOD = Flown(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, False, False, 0)
 
 
 def test_default_configuration_flies_a_drawn_helicopter_through_the_programme() -> None:
-    flown = fly_member(Level("default", tilt=True).scheme, HELICOPTERS, 1, QUICK_PROGRAMME)
+    flown = fly_member(Level("default", tilt=True).scheme, QUICK_PROGRAMME, HELICOPTERS, 1)
     assert flown.hover_mm < 40
     assert flown.stick < 0.25
     assert flown.eight_mm <= flown.eight_max_mm < 150
@@ -34,9 +34,9 @@ def test_default_configuration_flies_a_drawn_helicopter_through_the_programme() 
     assert flown.fallbacks == 0
 
 
-def test_vehicle_that_oscillates_is_seen() -> None:
+def test_vehicle_that_oscillates_is_a_limit_cycle() -> None:
     stiff = Scheme("stiff", "Stiff", "pid", {"proportional": (60.0, 60.0, 6.0, 12.0)})
-    flown = fly_member(stiff, HELICOPTERS, 1, replace(QUICK_PROGRAMME, slot_s=1.0))
+    flown = fly_member(stiff, replace(QUICK_PROGRAMME, slot_s=1.0), HELICOPTERS, 1)
     assert flown.limit_cycle
 
 
@@ -46,7 +46,7 @@ def test_heading_that_swings_is_a_limit_cycle_as_well() -> None:
     assert replace(GOOD, stick_deviation=LIMIT_CYCLE_STICK + 0.01).limit_cycle
 
 
-def test_distribution_names_the_worst_vehicle_and_all_that_went_wrong() -> None:
+def test_distribution_names_the_worst_vehicle_and_all_that_failed() -> None:
     vehicles = {seed: replace(GOOD, hover_mm=float(seed - 99)) for seed in range(100, 121)}
     vehicles[105] = replace(GOOD, hover_mm=6.0, lost=True)
     vehicles[107] = replace(GOOD, hover_mm=8.0, stick_deviation=LIMIT_CYCLE_STICK + 0.01, fallbacks=3)
@@ -57,23 +57,21 @@ def test_distribution_names_the_worst_vehicle_and_all_that_went_wrong() -> None:
     assert table["fallbacks"] == 3
 
 
-def test_every_level_is_told_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(
-        family, "fly_member", lambda _scheme, _conditions, seed, *_: replace(GOOD, hover_mm=float(seed))
-    )
-    told: list[str] = []
-    result = family.run(Options((100, 101, 102), preset="helicopters"), lambda label, _: told.append(label))
+def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(family, "fly_member", lambda *_, seed, **__: replace(GOOD, hover_mm=float(seed)))
+    labels: list[str] = []
+    result = family.run(Options((100, 101, 102), preset="helicopters"), lambda label, _: labels.append(label))
     assert set(result.document) == {"default", "identified", "exact"}
     for levels in result.document.values():
         assert set(levels) == {"tilt measured", "positions only"}
         for table in levels.values():
             assert table["hover_mm"]["worst"] == 102.0
-    assert len(set(told)) == 3 * 6
-    save_figure(result, tmp_path / "family.svg")
+    assert len(set(labels)) == 3 * 6
+    save_figure(result.draw, tmp_path / "family.svg")
     assert (tmp_path / "family.svg").stat().st_size > 10_000
 
 
-def test_levels_differ_in_what_the_estimator_takes_in_and_in_the_model() -> None:
+def test_levels_differ_in_the_measurements_of_the_estimator_and_in_the_model() -> None:
     schemes = [level.scheme for level in levels_of(LEVELS)]
     assert {(scheme.knowledge, scheme.estimator_settings["measured_tilt"]) for scheme in schemes} == {
         ("default", True),

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rcopterx.experiments import fleets
-from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.fleets import Flown, figures, fly_fleet
 from rcopterx.experiments.formation import SLOTS
 from rcopterx.experiments.knowledge import LEVELS
@@ -15,7 +15,7 @@ from rcopterx.simulator.conditions import HELICOPTERS
 
 def test_fleet_of_drawn_helicopters_keeps_its_formation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleets, "sequence", lambda _quick: SLOTS[:1])
-    flown = fly_fleet("default", HELICOPTERS, 1, quick=True)
+    flown = fly_fleet("default", quick=True, conditions=HELICOPTERS, seed=1)
     assert 0.0 < flown.rms_mm < 45.0
     assert flown.rms_mm < flown.max_mm < 220.0
     assert (flown.lost, flown.touched_floor) == (False, False)
@@ -37,10 +37,10 @@ def test_figures_are_those_of_the_worst_fleet() -> None:
 
 
 def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(fleets, "fly_fleet", lambda *_: Flown(20.0, 80.0, False, False, 0))
-    told: list[str] = []
-    result = fleets.run(Options((100, 101), preset="helicopters"), lambda label, _: told.append(label))
+    monkeypatch.setattr(fleets, "fly_fleet", lambda *_, **__: Flown(20.0, 80.0, False, False, 0))
+    labels: list[str] = []
+    result = fleets.run(Options((100, 101), preset="helicopters"), lambda label, _: labels.append(label))
     assert set(result.document) == set(LEVELS)
-    assert set(told) == {f"{level}, seed {seed}" for level in LEVELS for seed in (100, 101)}
-    save_figure(result, tmp_path / "fleets.png")
+    assert set(labels) == {f"{level}, helicopters, seed {seed}" for level in LEVELS for seed in (100, 101)}
+    save_figure(result.draw, tmp_path / "fleets.png")
     assert (tmp_path / "fleets.png").stat().st_size > 10_000

@@ -5,15 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rcopterx.experiments.catalogue import save_figure
 from rcopterx.experiments.events import Follow, GoTo
+from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.formation import (
     FOLLOWERS,
     LEADER,
     NEAR,
     SLOT_S,
     SLOTS,
-    Case,
     Flown,
     document,
     events,
@@ -63,7 +62,7 @@ def test_sequence_fills_five_minutes_and_its_second_half_mirrors_the_first() -> 
 
 @pytest.mark.parametrize(("scheme", "conditions"), [(PAPER, IDEAL), (CASCADE, LABORATORY)])
 def test_formation_flies_the_sequence(scheme: object, conditions: object) -> None:
-    flight = fly_formation(scheme, conditions, 2, SLOTS[:1], True)  # type: ignore[arg-type]  # parametrized
+    flight = fly_formation(scheme, SLOTS[:1], 2, conditions, 2)  # type: ignore[arg-type]  # parametrized
     assert flight.record is not None
     assert flight.record["h1"].motion[-1, :3] == pytest.approx((0.3, 0.0, 1.4), abs=0.05)
     assert 0 < flight.errors_m.max() < 0.2
@@ -73,12 +72,10 @@ def test_formation_flies_the_sequence(scheme: object, conditions: object) -> Non
 def test_document_has_figures_by_condition_scheme_and_seed() -> None:
     some = Flown(np.array([0.001, 0.003]), np.array([0.002]), np.zeros(7), {}, None)
     more = Flown(np.array([0.002, 0.005]), np.array([0.002]), np.full(7, 0.1), {}, None)
-    flights = {
-        Case(scheme, condition, seed): flight
-        for scheme in ("paper", "cascade")
-        for condition, seed, flight in (("ideal", 0, some), ("laboratory", 0, some), ("laboratory", 1, more))
-    }
-    table = document(flights)
+    seeds = {"ideal": {0: some}, "laboratory": {0: some, 1: more}}
+    table = document(
+        {condition: dict.fromkeys(("paper", "cascade"), flights) for condition, flights in seeds.items()}
+    )
     assert set(table) == {"ideal", "laboratory"}
     for condition in table.values():
         assert set(condition) == {"paper", "cascade"}
@@ -94,17 +91,17 @@ def test_document_has_figures_by_condition_scheme_and_seed() -> None:
 def test_flight_is_drawn(tmp_path: Path) -> None:
     record = Rig(formation(CASCADE, IDEAL, 0, 10), IDEAL).fly(0.2)
     result = Result({}, lambda figure: draw_formation({"one": record, "other": record}, figure))
-    save_figure(result, tmp_path / "figure.png")
+    save_figure(result.draw, tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 
 def test_figures_of_several_seeds_are_those_of_all_samples_together() -> None:
     nothing = np.zeros(7)
     flights = {
-        Case("cascade", "laboratory", seed): Flown(np.array(errors), np.zeros(1), nothing, {"hover": 1}, None)
+        seed: Flown(np.array(errors), np.zeros(1), nothing, {"hover": 1}, None)
         for seed, errors in ((0, [0.003, 0.003, 0.003]), (1, [0.006]))
     }
-    figures = document(flights)["laboratory"]["cascade"]
+    figures = document({"laboratory": {"cascade": flights}})["laboratory"]["cascade"]
     assert figures["rms_mm"] == pytest.approx(np.sqrt((3 * 9 + 36) / 4), abs=1e-3)
     assert figures["max_mm"] == pytest.approx(6.0)
     assert figures["fallbacks"] == {"hover": 2}
@@ -113,13 +110,13 @@ def test_figures_of_several_seeds_are_those_of_all_samples_together() -> None:
 def test_every_scheme_with_an_installed_controller_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
     assert list(flown_schemes(LABORATORY)) == list(SCHEMES)
     assert list(flown_schemes(HELICOPTERS)) == list(HELICOPTER_SCHEMES)
-    seen: list[str] = []
+    shown: list[str] = []
 
-    def no_flight(scheme: object, conditions: object, seed: int, *_: object) -> Flown:
+    def no_flight(*_: object, **__: object) -> Flown:
         return Flown(np.ones(2), np.ones(1), np.zeros(7), {}, None)
 
     monkeypatch.setattr("rcopterx.experiments.formation.fly_formation", no_flight)
-    result = run(Options((7, 8)), lambda label, fraction: seen.append(f"{label} {fraction:.2f}"))
+    result = run(Options((7, 8)), lambda label, fraction: shown.append(f"{label} {fraction:.2f}"))
     assert set(result.document["ideal"]) == set(SCHEMES)
     assert set(result.document["laboratory"]["pid"]["per_seed"]) == {"7", "8"}
-    assert seen[-1].endswith("1.00")
+    assert shown[-1].endswith("1.00")

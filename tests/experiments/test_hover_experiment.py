@@ -12,7 +12,7 @@ from rcopterx.simulator.conditions import HELICOPTERS, LABORATORY
 
 def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_predecessor() -> None:
     squares = {
-        setting.scheme.name: np.mean(np.square(fly_hover(setting, LABORATORY, 0, 15.0)), axis=0)
+        setting.scheme.name: np.mean(np.square(fly_hover(setting, 15.0, LABORATORY, 0)), axis=0)
         for setting in SETTINGS
     }
     assert (squares["cascade"] < squares["paper"] / 2).all()
@@ -25,7 +25,7 @@ def test_helicopters_hover_by_every_scheme_and_by_the_cascade_without_each_of_it
     flown = {setting.scheme.name: setting for setting in settings_in(HELICOPTERS)}
     assert list(flown) == [*HELICOPTER_SCHEMES, *ABLATIONS]
     known, unknown = (
-        np.sqrt(np.mean(np.square(fly_hover(flown[name], HELICOPTERS, 1, 12.0)), axis=0))
+        np.sqrt(np.mean(np.square(fly_hover(flown[name], 12.0, HELICOPTERS, 1)), axis=0))
         for name in ("cascade_exact", "cascade")
     )
     assert (known[:2] < unknown[:2]).all()
@@ -39,7 +39,7 @@ def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
     assert table["yaw"] == {"rms_rad": 0.01, "mean_square_rad2": 0.0001}
 
 
-def test_drawn_vehicles_are_told_apart_by_their_worse_axis() -> None:
+def test_drawn_vehicles_are_compared_by_their_worse_axis() -> None:
     some, other = np.array([[0.001, 0.003, 0.002, 0.01]]), np.array([[0.007, 0.0, -0.004, -0.03]])
     assert over_vehicles([some, other]) == {
         "median_mm": 5.0,
@@ -54,7 +54,7 @@ def test_drawn_vehicles_are_told_apart_by_their_worse_axis() -> None:
 def test_horizon_measures_steps_and_weighs_errors() -> None:
     from matplotlib.figure import Figure
 
-    flights = {scheme.name: fly_horizon(scheme, 18, LABORATORY, 0, 1.0) for scheme in (PAPER, CASCADE)}
+    flights = {scheme.name: fly_horizon(scheme, 18, 1.0, LABORATORY, 0) for scheme in (PAPER, CASCADE)}
     table = {"18": {name: horizon_figures([flight]) for name, flight in flights.items()}}
     for name, row in table["18"].items():
         assert len(flights[name].step_s) == 40  # a second less the steps that load code

@@ -1,4 +1,4 @@
-"""What pilots are told of their vehicles."""
+"""Models that pilots get of their vehicles."""
 
 from dataclasses import replace
 
@@ -87,7 +87,7 @@ def test_first_order_plants_are_known_by_their_nominal_parameters_only() -> None
         known_model("exact", LABORATORY, "h1", 0)
 
 
-def test_what_a_pilot_is_told_does_not_change_what_flies() -> None:
+def test_knowledge_of_the_pilot_does_not_change_the_plant() -> None:
     schemes = (CASCADE, CASCADE.knowing("exact"), CASCADE.knowing("lag"), CASCADE.knowing("late"))
     states = []
     for scheme in schemes:
@@ -100,8 +100,8 @@ def test_what_a_pilot_is_told_does_not_change_what_flies() -> None:
 
 
 def test_every_scheme_is_flown_with_both_levels_of_knowledge() -> None:
-    told = {(scheme.controller, scheme.knowledge) for scheme in HELICOPTER_SCHEMES.values()}
-    assert told == {
+    levels = {(scheme.controller, scheme.knowledge) for scheme in HELICOPTER_SCHEMES.values()}
+    assert levels == {
         (controller, knowledge)
         for controller in ("paper", "lqr", "pid", "cascade")
         for knowledge in ("default", "exact")

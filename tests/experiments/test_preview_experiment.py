@@ -1,11 +1,11 @@
-"""The preview experiment: the same path for all, and what seeing it ahead is worth."""
+"""The preview experiment: the same path for all, and the benefit of preview."""
 
 from pathlib import Path
 
 import pytest
 
 from rcopterx.experiments import preview
-from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.runner import Options
 
 
@@ -13,8 +13,8 @@ def test_preview_and_feed_forward_fly_closer_to_the_path(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(preview, "QUICK_TURNS", 0.25)
-    told: list[str] = []
-    result = preview.run(Options((2,), quick=True), lambda label, _: told.append(label))
+    labels: list[str] = []
+    result = preview.run(Options((2,), quick=True), lambda label, _: labels.append(label))
     for condition in ("ideal", "laboratory"):
         table = result.document[condition]
         assert list(table) == [setting.name for setting in preview.SETTINGS]
@@ -22,6 +22,6 @@ def test_preview_and_feed_forward_fly_closer_to_the_path(
         assert table["preview"]["rms_mm"] < table["set_points"]["rms_mm"]
         for row in table.values():
             assert row["rms_mm"] <= row["max_mm"]
-    assert len(set(told)) == 2 * len(preview.SETTINGS)
-    save_figure(result, tmp_path / "preview.png")
+    assert len(set(labels)) == 2 * len(preview.SETTINGS)
+    save_figure(result.draw, tmp_path / "preview.png")
     assert (tmp_path / "preview.png").stat().st_size > 10_000

@@ -10,7 +10,7 @@ from rcopterx.agents.formation.limit_scaling import LEADER_LIMIT_SCALE
 from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, Follow, GoTo, Lead, Switch
-from rcopterx.experiments.record import FlightRecord, rms, total_fallbacks
+from rcopterx.experiments.record import FlightRecord, rms
 from rcopterx.experiments.rig import (
     Rig,
     RigError,
@@ -76,7 +76,7 @@ def test_vehicles_start_hovering_in_the_air() -> None:
     record = flown(pair(), events=(), seconds=2.0)
     for name, start in (("h1", (0.0, 0.0, 1.0)), ("h2", (-0.4, 0.5, 1.0))):
         assert np.abs(record[name].motion[:, :3] - start).max() < 1e-3
-    assert not total_fallbacks(record)
+    assert not record.fallbacks()
 
 
 def test_cascade_keeps_the_formation_where_the_papers_scheme_loses_it() -> None:
@@ -95,7 +95,7 @@ def test_cascade_keeps_the_formation_in_the_laboratory() -> None:
     record = flown(pair(), conditions=LABORATORY, seed=1)
     assert rms(record.formation_error_m(2.0)) < 0.015
     assert record.formation_error_m(2.0).max() < 0.045
-    assert not total_fallbacks(record)
+    assert not record.fallbacks()
     for name in ("h1", "h2"):
         assert not record[name].left_volume
         assert not record[name].touchdowns
@@ -207,10 +207,10 @@ def test_several_leaders_and_the_leaders_heading_frame_define_one_station() -> N
     assert h3[:3] == pytest.approx(wanted, abs=0.02)
 
 
-def test_progress_is_told() -> None:
-    told: list[float] = []
-    Rig([leader()], IDEAL).fly(6.0, progress=told.append)
-    assert told == pytest.approx([0.0, 5 / 6])
+def test_progress_is_reported() -> None:
+    fractions: list[float] = []
+    Rig([leader()], IDEAL).fly(6.0, progress=fractions.append)
+    assert fractions == pytest.approx([0.0, 5 / 6])
 
 
 def test_unknown_leader_is_refused() -> None:

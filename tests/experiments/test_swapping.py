@@ -19,20 +19,20 @@ from rcopterx.simulator.conditions import LABORATORY
 
 
 @pytest.mark.parametrize("case", [ANTIPODES, RANDOM])
-def test_everybody_arrives_and_nobody_comes_too_close(case: str) -> None:
+def test_all_vehicles_arrive_and_keep_their_distance(case: str) -> None:
     table = figures(fly_swap(case, LABORATORY, 3, quick=True))
     assert table["minimum_distance_m"] > HARD_M
     assert table["finished_s"] is not None
     assert table["fallbacks"] == 0
 
 
-def test_without_avoidance_they_would_collide() -> None:
+def test_vehicles_would_collide_without_avoidance() -> None:
     table = figures(fly_swap(WITHOUT, LABORATORY, 0, quick=True))
     assert table["minimum_distance_m"] < 0.5 * HARD_M
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_everybody_has_a_place_of_its_own_to_go_to(case: str) -> None:
+def test_every_vehicle_has_a_goal_of_its_own(case: str) -> None:
     goals = goals_of(case, 10, 3)
     assert sorted(map(tuple, goals.round(6).tolist())) == sorted(map(tuple, places(10).round(6).tolist()))
     if case != RANDOM:

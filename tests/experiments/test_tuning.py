@@ -6,7 +6,7 @@ import pytest
 
 from rcopterx.control.controllers.pid import PidSettings
 from rcopterx.experiments import tuning
-from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.runner import Options
 from rcopterx.experiments.schemes import PID, TUNED_LQR, TUNED_PAPER, TUNED_PID
 from rcopterx.experiments.tuning import ROWS, Factors, faster, fly_candidate, judged
@@ -14,7 +14,7 @@ from rcopterx.simulator.conditions import HELICOPTERS
 
 
 def test_candidate_hovers() -> None:
-    assert 0.0 < fly_candidate(PID, HELICOPTERS, 0, 7.0) < 200.0
+    assert 0.0 < fly_candidate(PID, 7.0, HELICOPTERS, 0) < 200.0
 
 
 def test_faster_pid_keeps_its_damping_ratio() -> None:
@@ -42,8 +42,8 @@ def test_flown_settings_are_among_the_candidates() -> None:
 
 def test_every_scheme_gets_as_many_candidates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert len({len(row.factors) for row in ROWS}) == 1
-    monkeypatch.setattr(tuning, "fly_candidate", lambda *_: 10.0)
+    monkeypatch.setattr(tuning, "fly_candidate", lambda *_, **__: 10.0)
     result = tuning.run(Options((0, 1), preset="helicopters"), lambda *_: None)
     assert set(result.document) == {"paper", "lqr", "pid"}
-    save_figure(result, tmp_path / "tuning.png")
+    save_figure(result.draw, tmp_path / "tuning.png")
     assert (tmp_path / "tuning.png").stat().st_size > 10_000

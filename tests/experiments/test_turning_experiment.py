@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from rcopterx.experiments import turning
-from rcopterx.experiments.catalogue import save_figure
+from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.runner import Options
 
 
@@ -12,5 +12,5 @@ def test_followers_on_arms_keep_their_places_while_their_leader_turns(tmp_path: 
     for condition, limit_mm in (("ideal", 5.0), ("laboratory", 45.0)):
         (row,) = result.document[condition]["0.64 m"].values()
         assert 0.0 < row["rms_mm"] <= row["max_mm"] < limit_mm
-    save_figure(result, tmp_path / "turning.png")
+    save_figure(result.draw, tmp_path / "turning.png")
     assert (tmp_path / "turning.png").stat().st_size > 10_000

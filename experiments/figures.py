@@ -1,0 +1,38 @@
+"""Drawing figures with `matplotlib`, which only figures import."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def save_figure(draw: Callable[[Any], None], path: Path) -> None:
+    """Draw a figure into a file, whose ending chooses the format (png, svg, pdf).
+
+    Raises
+    ------
+    ImportError
+        matplotlib is not installed.
+    ValueError
+        An ending that matplotlib does not know.
+    OSError
+        The file cannot be written.
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    # Fixed identifiers keep a figure under version control the same as long as its data are.
+    mpl.rcParams["svg.hashsalt"] = "rcopterx"
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    draw(figure)
+    figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
+
+
+def finish_figure(figure: Any, title: str | None = None) -> None:
+    """Add grids and a title, and fit everything into the figure."""
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    if title is not None:
+        figure.suptitle(title)
+    figure.tight_layout()
