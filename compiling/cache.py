@@ -30,6 +30,7 @@ MODULES: Final = (
     "native.helicopter",
     "native.turbulence",
     "native.plans",
+    "control.references.sampling",
     "native.lateral",
     "native.noise",
     "native.motion",

@@ -1,6 +1,5 @@
 """Kernels of plans as they are made, travel and are compared (`rcopterx.agents`)."""
 
-import math
 from typing import Final
 
 import numpy as np
@@ -10,12 +9,10 @@ from numpy.typing import NDArray
 from rcopterx.compiling.compiled import (
     ANY_MATRIX,
     ANY_VECTOR,
-    COUNT,
     MATRIX,
     NUMBER,
     Array,
     compiled,
-    part,
     read,
 )
 from rcopterx.native.bounds import cut_rows
@@ -24,8 +21,6 @@ MOST = 2**31 - 1
 OCTETS = types.uint8[:, ::1]
 JOINING: Final = NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER
 """Types of what `join_plans` knows of a vehicle, from `coupling` to `period_s`."""
-NEXT_TO = 1e-6
-"""An instant so close to a stage, in periods, is on it."""
 
 
 @compiled(ANY_MATRIX, MATRIX, NUMBER, NUMBER, OCTETS)
@@ -129,120 +124,6 @@ def unpacked_plan(octets: NDArray[np.uint8], layout: Array, largest: float, valu
                 column = 4 * kind + axis
                 value = values[stage, column] * units[kind, axis]
                 values[stage, column] = min(max(value, -largest), largest)
-
-
-@part
-def place_in_plan(at_s: float, plan_period_s: float, last: int) -> tuple[int, float, float, int]:
-    """Stage before an instant of a plan, and the share of the next one.
-
-    Parameters
-    ----------
-    at_s, plan_period_s
-        The instant, counted from the first stage, and the time between stages.
-    last
-        The last stage.
-
-    Returns
-    -------
-    tuple
-        The stage, the share of the one after it, how long ahead of the plan (negative) or behind it the
-        instant is, and the stage at that end.
-    """
-    at = at_s / plan_period_s
-    nearest = np.rint(at)
-    if abs(at - nearest) < NEXT_TO:
-        at = nearest
-    inside = min(max(at, 0.0), float(last))
-    lower = min(int(inside), max(last - 1, 0))
-    return lower, inside - lower, (at - inside) * plan_period_s, last if at > inside else 0
-
-
-@part
-def position_at(samples: Array, plan_period_s: float, at_s: float, position_m: Array) -> None:
-    """Set the position of a plan, shape (stages, 12), at an instant."""
-    last = len(samples) - 1
-    lower, share, outside_s, end = place_in_plan(at_s, plan_period_s, last)
-    upper = min(lower + 1, last)
-    for axis in range(3):
-        position_m[axis] = samples[lower, axis] * (1 - share) + samples[upper, axis] * share
-        position_m[axis] += outside_s * samples[end, 4 + axis]
-
-
-@compiled(ANY_MATRIX, NUMBER, NUMBER, NUMBER, ANY_VECTOR, NUMBER, MATRIX)
-def read_plan(
-    samples: Array,
-    plan_period_s: float,
-    start_s: float,
-    period_s: float,
-    offset_m: Array,
-    yaw_offset_rad: float,
-    values: Array,
-) -> None:
-    """Read a trajectory at other instants, displaced (`rcopterx.control.references.trajectory`).
-
-    Parameters
-    ----------
-    samples, plan_period_s
-        The trajectory: shape (stages, 12), and the time between them.
-    start_s, period_s
-        First instant, counted from the first stage, and the time between instants.
-    offset_m, yaw_offset_rad
-        Added to positions, shape (3,), and headings.
-    values
-        Becomes the trajectory at the instants, shape (N, 12).
-    """
-    last = len(samples) - 1
-    for stage in range(len(values)):
-        lower, share, outside_s, end = place_in_plan(start_s + period_s * stage, plan_period_s, last)
-        upper = min(lower + 1, last)
-        for column in range(12):
-            values[stage, column] = samples[lower, column] * (1 - share) + samples[upper, column] * share
-        if outside_s != 0.0:
-            for column in range(4):
-                values[stage, column] += outside_s * samples[end, 4 + column]
-            if outside_s > 0.0 or outside_s <= -plan_period_s:
-                for column in range(8, 12):
-                    values[stage, column] = 0.0
-        for axis in range(3):
-            values[stage, axis] += offset_m[axis]
-        values[stage, 3] += yaw_offset_rad
-
-
-@compiled(*2 * [ANY_MATRIX, NUMBER, NUMBER], NUMBER, COUNT, ANY_VECTOR)
-def smallest_gaps(
-    first: Array,
-    first_period_s: float,
-    first_start_s: float,
-    second: Array,
-    second_period_s: float,
-    second_start_s: float,
-    period_s: float,
-    stages: int,
-    stiffness: Array,
-) -> tuple[float, float]:
-    """Smallest distance of two plans at the same instants, in ellipsoids and in metres.
-
-    Parameters
-    ----------
-    first, first_period_s, second, second_period_s
-        The plans, shape (.., 12), and the time between their stages.
-    first_start_s, second_start_s, period_s, stages
-        First instant, counted from the first stage of each, the time between instants, and their number.
-    stiffness
-        What squares of gaps are multiplied by, shape (3,).
-    """
-    in_ellipsoids, in_m = math.inf, math.inf
-    one, other = np.empty(3), np.empty(3)
-    for stage in range(stages):
-        position_at(first, first_period_s, first_start_s + period_s * stage, one)
-        position_at(second, second_period_s, second_start_s + period_s * stage, other)
-        scaled = plain = 0.0
-        for axis in range(3):
-            square = (one[axis] - other[axis]) ** 2
-            scaled += square * stiffness[axis]
-            plain += square
-        in_ellipsoids, in_m = min(in_ellipsoids, scaled), min(in_m, plain)
-    return math.sqrt(in_ellipsoids), math.sqrt(in_m)
 
 
 @compiled(NUMBER, NUMBER, NUMBER, ANY_VECTOR)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -11,7 +10,6 @@ from msgspec import Struct
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.control.interfaces import Obstacle
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.native.plans import smallest_gaps
 from rcopterx.vehicles.state import Array
 
 NEAR: Final = 1.3
@@ -34,12 +32,8 @@ class SeparationEllipsoid:
 
     def normalised(self, gap_m: Array) -> Array:
         """Length of gaps, shape (.., 3), in ellipsoids: 1 on its surface."""
-        return np.asarray(np.sqrt(gap_m**2 @ self.stiffness))
-
-    @cached_property
-    def stiffness(self) -> Array:
-        """What squares of gaps x, y, z are multiplied by, shape (3,)."""
-        return np.array([self.horizontal_m, self.horizontal_m, self.vertical_m]) ** -2
+        half_axes_m = (self.horizontal_m, self.horizontal_m, self.vertical_m)
+        return np.asarray(np.linalg.norm(gap_m / half_axes_m, axis=-1))
 
 
 class Neighbour(Struct, frozen=True):
@@ -57,7 +51,7 @@ class Near(Struct, frozen=True):
     obstacles
         Vehicles whose plans come near.
     touching
-        Whether the constraints hold any of them off, or shall do so.
+        Whether any of them is, or should be, held off by the constraints.
     closest_m
         Smallest distance to any plan; infinite without one.
     """
@@ -77,46 +71,30 @@ def near(
 ) -> Near:
     """Find the plans that come near.
 
+    The obstacles are in the order of their names, so that a vehicle keeps its place among the constraints.
+
     Parameters
     ----------
-    ellipsoid
-        The ellipsoid.
-    neighbours
-        The others by name.
     plan
         The own previous plan, whose second stage is the present's first one.
-    period_s, stages
-        Control period, and number of stages N.
     delay_s
         Time from the present to the first stage.
-
-    Returns
-    -------
-    Near
-        In the order of the names, so that a vehicle keeps its place among the constraints.
     """
+    own_m = plan.positions_from(period_s, period_s, stages)
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf
-    for name in sorted(neighbours):
-        neighbour = neighbours[name]
+    for _, neighbour in sorted(neighbours.items()):
         scale = neighbour.scale
         if scale <= 0.0:
             continue
-        other, start_s = neighbour.plan.trajectory, neighbour.plan.ahead_s + delay_s
-        in_ellipsoids, gap_m = smallest_gaps(
-            plan.samples,
-            plan.period_s,
-            period_s,
-            other.samples,
-            other.period_s,
-            start_s,
-            period_s,
-            stages,
-            ellipsoid.stiffness,
+        other = neighbour.plan
+        other_m = other.trajectory.positions_from(other.ahead_s + delay_s, period_s, stages)
+        gap_m = own_m - other_m
+        distance = float(ellipsoid.normalised(gap_m).min()) / scale
+        closest, closest_m = (
+            min(closest, distance),
+            min(closest_m, float(np.linalg.norm(gap_m, axis=1).min())),
         )
-        distance = in_ellipsoids / scale
-        closest, closest_m = min(closest, distance), min(closest_m, gap_m)
         if distance < NEAR:
-            other_m = other.positions_from(start_s, period_s, stages)
             obstacles.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
     return Near(tuple(obstacles), closest < TOUCHING, closest_m)

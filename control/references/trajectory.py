@@ -5,8 +5,6 @@ its heading, type or scaling; the rotations of the formation law (6) happen wher
 body-frame quantities. Plans and references being the same thing is what makes following a mere subscription.
 """
 
-from collections.abc import Callable
-from functools import cache
 from typing import Final
 
 import numpy as np
@@ -103,21 +101,16 @@ class Trajectory(Struct, frozen=True):
         self, start_s: float, period_s: float, stages: int, offset_m: Array, yaw_offset_rad: float
     ) -> "Trajectory":
         """As `resampled`, with an offset of the positions, shape (3,), and one of the headings."""
+        # Scripts and the web page use paths, which are trajectories, but need no kernels.
+        from rcopterx.control.references.sampling import resample
+
         samples = np.empty((stages, COLUMNS))
-        _reader()(self.samples, self.period_s, start_s, period_s, offset_m, yaw_offset_rad, samples)
+        resample(self.samples, self.period_s, start_s, period_s, offset_m, yaw_offset_rad, samples)
         return Trajectory(samples, period_s)
 
     def positions_from(self, start_s: float, period_s: float, stages: int) -> Array:
         """Positions at other instants, as of `resampled`; shape (`stages`, 3)."""
         return self.displaced(start_s, period_s, stages, _NO_OFFSET_M, 0.0).samples[:, POSITION]
-
-
-@cache
-def _reader() -> Callable[[Array, float, float, float, Array, float, Array], None]:
-    # Scripts and the web page have paths, which are trajectories, but need no kernels.
-    from rcopterx.native.plans import read_plan
-
-    return read_plan
 
 
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:

@@ -1,0 +1,55 @@
+"""Kernel that reads trajectories at other instants (`rcopterx.control.references.trajectory`)."""
+
+import numpy as np
+
+from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, part
+
+ON_STAGE = 1e-6
+"""An instant so close to a stage, in periods, is on it."""
+
+
+@part
+def place_in_plan(at_s: float, plan_period_s: float, last: int) -> tuple[int, float, float, int]:
+    """Locate an instant, counted from the first stage, in a plan with stages 0 to `last`.
+
+    Returns
+    -------
+    tuple
+        The stage before the instant, the share of the next one, by how long [s] the instant is before
+        (negative) or after the plan, and the stage at that end.
+    """
+    at = at_s / plan_period_s
+    nearest = np.rint(at)
+    if abs(at - nearest) < ON_STAGE:
+        at = nearest
+    inside = min(max(at, 0.0), float(last))
+    lower = min(int(inside), max(last - 1, 0))
+    return lower, inside - lower, (at - inside) * plan_period_s, last if at > inside else 0
+
+
+@compiled(ANY_MATRIX, NUMBER, NUMBER, NUMBER, ANY_VECTOR, NUMBER, MATRIX)
+def resample(
+    samples: Array,
+    plan_period_s: float,
+    start_s: float,
+    period_s: float,
+    offset_m: Array,
+    yaw_offset_rad: float,
+    values: Array,
+) -> None:
+    """Set `values`, shape (N, 12), to a trajectory at instants from `start_s` on, displaced by an offset."""
+    last = len(samples) - 1
+    for stage in range(len(values)):
+        lower, share, outside_s, end = place_in_plan(start_s + period_s * stage, plan_period_s, last)
+        upper = min(lower + 1, last)
+        for column in range(12):
+            values[stage, column] = samples[lower, column] * (1 - share) + samples[upper, column] * share
+        if outside_s != 0.0:
+            for column in range(4):
+                values[stage, column] += outside_s * samples[end, 4 + column]
+            if outside_s > 0.0 or outside_s <= -plan_period_s:
+                for column in range(8, 12):
+                    values[stage, column] = 0.0
+        for axis in range(3):
+            values[stage, axis] += offset_m[axis]
+        values[stage, 3] += yaw_offset_rad
