@@ -13,8 +13,8 @@ from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_erro
 from rcopterx.commands.launch import Interrupts, interruptible
 
 if TYPE_CHECKING:
-    from rcopterx.experiments.zoo.fault_flight import FaultFlight
-    from rcopterx.experiments.zoo.flying import FaultRange
+    from rcopterx.experiments.faults.fault_flight import FaultFlight
+    from rcopterx.experiments.faults.flying import FaultRange
     from rcopterx.ground_station.scripting.fleet import Fleet
 
 READY_S = 30.0
@@ -29,7 +29,7 @@ def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
     typer.BadParameter
         An unknown name.
     """
-    from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+    from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
     unknown = [name for name in names if name not in FAULT_FLIGHTS]
     if unknown:
@@ -68,8 +68,8 @@ class Hangar:
 
     def fault_range(self, say: Callable[[str], None]) -> "FaultRange":
         """The fleet, ready to take off or in the air."""
-        from rcopterx.experiments.zoo.bench import Bench
-        from rcopterx.experiments.zoo.flying import FaultRange
+        from rcopterx.experiments.faults.bench import Bench
+        from rcopterx.experiments.faults.flying import FaultRange
 
         if self._range is None:
             fleet = self._fleet()
@@ -107,9 +107,9 @@ class Hangar:
 @contextmanager
 def hangar(fleet: str | None, start: bool, record: bool) -> Iterator[Hangar]:
     """Somebody who starts fleets, of a copy of the fleet file, and stops the last one."""
+    from rcopterx.experiments.faults.orders import obedient_processes
+    from rcopterx.experiments.faults.own_fleet import copied_fleet
     from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
-    from rcopterx.experiments.zoo.orders import obedient_processes
-    from rcopterx.experiments.zoo.own_fleet import copied_fleet
 
     with ExitStack() as stack:
         path = None
@@ -131,7 +131,7 @@ def fly_faults(
     runs: int,
 ) -> None:
     """Fly rows of the table of faults, one fleet as long as it survives; exit code 1 if a promise broke."""
-    from rcopterx.experiments.zoo.runs import worst_of
+    from rcopterx.experiments.faults.runs import worst_of
 
     rows = chosen_faults(names)
     reports: list[dict[str, Any]] = []
@@ -161,7 +161,7 @@ def fly_chaos(
     record: bool,
 ) -> None:
     """Let one thing after the other go wrong that all shall survive; exit code 1 if somebody did not."""
-    from rcopterx.experiments.zoo.chaos import Chaos
+    from rcopterx.experiments.faults.chaos import Chaos
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
     def say(text: str) -> None:
@@ -194,7 +194,7 @@ def _chaos_lines(result: dict[str, Any]) -> str:
 
 
 def _fly_row(row: "FaultFlight", holder: Hangar, head: str) -> dict[str, Any]:
-    from rcopterx.experiments.zoo.flying import not_flown
+    from rcopterx.experiments.faults.flying import not_flown
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
     started_s = time.monotonic()
@@ -218,7 +218,7 @@ def _fly_row(row: "FaultFlight", holder: Hangar, head: str) -> dict[str, Any]:
 
 
 def _write(reports: Sequence[dict[str, Any]], directory: Path | None) -> None:
-    from rcopterx.experiments.zoo.matrix import write_reports
+    from rcopterx.experiments.faults.matrix import write_reports
 
     flown = [report for report in reports if report["verdict"] != "not flown"]
     if directory is not None and flown:

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from rcopterx.experiments.zoo.chaos import PAUSE_S, SURVIVABLE, Chaos, chances, chaos_report
-from rcopterx.experiments.zoo.promise import Promise, Seen
+from rcopterx.experiments.faults.chaos import PAUSE_S, SURVIVABLE, Chaos, chances, chaos_report
+from rcopterx.experiments.faults.promise import Promise, Seen
 
 FLEW = Seen(30_000, 90.0, None, None, 300.0, ("armed", "hold", "armed"))
 CHAOS = Chaos(SimpleNamespace(), 3, 600.0, [(2.5, "router-killed")], Counter({"leader-spins": 1}))  # type: ignore[arg-type]  # flies nothing

@@ -16,16 +16,23 @@ from types import SimpleNamespace
 import pytest
 from support.waiting import DEADLINE_S, wait_for
 
-from rcopterx.experiments.zoo.bench import Bench
-from rcopterx.experiments.zoo.host_injectors import (
+from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.host_injectors import (
     ClockStepped,
     DiskFull,
     FleetFileBroken,
     LogsGone,
     NoDescriptors,
 )
-from rcopterx.experiments.zoo.orders import VARIABLE, give_order, obedient_processes
-from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Halting, Killed, Slow, Spinning, Stopped
+from rcopterx.experiments.faults.orders import VARIABLE, give_order, obedient_processes
+from rcopterx.experiments.faults.process_injectors import (
+    DiesAtStart,
+    Halting,
+    Killed,
+    Slow,
+    Spinning,
+    Stopped,
+)
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 LOOP = """

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from rcopterx.experiments.zoo import matrix
-from rcopterx.experiments.zoo.flying import Report, not_flown, report_of
-from rcopterx.experiments.zoo.promise import Seen
-from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+from rcopterx.experiments.faults import matrix
+from rcopterx.experiments.faults.flying import Report, not_flown, report_of
+from rcopterx.experiments.faults.promise import Seen
+from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
 FLEW = {
     "h1": Seen(100, 20.4, None, None, 41.2, ("armed",)),

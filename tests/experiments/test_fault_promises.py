@@ -8,8 +8,8 @@ import pytest
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle
-from rcopterx.experiments.zoo.observation import seen_of
-from rcopterx.experiments.zoo.promise import LIMITS, Limits, Promise, Seen, judged, outcome
+from rcopterx.experiments.faults.observation import seen_of
+from rcopterx.experiments.faults.promise import LIMITS, Limits, Promise, Seen, judged, outcome
 from rcopterx.ground_station.report.recorder import Record, Recording
 
 FLEW = Seen(100, 20.0, None, None, 40.0, ("armed",))

@@ -1,11 +1,11 @@
 """Several flights of a fault are told as one, and the worst of them counts."""
 
-from rcopterx.experiments.zoo.flying import Report, report_of
-from rcopterx.experiments.zoo.laboratory_injectors import Draining
-from rcopterx.experiments.zoo.matrix import cells, page_of
-from rcopterx.experiments.zoo.promise import Seen
-from rcopterx.experiments.zoo.runs import worst_of
-from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+from rcopterx.experiments.faults.flying import Report, report_of
+from rcopterx.experiments.faults.laboratory_injectors import Draining
+from rcopterx.experiments.faults.matrix import cells, page_of
+from rcopterx.experiments.faults.promise import Seen
+from rcopterx.experiments.faults.runs import worst_of
+from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
 
 def run(deviation_mm: float, silence_ms: float, problem: str | None = None) -> Report:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from rcopterx.deploy.processes.table import processes_of
+from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.laboratory_injectors import Inject
+from rcopterx.experiments.faults.promise import LIMITS, Promise
+from rcopterx.experiments.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
 from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
-from rcopterx.experiments.zoo.fault_flight import FaultFlight
-from rcopterx.experiments.zoo.laboratory_injectors import Inject
-from rcopterx.experiments.zoo.promise import LIMITS, Promise
-from rcopterx.experiments.zoo.table import FAULT_FLIGHTS, PROCESSES, ROWS
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.shipped import fleet_path
 from rcopterx.ground_station.terminal.scenario import ScenarioError

@@ -2,7 +2,7 @@
 
 from support.waiting import FakeClock, wait_for
 
-from rcopterx.experiments.zoo.impairment import OVERTAKEN_S, Impairment, LateSender
+from rcopterx.experiments.faults.impairment import OVERTAKEN_S, Impairment, LateSender
 
 
 def test_a_sound_network_sends_every_message_once_and_at_once() -> None:

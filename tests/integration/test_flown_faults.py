@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from integration_support import fleet_text, free_port
 
-from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
 pytestmark = pytest.mark.integration
 

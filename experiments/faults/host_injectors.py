@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rcopterx.experiments.zoo.bench import Bench
-from rcopterx.experiments.zoo.orders import give_order
+from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.orders import give_order
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 NONSENSE = "name = [\n"

@@ -9,11 +9,11 @@ from typing import Any, Final
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LaboratoryVehicle
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
+from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.observation import WATCHED, seen_of
+from rcopterx.experiments.faults.promise import Promise, Seen, judged, outcome
 from rcopterx.experiments.paper_sequence import leader_of
-from rcopterx.experiments.zoo.bench import Bench
-from rcopterx.experiments.zoo.fault_flight import FaultFlight
-from rcopterx.experiments.zoo.observation import WATCHED, seen_of
-from rcopterx.experiments.zoo.promise import Promise, Seen, judged, outcome
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError

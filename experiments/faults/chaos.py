@@ -8,10 +8,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from rcopterx.experiments.zoo.fault_flight import FaultFlight
-from rcopterx.experiments.zoo.flying import FaultRange
-from rcopterx.experiments.zoo.promise import Seen
-from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
+from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.flying import FaultRange
+from rcopterx.experiments.faults.promise import Seen
+from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.ground_station.terminal.scenario import FaultRefusedError

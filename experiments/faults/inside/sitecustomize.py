@@ -2,7 +2,7 @@
 
 Python imports a module of this name at the start of every process whose `PYTHONPATH` leads here; nobody else
 does, and no other file of the project knows of it. On SIGUSR2 a process reads what it has to do wrong from a
-file named by its process id (`rcopterx.experiments.zoo.orders` writes it).
+file named by its process id (`rcopterx.experiments.faults.orders` writes it).
 """
 
 import json
@@ -46,7 +46,7 @@ def _step_clock(offset_s: float) -> None:
 
 def _impair(seconds: float, **how: Any) -> None:
     """Let what this process publishes be lost, late, doubled or out of order."""
-    from rcopterx.experiments.zoo.impairment import Impairment, impair
+    from rcopterx.experiments.faults.impairment import Impairment, impair
 
     impair(Impairment(**how), seconds)
 

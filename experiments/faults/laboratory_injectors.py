@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rcopterx.experiments.zoo.bench import Bench
+from rcopterx.experiments.faults.bench import Bench
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.terminal.scenario import fault_from, inject_faults
 from rcopterx.simulator.faults import BreakVehicle, Fault, Recover, TimedFault, fault_text

@@ -9,7 +9,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import LaboratoryVehicle
-from rcopterx.experiments.zoo.promise import Seen
+from rcopterx.experiments.faults.promise import Seen
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
 

@@ -3,18 +3,25 @@
 from types import MappingProxyType
 from typing import Final
 
-from rcopterx.experiments.zoo.bus_injectors import Flood, Impaired, OldMessages
-from rcopterx.experiments.zoo.fault_flight import FaultFlight
-from rcopterx.experiments.zoo.host_injectors import (
+from rcopterx.experiments.faults.bus_injectors import Flood, Impaired, OldMessages
+from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.host_injectors import (
     ClockStepped,
     DiskFull,
     FleetFileBroken,
     LogsGone,
     NoDescriptors,
 )
-from rcopterx.experiments.zoo.laboratory_injectors import Draining, Inject
-from rcopterx.experiments.zoo.process_injectors import DiesAtStart, Halting, Killed, Slow, Spinning, Stopped
-from rcopterx.experiments.zoo.promise import Limits, Promise
+from rcopterx.experiments.faults.laboratory_injectors import Draining, Inject
+from rcopterx.experiments.faults.process_injectors import (
+    DiesAtStart,
+    Halting,
+    Killed,
+    Slow,
+    Spinning,
+    Stopped,
+)
+from rcopterx.experiments.faults.promise import Limits, Promise
 
 EVERYBODY: Final = ("h1", "h2", "h3")
 BOTH: Final = ("h2", "h3")

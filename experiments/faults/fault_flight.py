@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from rcopterx.experiments.zoo.bench import Injector
-from rcopterx.experiments.zoo.promise import LIMITS, Limits, Promise
+from rcopterx.experiments.faults.bench import Injector
+from rcopterx.experiments.faults.promise import LIMITS, Limits, Promise
 
 
 @dataclass(frozen=True)

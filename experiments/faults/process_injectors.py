@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from rcopterx.deploy.processes.supervisor import Supervisor
-from rcopterx.experiments.zoo.bench import Bench
-from rcopterx.experiments.zoo.orders import give_order
+from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.orders import give_order
 
 REPLACED_S = 20.0
 """For somebody to replace a process."""

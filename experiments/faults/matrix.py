@@ -1,6 +1,6 @@
 """The matrix of flown faults: as a file that grows from run to run, as a page, and in docs/safety.md.
 
-    python -m rcopterx.experiments.zoo.matrix DIRECTORY docs/safety.md
+    python -m rcopterx.experiments.faults.matrix DIRECTORY docs/safety.md
 
 puts the matrix of a report directory between the marks of the page.
 """
@@ -13,9 +13,9 @@ from html import escape
 from pathlib import Path
 from typing import Any, Final
 
+from rcopterx.experiments.faults.flying import not_flown
+from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.experiments.flight_page import PAGE_NAME
-from rcopterx.experiments.zoo.flying import not_flown
-from rcopterx.experiments.zoo.table import FAULT_FLIGHTS
 from rcopterx.ground_station.report.document import Html, document, table
 
 REPORT_NAME: Final = "faults.json"

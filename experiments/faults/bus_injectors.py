@@ -11,8 +11,8 @@ from msgspec.structs import replace
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
-from rcopterx.experiments.zoo.bench import Bench
-from rcopterx.experiments.zoo.orders import give_order
+from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.orders import give_order
 
 FLYING_ROLES: Final = ("agent", "tracker", "transmitters")
 """Whose messages vehicles fly by."""
