@@ -233,7 +233,7 @@ def _wind(pilot: Pilot) -> tuple[float, float] | None:
     if not pilot.guidance.rotor_on:
         return None
     estimate = pilot.estimate
-    x, y = estimate.disturbance[:2] if estimate.tilt is None else estimate.tilt.wind_m_s2
+    x, y = estimate.tilt.wind_m_s2 if estimate.has_tilt else estimate.disturbance[:2]
     return float(x), float(y)
 
 

@@ -37,6 +37,7 @@ MODULES: Final = (
     "native.interior",
     "native.lateral_problem",
     "native.flight",
+    "control.models.finite",
 )
 """Modules of kernels, the slowest to compile first."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
@@ -93,7 +94,7 @@ def _digest() -> str:
     """
     digest = hashlib.sha256()
     package = Path(__file__).parents[1]
-    for module in ("compiling.compiled", *sorted(MODULES)):
+    for module in ("compiling.compiled", "control.interfaces", *sorted(MODULES)):
         digest.update((package / f"{module.replace('.', '/')}.py").read_bytes())
     parts = [str(package), version("numba"), version("numpy"), sys.version, platform.machine()]
     try:

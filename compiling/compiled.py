@@ -13,7 +13,7 @@ from typing import Any, Final, ParamSpec, TypeVar
 import numba
 import numpy as np
 from numba import types
-from numba.core import event
+from numba.core import cgutils, datamodel, event, imputils, typeconv
 from numpy.typing import NDArray
 
 from rcopterx.compiling.cache import directory, only_one
@@ -25,6 +25,10 @@ R = TypeVar("R")
 # Any: the annotations of numba differ from version to version.
 _njit: Any = numba.njit
 _config: Any = numba.config
+_cgutils: Any = cgutils
+_datamodel: Any = datamodel
+_imputils: Any = imputils
+_typeconv: Any = typeconv
 _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
@@ -55,9 +59,31 @@ def together(*fields: Any) -> Any:
     return made(fields)
 
 
+class Record(types.NamedTuple):
+    """Type of a `NamedTuple` with fields that are converted like arguments: arrays may have any layout."""
+
+    def can_convert_from(self, typing_context: Any, other: Any) -> Any:
+        """Return whether a value of another type can be passed; numba calls this."""
+        if getattr(other, "instance_class", None) is not self.instance_class:
+            return None
+        pairs = zip(other, self.types, strict=True)
+        convertible = all(typing_context.can_convert(*pair) is not None for pair in pairs)
+        return _typeconv.Conversion.safe if convertible else None
+
+
+def _convert_record(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
+    """Emit code that converts a record field by field."""
+    fields = zip(_cgutils.unpack_tuple(builder, value), given, wanted, strict=True)
+    return context.make_tuple(builder, wanted, [context.cast(builder, *field) for field in fields])
+
+
+_datamodel.register_default(Record)(_datamodel.models.TupleModel)
+_imputils.lower_cast(types.BaseNamedTuple, Record)(_convert_record)
+
+
 def record(kind: type, *fields: Any) -> Any:
     """Return the type of a `NamedTuple` whose fields have these types, in their order."""
-    made: Any = types.BaseTuple.from_types  # numba has a type of its own for fields of one type
+    made: Any = Record
     return made(fields, kind)
 
 

@@ -7,7 +7,7 @@ Write a class with the methods of `Controller` (or `Estimator`), register it und
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol, runtime_checkable
+from typing import Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from msgspec import Struct
@@ -42,53 +42,41 @@ class Measurement(Struct, frozen=True):
         return cls(np.array(position_m), yaw_rad, np.array((2 * (x * z + w * y), 2 * (y * z - w * x))))
 
 
-class TiltEstimate(Struct, frozen=True):
-    """What an estimator knows of the tilt of a vehicle that has a tilt model (`rcopterx.vehicles.tilt`).
-
-    Attributes
-    ----------
-    core
-        Core states of the tilt model, inertial frame, shape (n,).
-    servo
-        Pitch and roll stick after the servo's lag, trim included, body frame, shape (2,).
-    wind_m_s2
-        Horizontal acceleration by the wind, inertial frame, shape (2,).
-    trim
-        Offsets of the pitch and roll stick: at minus these the swash plate is level, shape (2,).
-    """
+class TiltEstimate(NamedTuple):
+    """Estimated tilt of a vehicle with a tilt model (`rcopterx.vehicles.tilt`); else empty arrays."""
 
     core: Array
+    """Core states of the tilt model, inertial frame, shape (n,)."""
     servo: Array
+    """Pitch and roll stick after the servo's lag, trim included, body frame, shape (2,)."""
     wind_m_s2: Array
+    """Horizontal acceleration by the wind, inertial frame, shape (2,)."""
     trim: Array
+    """Offsets of the pitch and roll stick: at minus these the swash plate is level, shape (2,)."""
 
 
 NO_TILT: Final = TiltEstimate(*4 * [np.empty(0)])
-"""For kernels, of a vehicle without tilt model."""
 
 
-class Estimate(Struct, frozen=True):
-    """What an estimator knows of its vehicle at one instant.
-
-    Attributes
-    ----------
-    motion
-        Motion state of `rcopterx.vehicles.state`, shape (8,), yaw unwrapped.
-    actuator
-        Inputs after their lag, shape (4,).
-    disturbance
-        Unmodelled accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,); zeros where an
-        estimator does not tell.
-    tilt
-        The tilt of a vehicle with a tilt model, which predicts better than the first two entries of actuator
-        and disturbance: those are then what a first-order lag would need to explain the same acceleration.
-        None for vehicles without tilt model, and where an estimator does not tell.
-    """
+class Estimate(NamedTuple):
+    """Estimated state of a vehicle at one instant; arrays of 64-bit floats (type for kernels:
+    `rcopterx.control.models.kernel_types.ESTIMATE`)."""
 
     motion: Array
+    """Motion state of `rcopterx.vehicles.state`, shape (8,), yaw unwrapped."""
     actuator: Array
+    """Inputs after their lag, shape (4,)."""
     disturbance: Array
-    tilt: TiltEstimate | None = None
+    """Unmodelled accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,); zeros where none are
+    estimated."""
+    tilt: TiltEstimate = NO_TILT
+    """Predicts better than the first two entries of actuator and disturbance, which are then what a
+    first-order lag would need to explain the same acceleration."""
+
+    @property
+    def has_tilt(self) -> bool:
+        """Whether the tilt is estimated."""
+        return len(self.tilt.core) > 0
 
 
 class Estimator(Protocol):

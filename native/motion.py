@@ -263,37 +263,6 @@ def predict_estimate(
         )
 
 
-SOUND = 0
-MISSHAPEN = 1
-NOT_FINITE = 2
-"""What is to be said of an estimate."""
-
-
-@compiled(*ESTIMATE)
-def flaw(
-    motion: Array, actuator: Array, disturbance: Array, core: Array, servo: Array, wind: Array, trim: Array
-) -> int:
-    """Why an estimate cannot be computed with, or `SOUND`.
-
-    Parameters
-    ----------
-    motion, actuator, disturbance
-        Shapes (8,), (4,), (4,).
-    core, servo, wind, trim
-        Of the tilt model, shapes (k,), (2,), (2,), (2,); all empty for none.
-    """
-    pair = 2 if len(core) > 0 else 0
-    if len(motion) != 8 or len(actuator) != 4 or len(disturbance) != 4:
-        return MISSHAPEN
-    if len(servo) != pair or len(wind) != pair or len(trim) != pair:
-        return MISSHAPEN
-    for numbers in (motion, actuator, disturbance, core, servo, wind, trim):
-        for number in numbers:
-            if not math.isfinite(number):
-                return NOT_FINITE
-    return SOUND
-
-
 @compiled(ANY_MATRIX, VECTOR, VECTOR, NUMBER, MATRIX)
 def whole_units(inputs: Array, lower: Array, upper: Array, unit: float, whole: Array) -> None:
     """Set `whole` to inputs in whole units, shape (k, 4), but for those at their limits."""

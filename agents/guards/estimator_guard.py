@@ -14,7 +14,6 @@ from rcopterx.agents.guards.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.control.interfaces import Estimate, Estimator, Measurement, TellsUncertainty
 from rcopterx.control.models.finite import flaw_of
-from rcopterx.native.motion import MISSHAPEN, NOT_FINITE, SOUND
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
 RAISED: Final = "estimator_raised"
@@ -155,23 +154,10 @@ class EstimatorGuard:
         def told() -> tuple[T, Estimate]:
             return question(asked), asked.estimate
 
-        answer = self.calls.attempt(type(asked).__name__, STEP_LIMIT_S, told, _problem)
+        answer = self.calls.attempt(type(asked).__name__, STEP_LIMIT_S, told, lambda pair: flaw_of(pair[1]))
         if answer is not None:
             self.estimate = answer[1]
         return answer
-
-
-def _problem(told: tuple[T, Estimate]) -> str | None:
-    """What makes an estimate unusable; None if it can be used."""
-    try:
-        found = flaw_of(told[1])
-    except TypeError:
-        found = MISSHAPEN
-    if found == SOUND:
-        return None
-    if found == NOT_FINITE:
-        return "the estimate is not finite"
-    return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"
 
 
 def _deviation_problem(deviation: Array) -> str | None:

@@ -88,7 +88,7 @@ class OscillationGuard:
             return
         period_s, estimate = pilot.controller.period_s, pilot.estimate
         self._since_step_s += period_s
-        tilt = None if estimate.tilt is None else estimate.tilt.core
+        tilt = estimate.tilt.core if estimate.has_tilt else None
         swinging = self._detector.observe(output.input, tilt, estimate.motion, output.reference, period_s)
         if not swinging:
             return

@@ -130,7 +130,7 @@ class TiltKalmanEstimator(LagKalmanEstimator):
         """Start from another estimator's estimate, tilt and disturbance included."""
         self._measured_tilt = None
         super().take_over(estimate)
-        if estimate.tilt is not None:
+        if estimate.has_tilt:
             self.tilt_filter.take_over(estimate.tilt)
 
     def position_deviation_m(self) -> Array:

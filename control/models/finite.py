@@ -1,31 +1,31 @@
-"""Whether an estimate can be computed with."""
+"""Checks of estimates before anything is computed with them."""
 
-from rcopterx.control.interfaces import NO_TILT, Estimate
-from rcopterx.native.motion import SOUND, flaw
+import math
 
-
-def flaw_of(estimate: Estimate) -> int:
-    """What is to be said of an estimate (`rcopterx.native.motion.flaw`); 0 if nothing is.
-
-    Raises
-    ------
-    TypeError
-        A part is no vector of 64-bit floats.
-    """
-    tilt = estimate.tilt
-    if tilt is None:
-        tilt = NO_TILT
-    return flaw(
-        estimate.motion,
-        estimate.actuator,
-        estimate.disturbance,
-        tilt.core,
-        tilt.servo,
-        tilt.wind_m_s2,
-        tilt.trim,
-    )
+from rcopterx.compiling.compiled import compiled
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.models.kernel_types import ESTIMATE
+from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE
 
 
+@compiled(ESTIMATE)
 def is_finite(estimate: Estimate) -> bool:
-    """Whether an estimate can be computed with, every number of it being finite."""
-    return flaw_of(estimate) == SOUND
+    """Whether all numbers of an estimate are finite."""
+    motion, actuator, disturbance, tilt = estimate
+    core, servo, wind, trim = tilt
+    for numbers in (motion, actuator, disturbance, core, servo, wind, trim):
+        for number in numbers:
+            if not math.isfinite(number):
+                return False
+    return True
+
+
+def flaw_of(estimate: Estimate) -> str | None:
+    """Return why an estimate is unusable; None if it is usable."""
+    try:
+        sizes = *map(len, estimate[:3]), *map(len, estimate.tilt[1:])
+        if sizes == (MOTION_SIZE, INPUT_SIZE, INPUT_SIZE, *3 * [2 if estimate.has_tilt else 0]):
+            return None if is_finite(estimate) else "the estimate is not finite"
+    except TypeError:  # no vectors, or vectors of other numbers
+        pass
+    return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"

@@ -47,9 +47,7 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     Estimate
         At the end of the period; the disturbance is the given one.
     """
-    tilt = estimate.tilt
-    if tilt is None or model.tilt is None:
-        tilt = NO_TILT
+    tilt = NO_TILT if model.tilt is None else estimate.tilt
     cores = len(tilt.core)
     # Kernels write into arrays that are given: to return one takes longer than to make it here.
     after = np.empty(_TILT_FROM + cores + 4)
@@ -70,7 +68,7 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
         core = after[_TILT_FROM : _TILT_FROM + cores]
         tilted = TiltEstimate(core, after[_SERVO], after[_WIND], tilt.trim)
     else:
-        tilted = None
+        tilted = NO_TILT
     return Estimate(after[_MOTION], after[_ACTUATOR], estimate.disturbance, tilted)
 
 

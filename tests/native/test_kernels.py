@@ -3,16 +3,16 @@
 import importlib
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
 from rcopterx.compiling.cache import MODULES
-from rcopterx.compiling.compiled import ANY_MATRIX, VECTOR, compiled
+from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, VECTOR, compiled, record
 
 ROOT = Path(__file__).parents[2]
-NO_KERNELS = {"__init__", "__main__", "cache", "compiled", "filtering"}
 
 
 @compiled(VECTOR, ANY_MATRIX)
@@ -29,8 +29,10 @@ def kernel_modules() -> list[ModuleType]:
 
 
 def test_all_modules_of_kernels_are_named() -> None:
-    modules = {path.stem for path in (ROOT / "native").glob("*.py")} - NO_KERNELS
-    assert set(MODULES) == {f"native.{name}" for name in modules}
+    named = {ROOT / f"{module.replace('.', '/')}.py" for module in MODULES}
+    folders = [folder.resolve() for folder in (ROOT / "rcopterx").iterdir() if folder.is_dir()]
+    sources = [path for folder in folders for path in folder.rglob("*.py") if path.name != "compiled.py"]
+    assert {path for path in sources if "\n@compiled(" in path.read_text(encoding="utf-8")} == named
 
 
 def test_no_kernel_can_be_compiled_again() -> None:
@@ -77,3 +79,33 @@ def test_arrays_from_outside_may_have_any_layout() -> None:
     matrix.flags.writeable = False
     assert weighted(np.ones(4), matrix.T) == weighted(np.ones(3), matrix) == matrix.sum()
     assert weighted(np.ones(2), matrix[::2, 1:3]) == matrix[::2, 1:3].sum()
+
+
+class Pair(NamedTuple):
+    first: np.ndarray
+    second: np.ndarray
+
+
+@compiled(record(Pair, ANY_VECTOR, ANY_VECTOR))
+def sum_of(pair: Pair) -> float:
+    return float(pair.first.sum() + pair.second.sum())
+
+
+@compiled(VECTOR)
+def sum_of_twice(vector: np.ndarray) -> float:
+    return sum_of(Pair(vector, vector[1:]))
+
+
+def test_arrays_in_records_may_have_any_layout() -> None:
+    constant = np.ones(4)
+    constant.flags.writeable = False
+    assert sum_of(Pair(np.ones(4), constant)) == 8.0
+    assert sum_of(Pair(np.ones(4)[::2], constant)) == 6.0
+    assert sum_of_twice(np.ones(3)) == 5.0
+
+
+def test_records_with_other_numbers_or_of_another_kind_are_an_error() -> None:
+    with pytest.raises(TypeError):
+        sum_of(Pair(np.ones(4), np.ones(4, dtype=np.float32)))
+    with pytest.raises(TypeError):
+        sum_of((np.ones(4), np.ones(4)))

@@ -108,12 +108,9 @@ class TiltProblem:
         return qp.solve(self._first, tilt.trim, target, task.budget)
 
     def tilt_of(self, estimate: Estimate, disturbance: Array) -> TiltEstimate:
-        """Tilt to predict with; from actuator and disturbance where the estimator does not tell it."""
-        known = estimate.tilt
-        if known is not None:
-            return (
-                known if self._compensate else TiltEstimate(known.core, known.servo, np.zeros(2), known.trim)
-            )
+        """Tilt to predict with; from actuator and disturbance where the estimator does not estimate it."""
+        if estimate.has_tilt:
+            return estimate.tilt if self._compensate else estimate.tilt._replace(wind_m_s2=np.zeros(2))
         yaw_rad = float(estimate.motion[YAW])
         demand = demand_matrix(self._model, yaw_rad) @ estimate.actuator[:2]
         core = np.zeros(self._system.core.stop - self._system.core.start)

@@ -83,7 +83,6 @@ def fly(estimator: TiltKalmanEstimator, plant: Helicopter, seconds: float, level
         measured = np.zeros(2) if level else true
         estimator.correct(Measurement(np.array(pose.position_m), pose.yaw_rad, measured))
         tilt = estimator.estimate.tilt
-        assert tilt is not None
         errors.append(tilt.core[:2] - true)
     return float(np.sqrt(np.mean(np.square(errors[-round(2.0 / PERIOD_S) :]))))
 

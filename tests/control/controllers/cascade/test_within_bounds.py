@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.controllers.cascade.within_bounds import StepWithinBounds
 from rcopterx.control.controllers.chains.chain_qp import ChainQP
-from rcopterx.control.interfaces import Estimate, LimitScale, Obstacle, TiltEstimate
+from rcopterx.control.interfaces import NO_TILT, Estimate, LimitScale, Obstacle, TiltEstimate
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL
@@ -38,7 +38,7 @@ def flight(random: np.random.Generator, reach_m: float, tilted: bool) -> list[tu
         motion = motion + random.normal(0.0, 1e-3, 8) + 0.02 * np.append(place - motion[:4], np.zeros(4))
         tilt = TiltEstimate(*(random.normal(0.0, 1e-2, size) for size in (states, 2, 2, 2)))
         disturbance = random.normal(0.0, 0.1, 4)
-        found.append((Estimate(motion, actuator, disturbance, tilt if tilted else None), place))
+        found.append((Estimate(motion, actuator, disturbance, tilt if tilted else NO_TILT), place))
     return found
 
 
