@@ -1,10 +1,11 @@
-"""What injectors and fault flights work with: the fleet, its processes, and how to wait."""
+"""The fleet that faults are injected into, and the base of the injectors."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar
 
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -15,18 +16,16 @@ POLL_S = 0.01
 
 @dataclass(frozen=True)
 class Bench:
-    """A fleet in the simulated laboratory, and whoever looks on.
+    """A running fleet in the simulated laboratory.
 
     Attributes
     ----------
-    fleet
-        The fleet, up.
     say
-        Told what is done.
+        Shows a line about what happens.
     wait
         Waits a time [s].
     fleet_file
-        File it was started from, which may be broken; None for a fleet that was up before.
+        File it was started from, which faults may damage; None for a fleet that was up before.
     """
 
     fleet: Fleet
@@ -41,7 +40,7 @@ class Bench:
         Raises
         ------
         NotReachedError
-            This program did not start the fleet.
+            This program has not started the fleet.
         """
         if self.fleet.launcher is None:
             raise NotReachedError("this program did not start the fleet; add --up")
@@ -53,7 +52,7 @@ class Bench:
         Raises
         ------
         NotReachedError
-            It does not run.
+            The process does not run.
         """
         known = process in self.supervisor.children
         pid = self.supervisor.pid(process) if known else None
@@ -62,7 +61,7 @@ class Bench:
         return pid
 
     def wait_for(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Wait until something holds, at most so long; whether it does."""
+        """Wait until a condition holds, at most for a time; returns whether it does."""
         for _ in range(round(seconds / POLL_S)):
             if condition():
                 return True
@@ -70,14 +69,15 @@ class Bench:
         return condition()
 
 
-class Injector(Protocol):
-    """Something that goes wrong. What ends by itself is over when the context is entered."""
+class Injector(ABC):
+    """A fault that can be injected into a flight."""
 
-    @property
-    def launched(self) -> bool:
-        """Whether it needs a fleet that this program has started."""
-        ...
+    launched: ClassVar[bool] = True
+    """Whether it needs a fleet that this program has started."""
 
     def active(self, bench: Bench) -> AbstractContextManager[None]:
-        """Let it go wrong until the context is left."""
-        ...
+        """Inject the fault until the context is left; one that ends by itself is over when it is entered."""
+        return self._inject(bench)
+
+    @abstractmethod
+    def _inject(self, bench: Bench) -> AbstractContextManager[None]: ...

@@ -1,4 +1,4 @@
-"""What goes wrong on the bus: a bad network, old messages, a sender that never stops."""
+"""Faults of the bus: a bad network, old messages, a flood of random bytes."""
 
 import random
 import time
@@ -11,11 +11,11 @@ from msgspec.structs import replace
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
-from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.bench import Bench, Injector
 from rcopterx.experiments.faults.orders import give_order
 
 FLYING_ROLES: Final = ("agent", "tracker", "transmitters")
-"""Whose messages vehicles fly by."""
+"""Roles whose messages control the vehicles."""
 OLD_CHANNELS: Final[tuple[Channel[Any], ...]] = (channels.POSE, channels.COMMAND, channels.PLAN)
 PERIOD_S: Final = 0.02
 SEED: Final = 1
@@ -23,29 +23,18 @@ NONSENSE_BYTES: Final = 400
 
 
 @dataclass(frozen=True)
-class Impaired:
-    """Messages of the gateways and agents are late, lost, doubled or overtaken.
+class Impaired(Injector):
+    """Messages of the gateways and agents are delayed, lost, doubled or reordered.
 
-    Attributes
-    ----------
-    how, figure
-        Field of `Impairment`, and its value.
-    seconds
-        How long.
+    `how` and `figure` are a field of `Impairment` and its value.
     """
 
     how: str
     figure: float
     seconds: float = 2.0
 
-    @property
-    def launched(self) -> bool:
-        """See `Injector.launched`."""
-        return True
-
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         bench.say(f"bus: {self.how} {self.figure:g} for {self.seconds:g} s")
         children = bench.supervisor.children.values()
         for number, name in enumerate(
@@ -59,22 +48,17 @@ class Impaired:
 
 
 @dataclass(frozen=True)
-class OldMessages:
-    """Somebody else sends old poses, commands and plans again, of this epoch and of the one before."""
+class OldMessages(Injector):
+    """Old poses, commands and plans are sent again, with this epoch and the one before."""
 
+    launched = False
     seconds: float = 2.0
 
-    @property
-    def launched(self) -> bool:
-        """See `Injector.launched`."""
-        return False
-
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         session = bench.fleet.session
         bench.say(f"bus: old messages again for {self.seconds:g} s")
-        heard = [
+        inboxes = [
             (channel, name, session.subscribe(channel, name, waking=False))
             for channel in OLD_CHANNELS
             for name in bench.fleet.file.vehicles
@@ -82,7 +66,7 @@ class OldMessages:
         bench.wait(0.2)
         old = [
             (channel, name, received.message)
-            for channel, name, inbox in heard
+            for channel, name, inbox in inboxes
             if (received := inbox.latest()) is not None
         ]
         bench.wait(1.0)
@@ -92,34 +76,23 @@ class OldMessages:
                 session.publish(channel, name, message)
                 session.publish(channel, name, replace(message, epoch=max(0, message.epoch - 1)))
 
-        _again_and_again(bench, send, PERIOD_S, self.seconds)
+        _repeat(bench, send, PERIOD_S, self.seconds)
         yield
 
 
 @dataclass(frozen=True)
-class Flood:
-    """Somebody sends nonsense as poses, commands and plans.
+class Flood(Injector):
+    """Random bytes are sent as poses, commands and plans, at a rate on each key."""
 
-    Attributes
-    ----------
-    rate_hz
-        Messages on each key.
-    """
-
+    launched = False
     rate_hz: float = 200.0
     seconds: float = 2.0
 
-    @property
-    def launched(self) -> bool:
-        """See `Injector.launched`."""
-        return False
-
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         session, chance = bench.fleet.session, random.Random(SEED)
         bench.say(
-            f"bus: {self.rate_hz:g} messages of nonsense per second on every key for {self.seconds:g} s"
+            f"bus: {self.rate_hz:g} messages of random bytes per second on every key for {self.seconds:g} s"
         )
 
         def send() -> None:
@@ -127,12 +100,12 @@ class Flood:
                 for name in bench.fleet.file.vehicles:
                     session.republish(name, channel.topic, chance.randbytes(NONSENSE_BYTES))
 
-        _again_and_again(bench, send, 1.0 / self.rate_hz, self.seconds)
+        _repeat(bench, send, 1.0 / self.rate_hz, self.seconds)
         yield
 
 
-def _again_and_again(bench: Bench, send: Callable[[], None], period_s: float, seconds: float) -> None:
-    """Send at a rate as long as the time lasts."""
+def _repeat(bench: Bench, send: Callable[[], None], period_s: float, seconds: float) -> None:
+    """Send periodically for a time."""
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         send()

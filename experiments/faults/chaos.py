@@ -1,4 +1,4 @@
-"""Chaos: again and again something goes wrong that vehicles are promised to survive."""
+"""Chaos: one fault after the other, of those that vehicles are promised to survive."""
 
 import random
 import time
@@ -20,11 +20,10 @@ PAUSE_S: Final = (2.0, 4.0)
 """From the beginning of one fault to that of the next one, at least and at most."""
 LAST_FAULTS: Final = 4
 SURVIVABLE: Final = tuple(row for row in FAULT_FLIGHTS.values() if row.chaos)
-"""What may happen."""
 
 
 def chances(seed: int, rows: Sequence[FaultFlight] = SURVIVABLE) -> Iterator[tuple[float, FaultFlight]]:
-    """Pauses [s], and what goes wrong after each; the same seed gives the same."""
+    """Pauses [s] and the fault after each of them, from the seed."""
     chance = random.Random(seed)
     while True:
         yield chance.uniform(*PAUSE_S), chance.choice(rows)
@@ -32,18 +31,14 @@ def chances(seed: int, rows: Sequence[FaultFlight] = SURVIVABLE) -> Iterator[tup
 
 @dataclass
 class Chaos:
-    """A flight in chaos, and what happened in it.
+    """A flight with chaos.
 
     Attributes
     ----------
-    place
-        The fleet.
-    seed, seconds
-        Which chaos, and how long.
     happened
         Faults with the time since the beginning [s].
     missed
-        Faults that could not be, because what they concern was just being replaced, or is not there.
+        Faults that were not possible, for example because the process was just being replaced.
     """
 
     place: FaultRange
@@ -53,7 +48,7 @@ class Chaos:
     missed: Counter[str] = field(default_factory=Counter)
 
     def fly(self) -> dict[str, Any]:
-        """Fly until the time is over or somebody touches the floor; the report."""
+        """Fly until the time is over or a vehicle touches the floor; returns the report."""
         place, problem = self.place, None
         place.hover()
         places_m = place.start()
@@ -89,7 +84,7 @@ class Chaos:
                 self.place.bench.say(f"not possible now: {error}")
 
     def _wait_aloft(self, until_s: float) -> None:
-        """Wait, and see that nobody touches the floor meanwhile."""
+        """Wait, and check that no vehicle touches the floor meanwhile."""
         while (left_s := until_s - time.monotonic()) > 0.0:
             if down := self.place.on_floor():
                 last = ", ".join(name for _, name in self.happened[-LAST_FAULTS:])
@@ -98,7 +93,7 @@ class Chaos:
 
 
 def chaos_report(chaos: Chaos, seen: dict[str, Seen], problem: str | None, seconds: float) -> dict[str, Any]:
-    """What came of it: passed if nobody came down and everybody was flown in the end."""
+    """Report of a flight; it passed if no vehicle came down and there was no problem."""
     down = [name for name, vehicle in seen.items() if vehicle.down]
     return {
         "name": "chaos",

@@ -8,24 +8,22 @@ from rcopterx.experiments.faults.promise import LIMITS, Limits, Promise
 
 @dataclass(frozen=True)
 class FaultFlight:
-    """A named flight in which something goes wrong.
+    """A named flight with a fault.
 
     Attributes
     ----------
-    name, title
-        For the command line and for reports; the title says what is done.
+    title
+        What happens, for reports.
     faults
-        What goes wrong, one after the other; all of it until the flight is over.
-    promise
-        How the flight goes on.
+        Injected one after the other; all of them until the flight is over.
     down
         Vehicles that come down.
     limits
-        What it has to stay within; by default what is usual for its promise.
+        None for those of the promise.
     chaos
         Whether it may happen at any time in `rcopterx fly chaos`.
     on_floor
-        Everybody stands on the floor when it begins, and is then asked to take off.
+        The vehicles stand on the floor when the fault begins, and get a command to take off then.
     """
 
     name: str
@@ -39,10 +37,10 @@ class FaultFlight:
 
     @property
     def allowed(self) -> Limits:
-        """Its limits."""
+        """Limits of the flight."""
         return self.limits or LIMITS[self.promise]
 
     @property
     def launched(self) -> bool:
-        """Whether only a fleet that the same program has started can fly it."""
+        """Whether it needs a fleet that the same program has started."""
         return any(fault.launched for fault in self.faults)

@@ -1,10 +1,10 @@
-"""Flies rows of the table of fault flights on a fleet, and judges them."""
+"""Flights of the rows of the table of faults on a fleet."""
 
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import LaboratoryVehicle
@@ -12,7 +12,8 @@ from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
 from rcopterx.experiments.faults.bench import Bench
 from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.observation import WATCHED, seen_of
-from rcopterx.experiments.faults.promise import Promise, Seen, judged, outcome
+from rcopterx.experiments.faults.promise import Promise, Seen
+from rcopterx.experiments.faults.reports import Report, report_of
 from rcopterx.experiments.paper_sequence import leader_of
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, lines_of
@@ -24,24 +25,17 @@ HOME_M: Final = (0.0, 0.0, 1.0)
 AT_HOME_M: Final = 0.06
 REST_S: Final = 0.5
 BEFORE_S: Final = 0.2
-"""How long everybody is watched before something goes wrong."""
+"""Recorded time before the first fault."""
 AFTERWARDS_S: Final = 1.5
-"""How long everybody has to fly on after the last fault."""
+"""Recorded time after the last fault."""
 FLOWN_AGAIN_S: Final = 20.0
 LANDED_S: Final = 30.0
 CALM_S: Final = 60.0
-"""For processes and spare processes to be there, on a busy machine as well."""
-Report = dict[str, Any]
+"""Limit for processes and spares to be ready, on a busy computer as well."""
 
 
 class FaultRange:
-    """A fleet in the simulated laboratory on which one fault flight follows the other.
-
-    Parameters
-    ----------
-    bench
-        The fleet, ready to take off.
-    """
+    """A fleet in the simulated laboratory, ready to take off, that flies one fault after the other."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -51,12 +45,12 @@ class FaultRange:
         self._truth = self.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT)
 
     def saying(self, say: Callable[[str], None]) -> "FaultRange":
-        """Tell somebody else what is done from now on."""
+        """Show what happens through another function from now on."""
         self.bench = replace(self.bench, say=say)
         return self
 
     def fly(self, row: FaultFlight) -> Report:
-        """Fly a row; the report tells what came of it, also where it could not be flown to its end."""
+        """Fly a row; returns the report, also of a flight that ended early."""
         started_s = time.monotonic()
         places_m: dict[str, Three] = {}
         problem = None
@@ -75,18 +69,18 @@ class FaultRange:
         return report_of(row, self.stop(places_m), problem, time.monotonic() - started_s)
 
     def start(self) -> dict[str, Three]:
-        """Watch from now on; where everybody is [m]."""
+        """Start recording; returns the place of each vehicle [m]."""
         places_m = {name: self.truth(name).position_m for name in self._names}
         self._recorder.start()
         self.bench.wait(BEFORE_S)
         return places_m
 
     def stop(self, places_m: Mapping[str, Three]) -> dict[str, Seen]:
-        """End watching; what was seen of everybody."""
+        """Stop recording; returns the figures of each vehicle."""
         return seen_of(self._recorder.stop(), places_m)
 
     def on_floor(self) -> list[str]:
-        """Who stands on the floor."""
+        """Vehicles on the floor."""
         return [name for name in self._names if self.truth(name).on_floor]
 
     def _fly(self, row: FaultFlight) -> None:
@@ -112,7 +106,7 @@ class FaultRange:
         Raises
         ------
         NotReachedError
-            Nothing was heard of it.
+            No state of it has arrived.
         """
         received = self._truth.latest()
         if received is None or name not in received.message.vehicles:
@@ -120,7 +114,7 @@ class FaultRange:
         return received.message.vehicles[name]
 
     def hover(self) -> None:
-        """Have everybody hover in formation, at rest, and a spare process for whatever comes."""
+        """Have all vehicles hover in formation, at rest, and wait for spare processes."""
         fleet, bench = self.fleet, self.bench
         if not all(fleet.state_of(name).phase == "flying" for name in self._names):
             fleet.wait_ready()
@@ -132,13 +126,13 @@ class FaultRange:
         bench.wait(REST_S)
 
     def stand(self) -> None:
-        """Have everybody stand on the floor."""
+        """Have all vehicles stand on the floor."""
         self.fleet.land()
         self.fleet.wait_ready()
         self.bench.wait_for(lambda: self._truth.latest() is not None, FLOWN_AGAIN_S)
 
     def _wait_until_calm(self) -> None:
-        """Nobody has been started just now, and there is a spare process."""
+        """Wait until spares are ready and no process has just been started."""
         if self.fleet.launcher is None:
             return
         supervisor = self.bench.supervisor
@@ -156,7 +150,7 @@ class FaultRange:
         Raises
         ------
         NotReachedError
-            They do not.
+            They do not in time.
         """
 
         def flown(name: str) -> bool:
@@ -170,7 +164,7 @@ class FaultRange:
 
         if not self.bench.wait_for(lambda: all(map(flown, self._names)), FLOWN_AGAIN_S):
             states = "; ".join(self.fleet.state_of(name).summary() for name in self._names)
-            raise NotReachedError(f"after {FLOWN_AGAIN_S:g} s: not everybody is flown ({states})")
+            raise NotReachedError(f"after {FLOWN_AGAIN_S:g} s: not all vehicles are flown ({states})")
 
     def _wait_until_down(self, names: tuple[str, ...]) -> None:
         if not self.bench.wait_for(lambda: all(self.truth(name).on_floor for name in names), LANDED_S):
@@ -184,41 +178,3 @@ class FaultRange:
             self.bench.say(f"take-off refused: {error}")
             return
         raise NotReachedError("the take-off was not refused")
-
-
-def report_of(row: FaultFlight, seen: Mapping[str, Seen], problem: str | None, seconds: float) -> Report:
-    """Everything the report says of a row that was flown; `problem` is what ended it early."""
-    checks = judged(row.promise, row.down, row.allowed, seen) if seen else []
-    passed = problem is None and bool(checks) and all(check["passed"] for check in checks)
-    return not_flown(row, problem) | {
-        "verdict": "passed" if passed else "failed",
-        "seen": outcome(row.promise, seen),
-        "checks": checks,
-        "vehicles": {
-            name: {
-                "deviation_mm": vehicle.deviation_mm,
-                "drift_mm": vehicle.drift_mm,
-                "touchdown_m_s": vehicle.touchdown_m_s,
-                "silence_ms": vehicle.silence_ms,
-                "arbiter": list(vehicle.states_of_arbiter),
-            }
-            for name, vehicle in seen.items()
-        },
-        "seconds": round(seconds, 1),
-    }
-
-
-def not_flown(row: FaultFlight, problem: str | None) -> Report:
-    """Report of a row that was not flown."""
-    return {
-        "name": row.name,
-        "title": row.title,
-        "promise": row.promise.value,
-        "down": list(row.down),
-        "verdict": "not flown",
-        "problem": problem,
-        "seen": "",
-        "checks": [],
-        "vehicles": {},
-        "seconds": 0.0,
-    }

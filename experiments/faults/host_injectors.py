@@ -1,4 +1,4 @@
-"""What goes wrong with a host: disk, descriptors, clock, files."""
+"""Faults of a host: disk, descriptors, clock, files."""
 
 import os
 import resource
@@ -6,38 +6,27 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.bench import Bench, Injector
 from rcopterx.experiments.faults.orders import give_order
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
-NONSENSE = "name = [\n"
-
-
-@dataclass(frozen=True)
-class _OfHost:
-    """Base of what happens to the host of a fleet that this program has started."""
-
-    @property
-    def launched(self) -> bool:
-        """See `Injector.launched`."""
-        return True
+INVALID = "name = [\n"
 
 
 def _processes(bench: Bench, without: Collection[str] = ()) -> list[int]:
-    """Process ids of all processes of the fleet but those of some roles, the spare ones as well."""
+    """Ids of all processes of the fleet except those of some roles, spares included."""
     supervisor = bench.supervisor
     names = [name for name, child in supervisor.children.items() if child.spec.role not in without]
     pids = (*map(supervisor.pid, names), *supervisor.spare_pids)
     return [pid for pid in pids if pid is not None]
 
 
-class DiskFull(_OfHost):
-    """No process of the fleet can write to files any more; the launcher can."""
+class DiskFull(Injector):
+    """No process of the fleet except the launcher can write to files."""
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
-        bench.say("no file may grow any more")
+    def _inject(self, bench: Bench) -> Iterator[None]:
+        bench.say("no process can write to files")
         for pid in _processes(bench):
             _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
             resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, hard))
@@ -45,20 +34,13 @@ class DiskFull(_OfHost):
 
 
 @dataclass(frozen=True)
-class NoDescriptors(_OfHost):
-    """A process, or the launcher, can open nothing more.
-
-    Attributes
-    ----------
-    process
-        Its name; None for the launcher.
-    """
+class NoDescriptors(Injector):
+    """A process can open no further descriptor; `process` None stands for the launcher."""
 
     process: str | None
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         pid = os.getpid() if self.process is None else bench.pid(self.process)
         bench.say(f"{self.process or 'launcher'}: no descriptors left")
         before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
@@ -77,20 +59,13 @@ def _lowest_free(pid: int) -> int:
 
 
 @dataclass(frozen=True)
-class ClockStepped(_OfHost):
-    """The wall clock of all processes steps; the monotonic one does not.
-
-    Attributes
-    ----------
-    offset_s
-        By how much.
-    """
+class ClockStepped(Injector):
+    """The wall clock of all processes steps by `offset_s`; the monotonic one does not."""
 
     offset_s: float
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         bench.say(f"wall clock: {self.offset_s:+g} s")
         # The router uses no wall clock, and every signal that it handles ends it.
         for pid in _processes(bench, without=("router",)):
@@ -98,30 +73,28 @@ class ClockStepped(_OfHost):
         yield
 
 
-class FleetFileBroken(_OfHost):
-    """Somebody saves nonsense over the fleet file."""
+class FleetFileBroken(Injector):
+    """The fleet file is overwritten with invalid text."""
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         path = bench.fleet_file
         if path is None:
             raise NotReachedError("this program did not start the fleet; add --up")
-        bench.say("the fleet file is nonsense")
+        bench.say("the fleet file is invalid")
         text = path.read_text(encoding="utf-8")
-        path.write_text(NONSENSE, encoding="utf-8")
+        path.write_text(INVALID, encoding="utf-8")
         try:
             yield
         finally:
             path.write_text(text, encoding="utf-8")
 
 
-class LogsGone(_OfHost):
-    """Somebody moves the directory of the log files away, and a file is in its place."""
+class LogsGone(Injector):
+    """The directory of the log files is moved away and replaced by a file."""
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         if bench.fleet.launcher is None:
             raise NotReachedError("this program did not start the fleet; add --up")
         logs = bench.fleet.launcher.directory / "log"

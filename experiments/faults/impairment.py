@@ -1,4 +1,4 @@
-"""A bad network: messages that are late, lost, doubled or overtaken, as decided at their sender."""
+"""A bad network, simulated at the sender: messages are delayed, lost, doubled or reordered."""
 
 import heapq
 import itertools
@@ -11,20 +11,18 @@ from typing import Any, Final
 from rcopterx.bus.session import Session
 
 OVERTAKEN_S: Final = 0.03
-"""How late a message is that others overtake: more than a frame of 50 Hz."""
+"""Delay of a message that later ones overtake: more than a frame of 50 Hz."""
 
 
 class Impairment:
-    """What happens to each message.
+    """Random delays of messages.
 
     Parameters
     ----------
     delay_s
-        All are late by this.
+        Delay of all messages.
     loss, duplicates, reordering
         Shares of the messages that are lost, sent twice, and overtaken by later ones.
-    seed
-        Of the random choice.
     """
 
     def __init__(
@@ -42,7 +40,7 @@ class Impairment:
         self._chance = random.Random(seed).random
 
     def delays_s(self) -> list[float]:
-        """How late each copy of the next message is sent; empty for a lost one."""
+        """Delay of each copy of the next message; empty for a lost one."""
         if self._chance() < self._loss:
             return []
         late_s = self._delay_s + (OVERTAKEN_S if self._chance() < self._reordering else 0.0)
@@ -50,13 +48,7 @@ class Impairment:
 
 
 class LateSender:
-    """Calls functions later, in a thread of its own.
-
-    Parameters
-    ----------
-    clock
-        Monotonic clock [s].
-    """
+    """Calls functions later, in a thread of its own."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -66,7 +58,7 @@ class LateSender:
         threading.Thread(target=self._run, daemon=True).start()
 
     def call(self, after_s: float, function: Callable[[], None]) -> None:
-        """Call a function so much later."""
+        """Call a function after a time."""
         with self._changed:
             heapq.heappush(self._queue, (self._clock() + after_s, next(self._order), function))
             self._changed.notify()
@@ -84,7 +76,7 @@ class LateSender:
 
 
 def impair(impairment: Impairment, seconds: float) -> None:
-    """Let everything this process publishes suffer for some seconds."""
+    """Impair everything this process publishes for some seconds."""
     publish, late, until_s = Session.publish, LateSender(), time.monotonic() + seconds
 
     def impaired(self: Session, channel: Any, unit: str, message: Any) -> None:

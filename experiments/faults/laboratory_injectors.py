@@ -1,10 +1,10 @@
-"""What the simulated laboratory lets go wrong: poses, radios, vehicles."""
+"""Faults of the simulated laboratory: poses, radios, vehicles."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.bench import Bench, Injector
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.terminal.scenario import fault_from, inject_faults
 from rcopterx.simulator.faults import BreakVehicle, Fault, Recover, TimedFault, fault_text
@@ -13,7 +13,7 @@ Value = str | int | float | tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Inject:
+class Inject(Injector):
     """A fault of the laboratory.
 
     Attributes
@@ -21,14 +21,16 @@ class Inject:
     kind
         One of `rcopterx.simulator.faults.FAULTS`.
     vehicle
-        Whom it concerns, if anybody: a vehicle, also where the fault is told of its subject.
+        Name of the vehicle, also where the fault takes a subject; None for faults without one.
     values
         Further fields.
     seconds
-        How long it lasts; None until the flight is over.
+        Duration; None until the flight is over.
     after_s
-        Begins so much later.
+        Delay of the beginning.
     """
+
+    launched = False
 
     kind: str
     vehicle: str | None = None
@@ -36,13 +38,8 @@ class Inject:
     seconds: float | None = None
     after_s: float = 0.0
 
-    @property
-    def launched(self) -> bool:
-        """See `Injector.launched`."""
-        return False
-
     def fault(self, file: FleetFile) -> Fault:
-        """The fault as the simulator of a fleet is told of it."""
+        """The fault with the subjects of a fleet."""
         values: dict[str, object] = dict(self.values)
         if self.vehicle is not None:
             broken = self.kind.startswith("break_")
@@ -56,8 +53,7 @@ class Inject:
         return fault_from(self.kind, values)
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         fault = self.fault(bench.fleet.file)
         bench.say(f"laboratory: {fault_text(fault)}")
         inject_faults(bench.fleet.session, [TimedFault(self.after_s, fault)])
@@ -71,34 +67,18 @@ class Inject:
 
 
 @dataclass(frozen=True)
-class Draining:
-    """The battery of a vehicle empties much faster than batteries do.
+class Draining(Injector):
+    """The battery of a vehicle empties within `seconds`, in steps, to a share `left` of its thrust."""
 
-    Attributes
-    ----------
-    vehicle
-        Whose.
-    left
-        Share of the thrust that is left in the end.
-    seconds
-        How long that takes.
-    steps
-        In how many steps.
-    """
+    launched = False
 
     vehicle: str
     left: float
     seconds: float
     steps: int = 40
 
-    @property
-    def launched(self) -> bool:
-        """See `Injector.launched`."""
-        return False
-
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         bench.say(f"{self.vehicle}: the battery falls to {self.left:g} of its thrust in {self.seconds:g} s")
         inject_faults(bench.fleet.session, self.steps_of_battery())
         try:
@@ -107,7 +87,7 @@ class Draining:
             inject_faults(bench.fleet.session, Recover())
 
     def steps_of_battery(self) -> list[TimedFault]:
-        """What is left after each step."""
+        """Thrust after each step."""
         shares = [number / self.steps for number in range(1, self.steps + 1)]
         return [
             TimedFault(

@@ -1,8 +1,8 @@
-"""The matrix of flown faults: as a file that grows from run to run, as a page, and in docs/safety.md.
+"""The matrix of flown faults: as a file that each run updates, as a page, and in docs/safety.md.
 
     python -m rcopterx.experiments.faults.matrix DIRECTORY docs/safety.md
 
-puts the matrix of a report directory between the marks of the page.
+writes the matrix of a report directory between the marks of the page.
 """
 
 import json
@@ -13,7 +13,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.experiments.faults.flying import not_flown
+from rcopterx.experiments.faults.reports import Report, not_flown
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.experiments.flight_page import PAGE_NAME
 from rcopterx.ground_station.report.document import Html, document, table
@@ -25,7 +25,6 @@ HEADINGS: Final = (
     "fault", "what is done", "promise", "seen", "off its place, at most [mm]",
     "without a fresh command, at most [ms]", "touchdown, at most [m/s]",
 )  # fmt: skip
-Report = Mapping[str, Any]
 
 
 def read_reports(directory: Path) -> dict[str, Report]:
@@ -34,7 +33,7 @@ def read_reports(directory: Path) -> dict[str, Report]:
     Raises
     ------
     ValueError
-        The file is not one of ours.
+        The file is not a report of fault flights.
     """
     path = directory / REPORT_NAME
     if not path.exists():
@@ -47,13 +46,7 @@ def read_reports(directory: Path) -> dict[str, Report]:
 
 
 def write_reports(reports: Iterable[Report], directory: Path) -> Path:
-    """Write reports and their page into a directory; rows that were flown earlier stay.
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write reports and their page into a directory, where earlier rows stay; returns the page."""
     directory.mkdir(parents=True, exist_ok=True)
     rows = {**read_reports(directory), **{report["name"]: report for report in reports}}
     ordered = [rows[name] for name in FAULT_FLIGHTS if name in rows]
@@ -73,23 +66,19 @@ def cells(report: Report) -> tuple[str, ...]:
         report["title"],
         promise,
         report["problem"] or report["seen"],
-        _largest(flying, "deviation_mm"),
-        _largest(flying, "silence_ms"),
-        _largest(report["vehicles"], "touchdown_m_s"),
+        _largest(flying, "deviation_mm", 0),
+        _largest(flying, "silence_ms", 0),
+        _largest(report["vehicles"], "touchdown_m_s", 2),
     )
 
 
-def _largest(vehicles: Mapping[str, Mapping[str, Any]], figure: str) -> str:
+def _largest(vehicles: Mapping[str, Mapping[str, Any]], figure: str, digits: int) -> str:
     figures = [seen[figure] for seen in vehicles.values() if seen[figure] is not None]
-    return f"{max(figures):.2f}" if figures and figure.endswith("m_s") else _rounded(figures)
-
-
-def _rounded(figures: Sequence[float]) -> str:
-    return f"{max(figures):.0f}" if figures else ""
+    return f"{max(figures):.{digits}f}" if figures else ""
 
 
 def markdown_of(reports: Mapping[str, Report]) -> str:
-    """The matrix for docs/safety.md, with rows that were not flown; reports by name."""
+    """The matrix for docs/safety.md, with rows that were not flown."""
     lines = [_line(HEADINGS), _line(["---"] * len(HEADINGS))]
     for name, row in FAULT_FLIGHTS.items():
         report = reports.get(name, not_flown(row, "not flown"))
@@ -103,7 +92,7 @@ def _line(words: Iterable[str]) -> str:
 
 
 def page_of(reports: Sequence[Report]) -> str:
-    """The matrix as a page that refers to nothing outside itself."""
+    """The matrix as a self-contained page."""
     counts = Counter(report["verdict"] for report in reports)
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     rows = [(_verdict(report), _link(report), *cells(report)[1:]) for report in reports]
@@ -147,7 +136,7 @@ def _runs(report: Report) -> str:
 
 
 def main(directory: str, page: str) -> None:
-    """Put the matrix of a report directory into a page of the documentation."""
+    """Write the matrix of a report directory into a page of the documentation."""
     path = Path(page)
     before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)

@@ -1,4 +1,4 @@
-"""What a recorded fault flight shows of each vehicle: the laboratory's truth, and what its radio sent."""
+"""Figures of each vehicle in a recorded fault flight, from its true states and its radio frames."""
 
 from collections.abc import Mapping
 from itertools import groupby, pairwise
@@ -14,18 +14,18 @@ from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
 
 WATCHED: tuple[Channel[Message], ...] = (channels.LABORATORY, channels.APPLIED)  # type: ignore[assignment]
-"""Channels that are needed for it."""
+"""Channels that `seen_of` needs."""
 
 
 def seen_of(recording: Recording, places_m: Mapping[str, Three]) -> dict[str, Seen]:
-    """What was seen of each vehicle.
+    """Figures of each vehicle.
 
     Parameters
     ----------
     recording
         At least the channels `WATCHED`.
     places_m
-        Where each vehicle was when it began [m].
+        Where each vehicle was at the beginning [m].
     """
     laboratory = [state for state, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
     return {
@@ -45,7 +45,7 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
     return Seen(
         states=len(truth),
         deviation_mm=round(1000 * float(np.linalg.norm(away, axis=1).max(initial=0.0)), 1),
-        # Of several touchdowns, as after a hop, the last one tells where and the hardest one how.
+        # Of several touchdowns, as after a hop, the last one counts for the place, the hardest for the speed.
         drift_mm=round(1000 * float(np.linalg.norm(away[touchdowns[-1], :2])), 1) if touchdowns else None,
         touchdown_m_s=max((round(truth[place].touchdown_speed_m_s, 3) for place in touchdowns), default=None),
         silence_ms=round(max(silences), 1) if silences else None,
@@ -54,7 +54,7 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
 
 
 def _touchdowns(truth: list[LaboratoryVehicle]) -> list[int]:
-    """Where in a sequence of states the vehicle touches the floor."""
+    """Indices of the states in which the vehicle touches the floor."""
     return [
         place
         for place, (before, after) in enumerate(pairwise(truth), 1)

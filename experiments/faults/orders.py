@@ -1,4 +1,4 @@
-"""Tells processes of a fleet to misbehave from inside; `inside/sitecustomize.py` is their side of it."""
+"""Orders to processes of a fleet to misbehave, which `inside/sitecustomize.py` carries out."""
 
 import json
 import os
@@ -18,7 +18,7 @@ INSIDE: Final = Path(__file__).parent / "inside"
 
 @contextmanager
 def obedient_processes() -> Iterator[None]:
-    """Let Python processes that this one starts meanwhile, and only those, take orders."""
+    """Have Python processes that this one starts meanwhile accept orders."""
     before = {name: os.environ.get(name) for name in (VARIABLE, "PYTHONPATH")}
     paths = [str(INSIDE), *filter(None, [before["PYTHONPATH"]])]
     with TemporaryDirectory(prefix="rcopterx-orders-") as directory:
@@ -34,19 +34,17 @@ def obedient_processes() -> Iterator[None]:
 
 
 def give_order(pid: int, order: str, **values: object) -> None:
-    """Let a process do something wrong.
+    """Order a process to misbehave.
 
     Parameters
     ----------
-    pid
-        The process; it was started within `obedient_processes`.
     order, values
         One of `ORDERS` of `inside/sitecustomize.py`, and its arguments.
 
     Raises
     ------
     NotReachedError
-        It was not, and a signal would end it; or it has ended.
+        The process was not started within `obedient_processes`, and a signal would end it; or it has ended.
     """
     path = Path(os.environ.get(VARIABLE, "/nowhere"), str(pid))
     if not path.exists():

@@ -1,4 +1,4 @@
-"""A copy of a fleet file that fault flights may break, with a battery that outlasts them."""
+"""A copy of a fleet file that fault flights may damage, with a battery that outlasts them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.shipped import fleet_path
 
 ENDURANCE_S: Final = 36_000.0
-"""Of the simulated batteries: one fleet flies many faults."""
+"""Of the simulated batteries, because one fleet flies many faults."""
 
 
 @contextmanager
@@ -23,7 +23,7 @@ def copied_fleet(name: str) -> Iterator[Path]:
     Raises
     ------
     FleetError
-        It cannot be used, or it has no simulated laboratory: nobody breaks helicopters on purpose.
+        It cannot be used, or has no simulated laboratory.
     """
     path = fleet_path(name)
     if load_fleet(path).simulator is None:

@@ -1,4 +1,4 @@
-"""Processes that die, stop, spin, get slow, or do not come up."""
+"""Faults of processes: they die, stop, spin, slow down, or do not start."""
 
 import os
 import signal
@@ -9,46 +9,37 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from rcopterx.deploy.processes.supervisor import Supervisor
-from rcopterx.experiments.faults.bench import Bench
+from rcopterx.experiments.faults.bench import Bench, Injector
 from rcopterx.experiments.faults.orders import give_order
 
 REPLACED_S = 20.0
-"""For somebody to replace a process."""
+"""By then the watchdog has replaced a process."""
 POLL_S = 0.005
 
 
 @dataclass(frozen=True)
-class _OfProcess:
-    """Base of what happens to one process."""
-
+class _ProcessFault(Injector):
     process: str
 
-    @property
-    def launched(self) -> bool:
-        """See `Injector.launched`."""
-        return True
 
-
-class Killed(_OfProcess):
-    """SIGKILL."""
+class Killed(_ProcessFault):
+    """The process gets SIGKILL."""
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         bench.say(f"{self.process}: SIGKILL")
         os.kill(bench.pid(self.process), signal.SIGKILL)
         yield
 
 
 @dataclass(frozen=True)
-class Stopped(_OfProcess):
-    """SIGSTOP, and SIGCONT after a while if it is still there."""
+class Stopped(_ProcessFault):
+    """The process gets SIGSTOP, and SIGCONT after a time if it has not been replaced."""
 
     seconds: float
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: SIGSTOP for {self.seconds:g} s")
         os.kill(pid, signal.SIGSTOP)
@@ -61,12 +52,11 @@ class Stopped(_OfProcess):
         yield
 
 
-class Spinning(_OfProcess):
+class Spinning(_ProcessFault):
     """The working loop uses its processor and makes no progress."""
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: spins")
         give_order(pid, "spin", seconds=REPLACED_S)
@@ -75,15 +65,14 @@ class Spinning(_OfProcess):
 
 
 @dataclass(frozen=True)
-class Slow(_OfProcess):
+class Slow(_ProcessFault):
     """Every turn of the working loop takes longer."""
 
     by_s: float = 0.01
     seconds: float = 2.0
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: every turn {1000 * self.by_s:g} ms longer for {self.seconds:g} s")
         give_order(pid, "slow", by_s=self.by_s, seconds=self.seconds)
@@ -92,16 +81,15 @@ class Slow(_OfProcess):
 
 
 @dataclass(frozen=True)
-class Halting(_OfProcess):
-    """Is stopped for a moment again and again: all of its threads get slow, its working loop with them."""
+class Halting(_ProcessFault):
+    """The process is stopped again and again for `by_s` of `every_s`, which slows all of its threads."""
 
     by_s: float = 0.01
     every_s: float = 0.03
     seconds: float = 2.0
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: stopped for {1000 * self.by_s:g} of {1000 * self.every_s:g} ms")
         until_s = time.monotonic() + self.seconds
@@ -119,23 +107,22 @@ class Halting(_OfProcess):
 
 
 @dataclass(frozen=True)
-class DiesAtStart(_OfProcess):
-    """Is killed, and so are its next successors as soon as they are there.
+class DiesAtStart(_ProcessFault):
+    """The process is killed, and so are its next successors as soon as they have started.
 
     Attributes
     ----------
     successors
-        How many; None for all of them.
+        Number of successors; None for all of them.
     seconds
-        How long that lasts without a number; None until the flight is over.
+        Duration without a number of successors; None until the flight is over.
     """
 
     successors: int | None = 1
     seconds: float | None = None
 
     @contextmanager
-    def active(self, bench: Bench) -> Iterator[None]:
-        """See `Injector.active`."""
+    def _inject(self, bench: Bench) -> Iterator[None]:
         which = "every successor" if self.successors is None else f"{self.successors} successor(s)"
         bench.say(f"{self.process}: SIGKILL, and again {which} at its start")
         over = threading.Event()

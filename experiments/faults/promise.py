@@ -1,4 +1,4 @@
-"""What is promised of a flight with a fault, and whether what was seen keeps it."""
+"""Promises about flights with a fault, and checks of what was seen against them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from enum import Enum
 from typing import Any, Final
 
 CHECKED_AT_LEAST: Final = 10
-"""States of a vehicle below which nothing is known of its flight."""
+"""With fewer recorded states of a vehicle its flight is unknown."""
 
 
 class Promise(Enum):
@@ -21,7 +21,7 @@ class Promise(Enum):
 
 @dataclass(frozen=True)
 class Limits:
-    """What a flight has to stay within; None for no limit.
+    """Limits of a flight; None for no limit.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Limits:
     drift_mm
         Horizontal distance from there to where a vehicle comes down.
     touchdown_m_s
-        Speed at which it does.
+        Speed at which it comes down.
     silence_ms
         Longest time of a vehicle that flies on without a fresh command.
     """
@@ -48,21 +48,21 @@ LIMITS: Final = {
     Promise.REFUSED: Limits(deviation_mm=None, silence_ms=None),
     Promise.UNPROTECTED: Limits(deviation_mm=None, silence_ms=None),
 }
-"""What is allowed where a row says nothing else."""
+"""Limits of rows without their own."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What the laboratory's truth and the radio say of one vehicle.
+    """Figures of one vehicle, from its true states and its radio.
 
     Attributes
     ----------
     states
-        How many true states were heard.
+        Number of true states.
     deviation_mm
         Largest distance from where it was when the flight began.
     drift_mm
-        Horizontal distance from there to where it stands in the end, None while it flies.
+        Horizontal distance from there to where it stands at the end, None while it flies.
     touchdown_m_s
         Speed of its hardest touchdown, None if it has not touched the floor.
     silence_ms
@@ -88,24 +88,14 @@ Check = dict[str, Any]
 
 
 def judged(promise: Promise, down: tuple[str, ...], limits: Limits, seen: Mapping[str, Seen]) -> list[Check]:
-    """Checks of a flight: `name`, `passed`, `figure`.
-
-    Parameters
-    ----------
-    promise, limits
-        What was promised.
-    down
-        Vehicles that shall come down; nobody else may.
-    seen
-        What was seen, by vehicle.
-    """
+    """Checks of a flight (`name`, `passed`, `figure`); only the vehicles `down` may come down."""
     flown = {name: vehicle for name, vehicle in seen.items() if name not in down}
     landed = {name: vehicle for name, vehicle in seen.items() if name in down}
     blind = [name for name, vehicle in seen.items() if vehicle.states < CHECKED_AT_LEAST]
-    checks = [_check("the laboratory tells the truth about everybody", not blind, blind)]
+    checks = [_check("the true states of all vehicles are known", not blind, blind)]
     if promise is not Promise.REFUSED:
         fallen = [name for name, vehicle in flown.items() if vehicle.down]
-        checks.append(_check("nobody comes down who shall fly on", not fallen, fallen))
+        checks.append(_check("no other vehicle comes down", not fallen, fallen))
     if landed:
         left = [name for name, vehicle in landed.items() if not vehicle.down]
         checks.append(_check(f"{', '.join(landed)} comes down", not left, left))
@@ -128,10 +118,10 @@ def _check(name: str, passed: bool, figure: object) -> Check:
 
 
 def outcome(promise: Promise, seen: Mapping[str, Seen]) -> str:
-    """What was seen, in words."""
+    """Describe a flight in words."""
     fallen = [name for name, vehicle in seen.items() if vehicle.down]
     if promise is Promise.REFUSED or not fallen:
-        return promise.value if promise in (Promise.REFUSED, Promise.FLIES_ON) else "everybody flies on"
+        return promise.value if promise in (Promise.REFUSED, Promise.FLIES_ON) else "all fly on"
     closed = all("land" in seen[name].states_of_arbiter[-3:] for name in fallen)
     how = "down after LAND" if closed else "down"
     others = "" if len(fallen) == len(seen) else ", the others fly on"

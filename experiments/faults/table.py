@@ -23,7 +23,7 @@ from rcopterx.experiments.faults.process_injectors import (
 )
 from rcopterx.experiments.faults.promise import Limits, Promise
 
-EVERYBODY: Final = ("h1", "h2", "h3")
+ALL: Final = ("h1", "h2", "h3")
 BOTH: Final = ("h2", "h3")
 PROCESSES: Final = {
     "leader": "agent-h1",
@@ -33,20 +33,18 @@ PROCESSES: Final = {
     "router": "router",
     "recorder": "recorder",
 }
-"""Processes by what they are; the simulator is the laboratory and not one of ours."""
+"""Processes by what they are; the simulator stands for the laboratory and gets no faults."""
 REPLACED: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
 BLIND: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
-"""Poses and commands are away together: vehicles are held, and sink meanwhile."""
+"""Without poses and commands vehicles are held, and sink meanwhile."""
 WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silence_ms=None)
-"""A vehicle that lands with all the thrust that it has."""
-
-
+"""A vehicle that lands with full thrust."""
 FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=8000.0, touchdown_m_s=1.0, silence_ms=None)
-"""A vehicle that drifts with a stick that does not obey: bounded, and gently down."""
+"""A vehicle that drifts because a stick does not respond, and comes down gently."""
 
 
 def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
-    """Rows of what happens to a process while vehicles fly on."""
+    """Faults of a process that vehicles survive."""
     return (
         FaultFlight(
             f"{what}-killed", f"SIGKILL of {process}", (Killed(process),), limits=REPLACED, chaos=True
@@ -79,7 +77,7 @@ def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
 
 
 def _slow(what: str, process: str) -> FaultFlight:
-    """Row of a process that gets slow; the router as a whole, because messages do not pass its loop."""
+    """A process that slows down; the router as a whole, because messages do not pass through its loop."""
     title = f"Every turn of the loop of {process} takes 10 ms longer"
     if process == "router":
         title = f"{process} is stopped for 10 of 30 ms"
@@ -90,7 +88,7 @@ def _slow(what: str, process: str) -> FaultFlight:
 def _crash_loop(
     what: str, promise: Promise, down: tuple[str, ...], seconds: float | None = None
 ) -> FaultFlight:
-    """Row of a process that does not come back, or only after so many seconds."""
+    """A process that does not start again, or only after some seconds."""
     return FaultFlight(
         f"{what}-crash-loop",
         f"{PROCESSES[what]} dies, and every successor as soon as it is there",
@@ -104,10 +102,10 @@ PROCESS_ROWS: Final = (
     *(row for what, process in PROCESSES.items() for row in _of_process(what, process)),
     _crash_loop("leader", Promise.LANDS, ("h1",)),
     _crash_loop("follower", Promise.LANDS, ("h2",)),
-    _crash_loop("vicon-gateway", Promise.LANDS_OPEN_LOOP, EVERYBODY),
-    _crash_loop("transmitter-gateway", Promise.UNPROTECTED, EVERYBODY),
-    # The laboratory's truth travels on the bus as well: it is heard again afterwards.
-    _crash_loop("router", Promise.LANDS_OPEN_LOOP, EVERYBODY, seconds=6.0),
+    _crash_loop("vicon-gateway", Promise.LANDS_OPEN_LOOP, ALL),
+    _crash_loop("transmitter-gateway", Promise.UNPROTECTED, ALL),
+    # True states pass through the router as well, so it comes back at the end.
+    _crash_loop("router", Promise.LANDS_OPEN_LOOP, ALL, seconds=6.0),
     _crash_loop("recorder", Promise.FLIES_ON, ()),
 )
 
@@ -160,7 +158,7 @@ POSE_ROWS: Final = (
         "The Tracker repeats a frame for ever",
         (Inject("freeze"),),
         Promise.LANDS_OPEN_LOOP,
-        EVERYBODY,
+        ALL,
     ),
     FaultFlight(
         "pose-frozen",
@@ -222,7 +220,7 @@ POSE_ROWS: Final = (
         "The Tracker is silent for 3 s, ends its connections and counts frames anew",
         (Inject("silence", seconds=3.0), Inject("reset_frame_id"), Inject("reset")),
         Promise.LANDS_OPEN_LOOP,
-        EVERYBODY,
+        ALL,
     ),
 )
 

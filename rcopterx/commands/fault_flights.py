@@ -131,7 +131,7 @@ def fly_faults(
     runs: int,
 ) -> None:
     """Fly rows of the table of faults, one fleet as long as it survives; exit code 1 if a promise broke."""
-    from rcopterx.experiments.faults.runs import worst_of
+    from rcopterx.experiments.faults.reports import worst_of
 
     rows = chosen_faults(names)
     reports: list[dict[str, Any]] = []
@@ -194,7 +194,7 @@ def _chaos_lines(result: dict[str, Any]) -> str:
 
 
 def _fly_row(row: "FaultFlight", holder: Hangar, head: str) -> dict[str, Any]:
-    from rcopterx.experiments.faults.flying import not_flown
+    from rcopterx.experiments.faults.reports import not_flown
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
     started_s = time.monotonic()

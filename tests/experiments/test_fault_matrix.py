@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from rcopterx.experiments.faults import matrix
-from rcopterx.experiments.faults.flying import Report, not_flown, report_of
 from rcopterx.experiments.faults.promise import Seen
+from rcopterx.experiments.faults.reports import Report, not_flown, report_of
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
 FLEW = {

@@ -28,11 +28,11 @@ def test_a_flight_in_which_nobody_leaves_its_place_keeps_the_promise_to_fly_on()
 @pytest.mark.parametrize(
     ("seen", "broken"),
     [
-        (LANDED, "nobody comes down who shall fly on"),
+        (LANDED, "no other vehicle comes down"),
         (replace(FLEW, deviation_mm=151.0), "at most 150 mm from its place"),
         (replace(FLEW, silence_ms=601.0), "at most 600 ms without a fresh command"),
         (replace(FLEW, silence_ms=None), "at most 600 ms without a fresh command"),
-        (replace(FLEW, states=3), "the laboratory tells the truth about everybody"),
+        (replace(FLEW, states=3), "the true states of all vehicles are known"),
     ],
 )
 def test_each_of_these_breaks_the_promise_to_fly_on(seen: Seen, broken: str) -> None:
@@ -53,9 +53,7 @@ def test_each_of_these_breaks_the_promise_to_land_closed_loop(seen: Seen, broken
 
 
 def test_nobody_else_may_come_down_where_one_vehicle_lands() -> None:
-    assert "nobody comes down who shall fly on" in failed(
-        Promise.LANDS, ("h2",), {"h1": LANDED, "h2": LANDED}
-    )
+    assert "no other vehicle comes down" in failed(Promise.LANDS, ("h2",), {"h1": LANDED, "h2": LANDED})
 
 
 def test_a_row_without_limits_still_wants_to_know_who_comes_down() -> None:
@@ -69,7 +67,7 @@ def test_what_was_seen_is_told_in_words() -> None:
     dropped = replace(LANDED, states_of_arbiter=("armed", "descend", "cut"))
     assert outcome(Promise.LANDS_OPEN_LOOP, {"h2": dropped}) == "h2 down"
     assert outcome(Promise.REFUSED, {"h1": LANDED}) == "refused"
-    assert outcome(Promise.LANDS, {"h1": FLEW}) == "everybody flies on"
+    assert outcome(Promise.LANDS, {"h1": FLEW}) == "all fly on"
 
 
 def truth(frame: int, x_m: float, **more: Any) -> Record:

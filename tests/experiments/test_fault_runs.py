@@ -1,10 +1,9 @@
 """Several flights of a fault are told as one, and the worst of them counts."""
 
-from rcopterx.experiments.faults.flying import Report, report_of
 from rcopterx.experiments.faults.laboratory_injectors import Draining
 from rcopterx.experiments.faults.matrix import cells, page_of
 from rcopterx.experiments.faults.promise import Seen
-from rcopterx.experiments.faults.runs import worst_of
+from rcopterx.experiments.faults.reports import Report, report_of, worst_of
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
 

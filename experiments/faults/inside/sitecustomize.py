@@ -1,8 +1,8 @@
 """Misbehaviour from inside the processes of a fleet that flies faults.
 
-Python imports a module of this name at the start of every process whose `PYTHONPATH` leads here; nobody else
-does, and no other file of the project knows of it. On SIGUSR2 a process reads what it has to do wrong from a
-file named by its process id (`rcopterx.experiments.faults.orders` writes it).
+Python imports a module of this name at the start of every process with this directory in `PYTHONPATH`. On
+SIGUSR2 a process reads its orders from a file named by its process id, which
+`rcopterx.experiments.faults.orders` writes.
 """
 
 import json
@@ -17,7 +17,7 @@ _true_time_s = time.time
 
 
 def _spin(seconds: float) -> None:
-    """Let the working loop, which is in the main thread, go round here and make no progress."""
+    """Keep the working loop, which is in the main thread, busy without progress."""
     until_s = time.monotonic() + seconds
     while time.monotonic() < until_s:
         pass
@@ -40,12 +40,12 @@ def _slow(by_s: float, seconds: float) -> None:
 
 
 def _step_clock(offset_s: float) -> None:
-    """Show another wall clock than the host's."""
+    """Step the wall clock."""
     time.time = lambda: _true_time_s() + offset_s
 
 
 def _impair(seconds: float, **how: Any) -> None:
-    """Let what this process publishes be lost, late, doubled or out of order."""
+    """Impair what this process publishes."""
     from rcopterx.experiments.faults.impairment import Impairment, impair
 
     impair(Impairment(**how), seconds)
@@ -60,14 +60,14 @@ ORDERS: Final[dict[str, Callable[..., None]]] = {
 
 
 class _Orders:
-    """The orders of this process, a line each; each is read once."""
+    """The orders of this process, one per line; each is carried out once."""
 
     def __init__(self) -> None:
         self._path = f"{DIRECTORY}/{os.getpid()}"
         self._read = 0
 
     def announce(self) -> None:
-        """Say that this process takes orders: its file is there."""
+        """Create the file, which shows that this process accepts orders."""
         open(self._path, "a", encoding="utf-8").close()
 
     def __call__(self, *_: object) -> None:
