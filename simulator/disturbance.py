@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.native.turbulence import turbulence_renewed
+from rcopterx.compiling.compiled import COUNT, MATRIX, NUMBER, VECTOR, Array, compiled, part, together
 
 PARAMETERS: Final = 0
 TURBULENCE: Final = 1
@@ -15,55 +15,38 @@ _BLOCK: Final = 256
 
 
 def random_stream(seed: int, vehicle: str, purpose: int) -> np.random.Generator:
-    """Random generator of one vehicle for one purpose.
+    """Random generator of one vehicle for a purpose (`PARAMETERS`, `TURBULENCE`, `NOISE` or `OUTLIERS`).
 
-    The stream depends on the vehicle's name, not on how many others fly, so that adding or removing a
-    vehicle leaves the weather and the parameters of all others as they were.
-
-    Parameters
-    ----------
-    seed
-        Seed of the laboratory, not negative.
-    vehicle
-        Name of the vehicle.
-    purpose
-        `PARAMETERS`, `TURBULENCE`, `NOISE` or `OUTLIERS`.
-
-    Returns
-    -------
-    numpy.random.Generator
-        The generator.
+    The stream depends on the seed, which is not negative, and on the vehicle's name, not on how many others
+    fly: adding or removing a vehicle leaves the weather and the parameters of all others as they were.
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(purpose, *vehicle.encode())))
 
 
-class NormalSource:
-    """Standard normal numbers as plain floats, drawn in blocks because single draws are slow.
+HeldNoise = tuple[Array, int, float]
+"""Noise that is constant between the times of a grid: values, shape (times, channels), the index of the first
+of these times on the grid, and the spacing of the grid."""
+HELD_NOISE: Final = together(MATRIX, COUNT, NUMBER)
 
-    Parameters
-    ----------
-    generator
-        Where the numbers come from.
+
+@part
+def value_at(noise: HeldNoise, time_s: float) -> Array:
+    """Value of all channels."""
+    values, first, grid_s = noise
+    value: Array = values[int(time_s / grid_s) - first]
+    return value
+
+
+@compiled(MATRIX, VECTOR, NUMBER)
+def correlate(steps: Array, start: Array, keep: float) -> None:
+    """Turn random steps into a noise, in place: each value keeps a fraction of the one before it.
+
+    `steps` has the shape (times, channels), the value before them, `start`, (channels,).
     """
-
-    def __init__(self, generator: np.random.Generator) -> None:
-        self._generator = generator
-        self._numbers: list[float] = []
-
-    def __call__(self) -> float:
-        """Return the next number."""
-        if not self._numbers:
-            self._numbers = self._generator.standard_normal(_BLOCK)[::-1].tolist()
-        return self._numbers.pop()
-
-    def take(self, count: int) -> list[float]:
-        """Return the next numbers, at once where a block holds them all."""
-        if not 0 < count <= len(self._numbers):
-            return [self() for _ in range(count)]
-        taken = self._numbers[-count:]
-        del self._numbers[-count:]
-        taken.reverse()
-        return taken
+    for time in range(len(steps)):
+        for channel in range(len(start)):
+            before = steps[time - 1, channel] if time else start[channel]
+            steps[time, channel] += keep * before
 
 
 class ColouredNoise:
@@ -79,45 +62,30 @@ class ColouredNoise:
         Correlation time: the autocorrelation is exp(-t / correlation_s).
     grid_s
         Spacing of the time grid, on which the value is held.
-    generator
-        Source of randomness.
-
-    Attributes
-    ----------
-    value, renewal, keep, normals, place
-        See `rcopterx.native.turbulence.turbulence_renewed`; kernels that fly vehicles move them on.
-    index
-        Of the value on the time grid.
     """
 
     def __init__(
         self, rms: tuple[float, ...], correlation_s: float, grid_s: float, generator: np.random.Generator
     ) -> None:
-        self.grid_s = grid_s
-        self.keep = math.exp(-grid_s / correlation_s)
-        renew = math.sqrt(-math.expm1(-2 * grid_s / correlation_s))
-        self.renewal = np.array([renew * channel for channel in rms])
-        self.index = self.place = 0
-        self.normals = np.empty(0)
         self._generator = generator
-        self.provide()
-        self.value = np.array(rms) * self.normals[: len(rms)]
-        self.place = len(rms)
+        self._keep = math.exp(-grid_s / correlation_s)
+        self._renewal = math.sqrt(-math.expm1(-2 * grid_s / correlation_s)) * np.array(rms)
+        self._known: HeldNoise = (np.array(rms) * generator.standard_normal((1, len(rms))), 0, grid_s)
 
-    def provide(self) -> None:
-        """Draw numbers if there are not enough for another step of the time grid."""
-        if self.place + len(self.renewal) > len(self.normals):
-            drawn = self._generator.standard_normal(_BLOCK)
-            self.normals, self.place = np.concatenate((self.normals[self.place :], drawn)), 0
+    def between(self, begin_s: float, end_s: float) -> HeldNoise:
+        """Noise that covers these times; `begin_s` must not be before that of earlier calls."""
+        values, first, grid_s = self._known
+        begin, end = int(begin_s / grid_s), int(end_s / grid_s)
+        while first + len(values) <= end:
+            steps = self._renewal * self._generator.standard_normal((_BLOCK, len(self._renewal)))
+            correlate(steps, values[-1], self._keep)
+            kept = values[begin - first :]
+            first += len(values) - len(kept)
+            values = np.concatenate((kept, steps))
+            self._known = values, first, grid_s
+        return self._known
 
     def at(self, time_s: float) -> tuple[float, ...]:
-        """Value of all channels at a time that is not before the time last asked for."""
-        index = int(time_s / self.grid_s)
-        steps = index - self.index
-        while steps > 0:
-            self.provide()
-            steps, self.place = turbulence_renewed(
-                self.value, self.renewal, self.keep, self.normals, self.place, steps
-            )
-        self.index = max(self.index, index)
-        return tuple(self.value.tolist())
+        """Value of all channels at a time that is not before that of earlier calls."""
+        values, first, grid_s = self.between(time_s, time_s)
+        return tuple(values[int(time_s / grid_s) - first].tolist())

@@ -46,5 +46,6 @@ def set_downwash(plants: Collection[Plant], strength_m_s2: float) -> None:
                 downwash_m_s2(above[2] - z, math.hypot(above[0] - x, above[1] - y), strength_m_s2)
                 for other, above in flying
                 if above[2] > z and other is not plant
-            ]
+            ],
+            start=0.0,
         )

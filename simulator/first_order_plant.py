@@ -153,13 +153,14 @@ class FirstOrderPlant(Plant):
             uy + (y - uy) * half[3],
         )
 
-    def _stand(self, step_s: float) -> None:
+    def _stand(self, step_s: float) -> float:
         self._actuate(step_s)
         if self._tilt_limit_rad:
             self._actuator = (0.0, 0.0, *self._actuator[2:])  # the floor keeps it level
+        return self.model.input_gain[2] * self._thrust_factor * self._actuator[2]
 
     def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
-        self._use_battery(step_s)
+        self._use_battery(step_s * self._load)
         if self._weather is not None:
             self.turbulence = self._weather.at(self._time_s + step_s / 2)
         x, y, z, yaw = self.turbulence
@@ -210,9 +211,6 @@ class FirstOrderPlant(Plant):
     def _land(self) -> None:
         x, y, _, yaw = self._motion[:4]
         self._motion = (x, y, 0.0, yaw, 0.0, 0.0, 0.0, 0.0)
-
-    def _thrust_m_s2(self) -> float:
-        return self.model.input_gain[2] * self._thrust_factor * self._actuator[2]
 
     def _whereabouts(self) -> Four:
         x, y, z, _, _, _, zd, _ = self._motion

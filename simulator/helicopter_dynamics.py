@@ -1,189 +1,433 @@
-"""Equations of motion of a coaxial helicopter with stabilizer bar (docs/helicopter.md).
+"""Equations of motion of a coaxial helicopter with stabilizer bar (docs/helicopter.md), and their kernels.
 
-The arithmetic is compiled (`rcopterx.native.helicopter`); here are the parameters that it takes.
-
-Body frame: x forward, y left, z up along the mast. Rotations are right-handed, so that positive pitch is nose
-down and accelerates forward, and positive roll accelerates to the right (minus y). The upper rotor carries
-the bar, the lower rotor the swash plate.
+Body frame: x forward, y left, z up along the mast. Rotations are right-handed: positive pitch is nose down
+and accelerates forward, positive roll accelerates to the right (minus y). The upper rotor carries the bar,
+the lower rotor the swash plate. All in SI units.
 """
 
 import math
+from typing import Any, Final, NamedTuple
 
-import numpy as np
-
-from rcopterx.native.helicopter import (
-    helicopter_rates,
-    helicopter_speeds,
-    helicopter_step,
-    helicopter_thrust,
-)
+from rcopterx.compiling.compiled import COUNT, FLAG, NUMBER, compiled, part, record, together
+from rcopterx.simulator.disturbance import HELD_NOISE, HeldNoise, value_at
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.vehicles.state import GRAVITY_M_S2
-from rcopterx.vehicles.tuples import Four
+from rcopterx.vehicles.tuples import Four, Three
 
-State = tuple[float, ...]
-"""Position and velocity in the inertial frame (6), attitude as a unit quaternion, scalar first (4), rates of
-the body p, q, r (3), speeds of the upper and lower rotor (2), axis of the bar in the inertial frame (3), tilt
-of the swash plate towards body x and y (2)."""
+_TINY: Final = 1e-9
 
 
-def level_state(
-    position_m: tuple[float, float, float], yaw_rad: float, speeds_rad_s: tuple[float, float]
-) -> State:
-    """State at rest: level, the bar upright, the swash plate neutral.
+class State(NamedTuple):
+    """State of a helicopter, or its time derivative."""
 
-    Parameters
-    ----------
-    position_m, yaw_rad
-        Where.
-    speeds_rad_s
-        Of the upper and lower rotor.
+    x: float
+    """Position and velocity in the inertial frame."""
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    qw: float
+    """Attitude as a unit quaternion."""
+    qx: float
+    qy: float
+    qz: float
+    p: float
+    """Rates of the body about its axes."""
+    q: float
+    r: float
+    speed_upper: float
+    """Speeds of the rotors."""
+    speed_lower: float
+    bar_x: float
+    """Axis of the bar, a unit vector in the inertial frame."""
+    bar_y: float
+    bar_z: float
+    swash_x: float
+    """Tilt of the swash plate towards body x and y."""
+    swash_y: float
 
-    Returns
-    -------
-    State
-        The state.
-    """
-    attitude = (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
-    return (
-        *map(float, position_m),
-        0.0,
-        0.0,
-        0.0,
-        *attitude,
-        0.0,
-        0.0,
-        0.0,
-        *speeds_rad_s,
-        0.0,
-        0.0,
-        1.0,
-        0.0,
-        0.0,
+
+class Rotor(NamedTuple):
+    """Parameters of a rotor."""
+
+    thrust: float
+    """Thrust and drag torque over the square of the speed."""
+    torque: float
+    lag: float
+    phase_per_speed: float
+    """The disc leans in a direction that is turned against that of what it follows by these angles."""
+    phase_at_rest: float
+    link: float
+    """Lean of the disc over the lean of what it follows."""
+    arm: float
+    """Height above the centre of gravity."""
+    spring: float
+    """Moment of both blades per lean."""
+
+
+class Airframe(NamedTuple):
+    """Parameters of the equations of motion; see `HelicopterParameters`."""
+
+    upper: Rotor
+    lower: Rotor
+    mass: float
+    inertia_x: float
+    inertia_y: float
+    inertia_z: float
+    drag_x: float
+    drag_y: float
+    damping_x: float
+    damping_y: float
+    bar_time_constant: float
+    servo_lag_x: float
+    servo_lag_y: float
+    thrust_gain: float
+    yaw_rate_gain: float
+    yaw_gyro_gain: float
+    ground_effect: float
+    ground_effect_height: float
+
+
+class Controls(NamedTuple):
+    """Targets of the swash plate, whether the motors run, and the thrust and yaw sticks that they follow."""
+
+    swash_x: float
+    swash_y: float
+    running: bool = False
+    thrust: float = 0.0
+    yaw: float = 0.0
+
+
+class Surroundings(NamedTuple):
+    """Battery, faults, downwash and flight volume."""
+
+    battery_endurance_s: float
+    battery_sag: float
+    load: float
+    """Consumption from the battery as a fraction of that of hovering."""
+    thrust_factor: float
+    """Thrust that faults leave, as a fraction."""
+    downwash_m_s2: float
+    volume_min_m: Three
+    volume_max_m: Three
+
+
+class Flight(NamedTuple):
+    """What `fly` has flown."""
+
+    steps: int
+    state: State
+    yaw_rad: float
+    """Heading, unwrapped."""
+    time_s: float
+    hover_seconds_used: float
+    landed: bool
+    left_volume: bool
+
+
+_ROTOR: Final = record(Rotor, *8 * [NUMBER])
+_AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *16 * [NUMBER])
+_STATE: Final = record(State, *20 * [NUMBER])
+_CONTROLS: Final = record(Controls, NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
+_FOUR: Final = together(*4 * [NUMBER])
+
+# The same as plain tuples: numba needs a microsecond for each named tuple, and hardly any for plain ones.
+Fields = tuple[Any, ...]
+_PLAIN_ROTOR: Final = together(*8 * [NUMBER])
+_PLAIN_AIRFRAME: Final = together(_PLAIN_ROTOR, _PLAIN_ROTOR, together(*16 * [NUMBER]))
+_PLAIN_STATE: Final = together(*20 * [NUMBER])
+_PLAIN_CONTROLS: Final = together(NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
+_THREE: Final = together(*3 * [NUMBER])
+_PLAIN_SURROUNDINGS: Final = together(*5 * [NUMBER], _THREE, _THREE)
+
+
+def airframe_of(parameters: HelicopterParameters) -> Airframe:
+    """Parameters of the equations of motion of a vehicle."""
+    return Airframe(
+        Rotor(
+            parameters.thrust_upper,
+            parameters.torque_upper,
+            parameters.rotor_lag_upper_s,
+            *parameters.phase_upper,
+            parameters.link_upper,
+            parameters.arm_upper_m,
+            2 * parameters.spring_upper_n_m,
+        ),
+        Rotor(
+            parameters.thrust_lower,
+            parameters.torque_lower,
+            parameters.rotor_lag_lower_s,
+            *parameters.phase_lower,
+            parameters.link_lower,
+            parameters.arm_lower_m,
+            2 * parameters.spring_lower_n_m,
+        ),
+        parameters.mass_kg,
+        *parameters.inertia_kg_m2,
+        *parameters.drag_per_s,
+        *parameters.damping_n_m_s,
+        parameters.bar_time_constant_s,
+        *parameters.servo_lag_s,
+        parameters.thrust_gain_m_s2,
+        parameters.yaw_rate_gain_rad_s,
+        parameters.yaw_gyro_gain_per_s,
+        parameters.ground_effect,
+        parameters.ground_effect_height_m,
     )
 
 
-class HelicopterDynamics:
-    """Right-hand side of one vehicle and its integration; holds parameters, no state.
+def swash_target(parameters: HelicopterParameters, pitch: float, roll: float) -> tuple[float, float]:
+    """Tilt of the swash plate towards body x and y that servo positions ask for, within its limit."""
+    gain_x, gain_y = parameters.swash_gain_rad
+    x, y = gain_x * pitch, gain_y * roll
+    tilt, limit = math.hypot(x, y), parameters.swash_limit_rad
+    return (x, y) if tilt <= limit else (x * limit / tilt, y * limit / tilt)
+
+
+def level_state(position_m: Three, yaw_rad: float, speeds_rad_s: tuple[float, float]) -> State:
+    """State at rest: level, the bar upright, the swash plate neutral, the rotors at these speeds."""
+    x, y, z = map(float, position_m)
+    upper, lower = speeds_rad_s
+    return State(
+        x, y, z, 0.0, 0.0, 0.0, math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2), 0.0, 0.0, 0.0,
+        upper, lower, 0.0, 0.0, 1.0, 0.0, 0.0,
+    )  # fmt: skip
+
+
+@compiled(_AIRFRAME, NUMBER, NUMBER, NUMBER, NUMBER)
+def commanded_speeds(
+    airframe: Airframe, thrust: float, yaw: float, yaw_rate: float, thrust_factor: float
+) -> tuple[float, float]:
+    """Rotor speeds that the electronics command: thrust linear in the stick, yaw rate held by the gyro.
+
+    `thrust_factor` is the fraction of the thrust that is left.
+    """
+    upper, lower = airframe.upper, airframe.lower
+    force = airframe.mass * airframe.thrust_gain * thrust
+    moment = airframe.inertia_z * airframe.yaw_gyro_gain * (airframe.yaw_rate_gain * yaw - yaw_rate)
+    determinant = upper.thrust * lower.torque + lower.thrust * upper.torque
+    square_upper = (lower.torque * force - lower.thrust * moment) / determinant
+    square_lower = (upper.torque * force + upper.thrust * moment) / determinant
+    return math.sqrt(max(square_upper * thrust_factor, 0.0)), math.sqrt(
+        max(square_lower * thrust_factor, 0.0)
+    )
+
+
+@compiled(_AIRFRAME, NUMBER, NUMBER, NUMBER)
+def rotor_thrusts(
+    airframe: Airframe, speed_upper: float, speed_lower: float, height: float
+) -> tuple[float, float]:
+    """Thrust of each rotor along its axis, ground effect included."""
+    ground = 1.0 + airframe.ground_effect * math.exp(-max(height, 0.0) / airframe.ground_effect_height)
+    upper, lower = airframe.upper.thrust * speed_upper**2, airframe.lower.thrust * speed_lower**2
+    return ground * upper, ground * lower
+
+
+@part
+def rotor_load(
+    rotor: Rotor, thrust: float, phase: float, lean_x: float, lean_y: float
+) -> tuple[float, float, float, float, float]:
+    """Force, and moments about body x and y, of a rotor whose disc follows a lean."""
+    c, s = rotor.link * math.cos(phase), rotor.link * math.sin(phase)
+    tilt_x, tilt_y = c * lean_x - s * lean_y, s * lean_x + c * lean_y
+    tilt = math.hypot(tilt_x, tilt_y)
+    lateral = thrust * math.sin(tilt) / tilt if tilt > _TINY else thrust
+    stiffness = rotor.arm * lateral + rotor.spring
+    return (
+        lateral * tilt_x,
+        lateral * tilt_y,
+        thrust * math.cos(tilt),
+        -stiffness * tilt_y,
+        stiffness * tilt_x,
+    )
+
+
+@compiled(_AIRFRAME, _STATE, _CONTROLS, NUMBER, _FOUR)
+def derivative(
+    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Four
+) -> State:
+    """Time derivative of the state.
 
     Parameters
     ----------
-    parameters
-        The vehicle.
-
-    Attributes
-    ----------
-    numbers
-        What kernels of `rcopterx.native.helicopter` need to know of it.
+    thrust_factor
+        Fraction of the thrust that battery and faults leave.
+    air
+        Accelerations by the air: inertial x, y, z [m/s^2], yaw [rad/s^2].
     """
+    qw, qx, qy, qz, p, q, r = state.qw, state.qx, state.qy, state.qz, state.p, state.q, state.r
+    r00, r01, r02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
+    r10, r11, r12 = 2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx)
+    r20, r21, r22 = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
 
-    def __init__(self, parameters: HelicopterParameters) -> None:
-        self.parameters = vehicle = parameters
-        inertia_x, inertia_y, inertia_z = vehicle.inertia_kg_m2
-        self.numbers = np.array(
-            (
-                1 / vehicle.mass_kg,
-                *vehicle.drag_per_s,
-                1 / inertia_x,
-                1 / inertia_y,
-                1 / inertia_z,
-                inertia_y - inertia_z,
-                inertia_z - inertia_x,
-                inertia_x - inertia_y,
-                *vehicle.damping_n_m_s,
-                vehicle.thrust_upper,
-                vehicle.torque_upper,
-                1 / vehicle.rotor_lag_upper_s,
-                *vehicle.phase_upper,
-                vehicle.link_upper,
-                vehicle.arm_upper_m,
-                2 * vehicle.spring_upper_n_m,
-                vehicle.thrust_lower,
-                vehicle.torque_lower,
-                1 / vehicle.rotor_lag_lower_s,
-                *vehicle.phase_lower,
-                vehicle.link_lower,
-                vehicle.arm_lower_m,
-                2 * vehicle.spring_lower_n_m,
-                vehicle.thrust_upper * vehicle.torque_lower + vehicle.thrust_lower * vehicle.torque_upper,
-                vehicle.mass_kg * vehicle.thrust_gain_m_s2,
-                inertia_z * vehicle.yaw_gyro_gain_per_s,
-                vehicle.yaw_rate_gain_rad_s,
-                1 / vehicle.servo_lag_s[0],
-                1 / vehicle.servo_lag_s[1],
-                1 / vehicle.bar_time_constant_s,
-                vehicle.ground_effect,
-                1 / vehicle.ground_effect_height_m,
-                GRAVITY_M_S2,
-            )
+    # Angle between mast and bar as a vector towards which the bar leans, in the body frame.
+    bar_x, bar_y, bar_z = state.bar_x, state.bar_y, state.bar_z
+    sine_x = r00 * bar_x + r10 * bar_y + r20 * bar_z
+    sine_y = r01 * bar_x + r11 * bar_y + r21 * bar_z
+    cosine = r02 * bar_x + r12 * bar_y + r22 * bar_z
+    sine = math.hypot(sine_x, sine_y)
+    stretch = math.atan2(sine, cosine) / sine if sine > _TINY else 1.0
+    follow = stretch / airframe.bar_time_constant
+
+    upper, lower = airframe.upper, airframe.lower
+    speed_u, speed_l = state.speed_upper, state.speed_lower
+    thrust_u, thrust_l = rotor_thrusts(airframe, speed_u, speed_l, state.z)
+    phase_u = upper.phase_per_speed * speed_u + upper.phase_at_rest
+    phase_l = -(lower.phase_per_speed * speed_l + lower.phase_at_rest)
+    ux, uy, uz, moment_xu, moment_yu = rotor_load(
+        upper, thrust_u, phase_u, stretch * sine_x, stretch * sine_y
+    )
+    lx, ly, lz, moment_xl, moment_yl = rotor_load(lower, thrust_l, phase_l, state.swash_x, state.swash_y)
+    moment_z = lower.torque * speed_l * speed_l - upper.torque * speed_u * speed_u
+
+    vx, vy, vz = state.vx, state.vy, state.vz
+    ax = (ux + lx) / airframe.mass - airframe.drag_x * (r00 * vx + r10 * vy + r20 * vz)
+    ay = (uy + ly) / airframe.mass - airframe.drag_y * (r01 * vx + r11 * vy + r21 * vz)
+    az = (uz + lz) / airframe.mass
+    jx, jy, jz = airframe.inertia_x, airframe.inertia_y, airframe.inertia_z
+    command_u, command_l = 0.0, 0.0
+    if controls.running:
+        command_u, command_l = commanded_speeds(airframe, controls.thrust, controls.yaw, r, thrust_factor)
+    return State(
+        x=vx,
+        y=vy,
+        z=vz,
+        vx=r00 * ax + r01 * ay + r02 * az + air[0],
+        vy=r10 * ax + r11 * ay + r12 * az + air[1],
+        vz=r20 * ax + r21 * ay + r22 * az + air[2] - GRAVITY_M_S2,
+        qw=-0.5 * (qx * p + qy * q + qz * r),
+        qx=0.5 * (qw * p + qy * r - qz * q),
+        qy=0.5 * (qw * q + qz * p - qx * r),
+        qz=0.5 * (qw * r + qx * q - qy * p),
+        p=(moment_xu + moment_xl + (jy - jz) * q * r - airframe.damping_x * p) / jx,
+        q=(moment_yu + moment_yl + (jz - jx) * r * p - airframe.damping_y * q) / jy,
+        r=(moment_z + (jx - jy) * p * q) / jz + air[3],
+        speed_upper=(command_u - speed_u) / upper.lag,
+        speed_lower=(command_l - speed_l) / lower.lag,
+        bar_x=follow * (r02 - cosine * bar_x),
+        bar_y=follow * (r12 - cosine * bar_y),
+        bar_z=follow * (r22 - cosine * bar_z),
+        swash_x=(controls.swash_x - state.swash_x) / airframe.servo_lag_x,
+        swash_y=(controls.swash_y - state.swash_y) / airframe.servo_lag_y,
+    )
+
+
+@part
+def moved(state: State, rate: State, time_s: float) -> State:
+    """State after some time at a constant rate."""
+    return State(
+        x=state.x + time_s * rate.x,
+        y=state.y + time_s * rate.y,
+        z=state.z + time_s * rate.z,
+        vx=state.vx + time_s * rate.vx,
+        vy=state.vy + time_s * rate.vy,
+        vz=state.vz + time_s * rate.vz,
+        qw=state.qw + time_s * rate.qw,
+        qx=state.qx + time_s * rate.qx,
+        qy=state.qy + time_s * rate.qy,
+        qz=state.qz + time_s * rate.qz,
+        p=state.p + time_s * rate.p,
+        q=state.q + time_s * rate.q,
+        r=state.r + time_s * rate.r,
+        speed_upper=state.speed_upper + time_s * rate.speed_upper,
+        speed_lower=state.speed_lower + time_s * rate.speed_lower,
+        bar_x=state.bar_x + time_s * rate.bar_x,
+        bar_y=state.bar_y + time_s * rate.bar_y,
+        bar_z=state.bar_z + time_s * rate.bar_z,
+        swash_x=state.swash_x + time_s * rate.swash_x,
+        swash_y=state.swash_y + time_s * rate.swash_y,
+    )
+
+
+@part
+def normalised(s: State) -> State:
+    """State with quaternion and axis of the bar scaled to length 1."""
+    n = 1.0 / math.sqrt(s.qw * s.qw + s.qx * s.qx + s.qy * s.qy + s.qz * s.qz)
+    b = 1.0 / math.sqrt(s.bar_x * s.bar_x + s.bar_y * s.bar_y + s.bar_z * s.bar_z)
+    return State(
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, n * s.qw, n * s.qx, n * s.qy, n * s.qz, s.p, s.q, s.r,
+        s.speed_upper, s.speed_lower, b * s.bar_x, b * s.bar_y, b * s.bar_z, s.swash_x, s.swash_y,
+    )  # fmt: skip
+
+
+@compiled(_AIRFRAME, _STATE, _CONTROLS, NUMBER, _FOUR, NUMBER)
+def step(
+    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Four, step_s: float
+) -> State:
+    """State after one step of the explicit midpoint rule; see `derivative`.
+
+    At 4 ms the fast mode (at most 18 rad/s) loses 5e-5 of damping ratio and 0.1 % of frequency.
+    """
+    rate = derivative(airframe, state, controls, thrust_factor, air)
+    middle = moved(state, rate, 0.5 * step_s)
+    rate = derivative(airframe, middle, controls, thrust_factor, air)
+    return normalised(moved(state, rate, step_s))
+
+
+@part
+def airframe_from(fields: Fields) -> Airframe:
+    """Airframe from its upper rotor, lower rotor and other fields."""
+    upper, lower, body = fields
+    return Airframe(Rotor(*upper), Rotor(*lower), *body)
+
+
+@compiled(_PLAIN_AIRFRAME, _PLAIN_STATE, _PLAIN_CONTROLS, NUMBER, NUMBER)
+def stand(
+    airframe_fields: Fields, state_fields: Fields, control_fields: Fields, thrust_factor: float, step_s: float
+) -> tuple[State, float]:
+    """One step on the floor, where only rotors and swash plate move; returns the state and the thrust."""
+    airframe, state = airframe_from(airframe_fields), State(*state_fields)
+    after = step(airframe, state, Controls(*control_fields), thrust_factor, (0.0, 0.0, 0.0, 0.0), step_s)
+    upper, lower = rotor_thrusts(airframe, after.speed_upper, after.speed_lower, 0.0)
+    standing = State(
+        state.x, state.y, state.z, 0.0, 0.0, 0.0, state.qw, state.qx, state.qy, state.qz, 0.0, 0.0, 0.0,
+        after.speed_upper, after.speed_lower, 0.0, 0.0, 1.0, after.swash_x, after.swash_y,
+    )  # fmt: skip
+    return standing, upper + lower
+
+
+@compiled(
+    _PLAIN_AIRFRAME,
+    together(_PLAIN_STATE, NUMBER, NUMBER, NUMBER),
+    _PLAIN_CONTROLS,
+    _PLAIN_SURROUNDINGS,
+    HELD_NOISE,
+    NUMBER,
+    COUNT,
+)
+def fly(
+    airframe_fields: Fields,
+    start: tuple[Fields, float, float, float],
+    control_fields: Fields,
+    surrounding_fields: Fields,
+    turbulence: HeldNoise,
+    step_s: float,
+    count: int,
+) -> Flight:
+    """Fly `count` steps, or until the floor; `start` is state, heading, time and hover seconds used."""
+    airframe, controls = airframe_from(airframe_fields), Controls(*control_fields)
+    around = Surroundings(*surrounding_fields)
+    state_fields, yaw_rad, time_s, used_s = start
+    state = State(*state_fields)
+    landed, left_volume = False, False
+    low, high = around.volume_min_m, around.volume_max_m
+    steps = 0
+    while steps < count and not landed:
+        used_s += step_s * around.load
+        battery = 1.0 - around.battery_sag * min(used_s / around.battery_endurance_s, 1.0)
+        x, y, z, yaw = value_at(turbulence, time_s + step_s / 2)
+        air = (x, y, z - around.downwash_m_s2, yaw)
+        state = step(airframe, state, controls, battery * around.thrust_factor, air, step_s)
+        heading = math.atan2(
+            2 * (state.qx * state.qy + state.qw * state.qz), 1 - 2 * (state.qy**2 + state.qz**2)
         )
-
-    def commanded_speeds(
-        self, thrust: float, yaw: float, yaw_rate_rad_s: float, battery: float
-    ) -> tuple[float, float]:
-        """Rotor speeds that the electronics ask for: thrust linear in the stick, yaw rate held by the gyro.
-
-        Parameters
-        ----------
-        thrust, yaw
-            Sticks.
-        yaw_rate_rad_s
-            What the gyro measures.
-        battery
-            Thrust that the battery has left, as a fraction.
-
-        Returns
-        -------
-        tuple of float
-            Of the upper and lower rotor [rad/s].
-        """
-        return helicopter_speeds(self.numbers, thrust, yaw, yaw_rate_rad_s, battery)
-
-    def thrust_n(self, speed_upper: float, speed_lower: float, height_m: float) -> float:
-        """Thrust of both rotors along their axes, ground effect included."""
-        return helicopter_thrust(self.numbers, speed_upper, speed_lower, height_m)
-
-    def swash_target(self, pitch: float, roll: float) -> tuple[float, float]:
-        """Tilt of the swash plate towards body x and y that servo positions ask for, within its limit."""
-        gain_x, gain_y = self.parameters.swash_gain_rad
-        x, y = gain_x * pitch, gain_y * roll
-        tilt, limit = math.hypot(x, y), self.parameters.swash_limit_rad
-        return (x, y) if tilt <= limit else (x * limit / tilt, y * limit / tilt)
-
-    def derivative(
-        self, state: State, swash: tuple[float, float], throttle: tuple[float, float] | None, battery: float,
-        weather: Four,
-    ) -> State:  # fmt: skip
-        """Time derivative of the state.
-
-        Parameters
-        ----------
-        state
-            See `State`.
-        swash
-            Target of the swash plate, of `swash_target`.
-        throttle
-            Thrust and yaw sticks; None for stopped motors.
-        battery
-            Thrust that the battery has left, as a fraction.
-        weather
-            Accelerations: inertial x, y, z [m/s^2], yaw [rad/s^2].
-
-        Returns
-        -------
-        State
-            Its derivative, in the same order.
-        """
-        running, sticks = throttle is not None, throttle or (0.0, 0.0)
-        return helicopter_rates(self.numbers, state, swash, running, sticks, battery, weather)
-
-    def step(
-        self, state: State, step_s: float, swash: tuple[float, float], throttle: tuple[float, float] | None,
-        battery: float, weather: Four,
-    ) -> State:  # fmt: skip
-        """State after one step of the explicit midpoint rule; see `derivative` for the arguments.
-
-        At 4 ms the fast mode (at most 18 rad/s) loses 5e-5 of damping ratio and 0.1 % of frequency.
-        """
-        running, sticks = throttle is not None, throttle or (0.0, 0.0)
-        return helicopter_step(self.numbers, state, step_s, swash, running, sticks, battery, weather)
+        yaw_rad = heading + math.tau * round((yaw_rad - heading) / math.tau)
+        landed = state.z <= 0.0 and state.vz < 0.0
+        inside = (
+            low[0] <= state.x <= high[0] and low[1] <= state.y <= high[1] and low[2] <= state.z <= high[2]
+        )
+        left_volume = left_volume or not inside
+        time_s += step_s
+        steps += 1
+    return Flight(steps, state, yaw_rad, time_s, used_s, landed, left_volume)

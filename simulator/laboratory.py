@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.disturbance import NOISE, OUTLIERS, NormalSource, random_stream
+from rcopterx.simulator.disturbance import NOISE, OUTLIERS, random_stream
 from rcopterx.simulator.downwash import set_downwash
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
@@ -113,7 +113,7 @@ class Laboratory:
             )
             for name, model in self._models.items()
         }
-        self._noise = {name: NormalSource(random_stream(self._seed, name, NOISE)) for name in self._models}
+        self._noise = {name: random_stream(self._seed, name, NOISE) for name in self._models}
         self._outliers = {name: random_stream(self._seed, name, OUTLIERS) for name in self._models}
         self._time_s = 0.0
 
@@ -167,7 +167,9 @@ class Laboratory:
         """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""
         pose = self.plant(name).marker_pose
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
-        noise_x, noise_y, noise_z, noise_yaw, noise_pitch, noise_roll = self._noise[name].take(6)
+        noise_x, noise_y, noise_z, noise_yaw, noise_pitch, noise_roll = (
+            self._noise[name].standard_normal(6).tolist()
+        )
         x, y, z = pose.position_m
         away_x, away_y, away_z = self._outlier(name)
         return Pose(

@@ -265,14 +265,13 @@ class Plant(ABC):
         """Live on by some substeps, `count` at most; returns how many."""
         if not self.on_floor:
             return self._fly_on(count, step_s)
-        self._use_battery(step_s)
-        self._stand(step_s)
-        self.on_floor = self._thrust_m_s2() <= self._gravity_m_s2
+        self._use_battery(step_s * self._load)
+        self.on_floor = self._stand(step_s) <= self._gravity_m_s2
         self._time_s += step_s
         return 1
 
-    def _use_battery(self, step_s: float) -> None:
-        self._hover_seconds_used += step_s * self._load
+    def _use_battery(self, hover_seconds: float) -> None:
+        self._hover_seconds_used += hover_seconds
         self._thrust_factor = self.thrust_factor * self.faults.thrust_factor
 
     def _touch_down(self, speed_m_s: float) -> None:
@@ -290,8 +289,8 @@ class Plant(ABC):
         """Take sticks that have passed the delay; None stops the motors."""
 
     @abstractmethod
-    def _stand(self, step_s: float) -> None:
-        """Let actuators move on while the vehicle stands."""
+    def _stand(self, step_s: float) -> float:
+        """Move the actuators while the vehicle stands; returns the thrust over the mass."""
 
     @abstractmethod
     def _fly_on(self, count: int, step_s: float) -> int:
@@ -300,10 +299,6 @@ class Plant(ABC):
     @abstractmethod
     def _land(self) -> None:
         """Come to rest level on the floor; actuators stay as they are."""
-
-    @abstractmethod
-    def _thrust_m_s2(self) -> float:
-        """Thrust over mass of the actuators as they are, on the floor."""
 
     @abstractmethod
     def _whereabouts(self) -> Four:

@@ -1,6 +1,9 @@
 """Promises of the seeded randomness."""
 
+import math
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -9,7 +12,6 @@ from rcopterx.simulator.disturbance import (
     NOISE,
     TURBULENCE,
     ColouredNoise,
-    NormalSource,
     random_stream,
 )
 
@@ -56,8 +58,21 @@ def test_streams_differ_between_vehicles_and_purposes(seed: int) -> None:
     assert len(draws) == 4
 
 
-@given(counts=st.lists(st.integers(0, 9), min_size=1, max_size=200))
-def test_numbers_do_not_depend_on_how_many_are_taken_at_once(counts: list[int]) -> None:
-    one, many = (NormalSource(random_stream(0, "h1", NOISE)) for _ in range(2))
-    for count in counts:
-        assert many.take(count) == [one() for _ in range(count)]
+@given(
+    seed=st.integers(0, 1000),
+    channels=st.integers(1, 5),
+    pauses=st.lists(st.sampled_from((0.001, 0.01, 1.7)), min_size=1, max_size=20),
+)
+def test_turbulence_advances_by_one_number_for_each_channel_and_step(
+    seed: int, channels: int, pauses: list[float]
+) -> None:
+    rms = np.array((0.1, 0.2, 0.3, 0.4, 0.5)[:channels])
+    noise = ColouredNoise(tuple(rms), 0.5, 0.004, random_stream(seed, "h1", TURBULENCE))
+    generator = random_stream(seed, "h1", TURBULENCE)
+    value, index = rms * generator.standard_normal(channels), 0
+    keep, renew = math.exp(-0.004 / 0.5), math.sqrt(-math.expm1(-2 * 0.004 / 0.5))
+    for time_s in np.cumsum(pauses).tolist():
+        while index < int(time_s / 0.004):
+            value = keep * value + renew * rms * generator.standard_normal(channels)
+            index += 1
+        assert noise.at(time_s) == pytest.approx(value, rel=1e-12)
