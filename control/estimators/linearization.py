@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from scipy.linalg import expm
 
-from rcopterx.control.models.matrix_equations import matrix_exponential
 from rcopterx.native.kalman import lag_jacobian
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
@@ -104,6 +104,6 @@ def _transition(model: Model, axes: Sequence[int], period_s: float) -> Array:
         continuous[actuator, actuator] = -1.0 / lag_s
     if tuple(axes) == _COUPLED:
         continuous[5, 4] = -model.thrust_coupling / model.lag_s[U_YAW]
-    transition: Array = matrix_exponential(period_s * continuous)
+    transition: Array = expm(period_s * continuous)
     transition[without_lag, without_lag] = 0.0
     return transition

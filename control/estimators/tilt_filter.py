@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from rcopterx.control.interfaces import TiltEstimate
 from rcopterx.control.models.lateral import (
@@ -21,7 +22,6 @@ from rcopterx.control.models.lateral import (
     lateral_system,
 )
 from rcopterx.control.models.linear import PERIOD_DIGITS, ByPeriod
-from rcopterx.control.models.matrix_equations import matrix_exponential
 from rcopterx.native.kalman import correct_tilt
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
@@ -300,7 +300,7 @@ def _process_noise(
     density[system.tilt_rate] = tilt_density**2
     density[system.wind] = 2.0 * wind_rms_m_s2**2 / WIND_CORRELATION_S
     both = np.block([[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]])
-    step = matrix_exponential(system.period_s * both)
+    step = expm(system.period_s * both)
     noise = np.zeros((size + 4, size + 4))
     noise[:size, :size] = step[size:, size:].T @ step[:size, size:]
     slow = [_SERVO_DENSITY] * 2, [_TRIM_DENSITY] * 2, [_OFFSET_DENSITY] * 2

@@ -7,10 +7,10 @@ of every vector become one complex number, x + i y. Height and heading are real 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
 from rcopterx.control.models.linear import Complex, zero_order_hold
-from rcopterx.control.models.matrix_equations import riccati_solution
 from rcopterx.vehicles.state import Array
 
 
@@ -58,7 +58,7 @@ class StationaryPredictor:
         self._older = rest @ zero_order_hold(system.a, system.b, late_s)[1]
         process = period_s * np.diag(system.process_variance).astype(complex)
         noise = np.diag(system.measurement_variance).astype(complex)
-        covariance = riccati_solution(self._a.conj().T, system.c.conj().T, process, noise)
+        covariance = solve_discrete_are(self._a.conj().T, system.c.conj().T, process, noise)
         seen = covariance @ system.c.conj().T
         self._gain = seen @ np.linalg.inv(system.c @ seen + noise)
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.linalg import solve_discrete_are
 
 from rcopterx.control.models.linear import Complex
-from rcopterx.control.models.matrix_equations import riccati_solution
 from rcopterx.vehicles.state import Array
 
 Dynamics = tuple[Array, Array]
@@ -119,7 +119,7 @@ def _driven(step: Dynamics, state: Array, value: Array) -> Array:
 def regulator(step: Dynamics, state_weights: Sequence[float], effort: float) -> Array:
     """Feedback of the linear-quadratic regulator for a transition, shape (n,)."""
     a, b = step[0], step[1][:, None]
-    cost = riccati_solution(a, b, np.diag(state_weights), np.array([[effort]]))
+    cost = solve_discrete_are(a, b, np.diag(state_weights), np.array([[effort]]))
     back = b.conj().T @ cost
     row: Array = (back @ a / (effort + back @ b))[0]
     return row
@@ -144,7 +144,7 @@ def steady_filter_gain(transition: Array, measured: Array, process: Array | Comp
     Array
         Shape (m, p).
     """
-    spread = riccati_solution(transition.conj().T, measured.conj().T, process, np.diag(noise))
+    spread = solve_discrete_are(transition.conj().T, measured.conj().T, process, np.diag(noise))
     cross = spread @ measured.conj().T
     innovation = measured @ cross + np.diag(noise)
     return np.asarray(np.linalg.solve(innovation.conj().T, cross.conj().T).conj().T)

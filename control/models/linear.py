@@ -5,8 +5,8 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
-from rcopterx.control.models.matrix_equations import matrix_exponential
 from rcopterx.vehicles.state import Array
 
 Complex = NDArray[np.complex128]
@@ -61,7 +61,7 @@ def zero_order_hold(a: NDArray[Any], b: NDArray[Any], time_s: float) -> tuple[ND
     columns = b if b.ndim == 2 else b[:, None]
     whole = np.zeros((size + columns.shape[1],) * 2, dtype=np.result_type(a, b))
     whole[:size, :size], whole[:size, size:] = a, columns
-    step: NDArray[Any] = matrix_exponential(time_s * whole)
+    step: NDArray[Any] = expm(time_s * whole)
     driven = step[:size, size:]
     return step[:size, :size], driven if b.ndim == 2 else driven[:, 0]
 

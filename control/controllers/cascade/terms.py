@@ -8,12 +8,12 @@ from typing import Protocol
 
 import numpy as np
 from msgspec import Struct
+from scipy.linalg import solve_discrete_are
 
 from rcopterx.control.controllers.cascade.clearance import Clearances
 from rcopterx.control.controllers.chains.active_set import Budget, ChainSolution
 from rcopterx.control.controllers.chains.chain import ChainParameters, ChainTarget
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.matrix_equations import riccati_solution
 from rcopterx.vehicles.state import Array, heading_matrix
 
 Bounds = Array
@@ -130,7 +130,7 @@ def riccati_cost(parameters: ChainParameters, decay: Array, yaw_rad: float = 0.0
         b[2 * m :] = np.diag(1 - parameters.pole)
     q = np.zeros(size)
     q[:m], q[m : 2 * m] = parameters.position_weights, parameters.velocity_weights
-    return riccati_solution(a, b, np.diag(q), np.diag(parameters.input_weights))
+    return np.asarray(solve_discrete_are(a, b, np.diag(q), np.diag(parameters.input_weights)), dtype=float)
 
 
 class HeadingCost:

@@ -10,6 +10,7 @@ class offers what `ChainQP` and `InteriorPoint` need, as `Chain` does for vehicl
 from typing import Final
 
 import numpy as np
+from scipy.linalg import solve_discrete_are
 
 from rcopterx.control.controllers.chains.chain import (
     INPUT_PENALTY,
@@ -21,7 +22,6 @@ from rcopterx.control.controllers.chains.chain import (
     weigh_bounds,
 )
 from rcopterx.control.models.lateral import POSITION, VELOCITY, LateralSystem
-from rcopterx.control.models.matrix_equations import riccati_solution
 from rcopterx.native.lateral import (
     lateral_begin,
     lateral_factor,
@@ -133,8 +133,9 @@ class LateralChain:
         system = self._system
         weights = np.zeros(system.size)
         weights[POSITION], weights[VELOCITY] = self._position_weight, self._velocity_weight
-        return riccati_solution(
-            system.transition, system.demand, np.diag(weights), self._demand_weight * np.eye(AXES)
+        effort = self._demand_weight * np.eye(AXES)
+        return np.asarray(
+            solve_discrete_are(system.transition, system.demand, np.diag(weights), effort), dtype=float
         )
 
     def _endless_factor(self) -> Array:

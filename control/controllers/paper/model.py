@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.linalg import solve_discrete_are
 
-from rcopterx.control.models.matrix_equations import riccati_solution
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     INPUT_SIZE,
@@ -181,7 +181,7 @@ class TerminalCost:
         if yaw_rad not in self._at_heading:
             active = np.arange(STATE_SIZE if self._paper_model.z_integrator else Z_INT)
             cost: Array = np.zeros((STATE_SIZE, STATE_SIZE))
-            cost[np.ix_(active, active)] = riccati_solution(
+            cost[np.ix_(active, active)] = solve_discrete_are(
                 self._paper_model.dynamics(yaw_rad)[np.ix_(active, active)],
                 self._paper_model.input_matrix()[active],
                 np.diag(self._state_weights[active]),
