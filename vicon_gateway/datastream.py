@@ -5,7 +5,7 @@ Bytes and the time of their arrival go in, frames and bytes to send come out. No
 
 import statistics
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 from msgspec import Struct
@@ -21,7 +21,6 @@ from rcopterx.vicon_gateway.control_objects import (
     packet,
 )
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
-from rcopterx.vicon_gateway.frame_layout import FrameLayout, Numbers
 from rcopterx.vicon_gateway.objects import (
     ApplicationInfo,
     FrameInfo,
@@ -32,7 +31,7 @@ from rcopterx.vicon_gateway.objects import (
 )
 from rcopterx.vicon_gateway.root_pose import RootNumbers, root_pose
 from rcopterx.vicon_gateway.segment_objects import GlobalSegments, Segment
-from rcopterx.vicon_gateway.wire import HEADER, PacketReader, WireError, split_objects
+from rcopterx.vicon_gateway.wire import PacketReader, WireError, split_objects
 
 REQUIRED_TYPES = {
     int(ObjectType.STREAM_INFO): "the frame period",
@@ -133,11 +132,7 @@ class DataStreamSession:
         self._segments: dict[int, tuple[Segment, ...]] = {}
         self._qualities: dict[int, float] = {}
         self._latency_samples: tuple[tuple[str, float], ...] = ()
-        self._latency: tuple[tuple[tuple[str, float], ...], float] | None = None
         self._y_up = False
-        self._body_bytes = -1
-        self._layout: FrameLayout | None = None
-        self._alike: tuple[bytes, Numbers] | None = None
         self._decoders: dict[int, Callable[[list[bytes]], None]] = {
             _STREAM_INFO: self._update_period,
             _SUBJECT_INFO: self._update_subjects,
@@ -173,8 +168,6 @@ class DataStreamSession:
             Not a DataStream server, an offer without poses, or a malformed packet. The session is of no use
             afterwards: a packet left out would break the carry-over of the following ones.
         """
-        if self._take_alike(data, now_s):
-            return
         self._reader.feed(data)
         while (body := self._next_body()) is not None:
             self._accept(body, now_s)
@@ -186,38 +179,12 @@ class DataStreamSession:
         frame, received_s = self._pending
         self._pending = None
         self.counters.frames += 1
-        if self._latency is None:
-            samples = self._latency_samples
-            if (network := self.network_latency_s) is not None:
-                samples = (*samples, (NETWORK_LATENCY, network))
-            self._latency = samples, sum((seconds for _, seconds in samples), 0.0)
-        samples, latency_s = self._latency
+        samples = self._latency_samples
+        if (network := self.network_latency_s) is not None:
+            samples = (*samples, (NETWORK_LATENCY, network))
+        latency_s = sum((seconds for _, seconds in samples), 0.0)
         subjects = self._subject_poses()
         return CapturedFrame(frame, self._connection, self.period_s, received_s, latency_s, samples, subjects)
-
-    def _take_alike(self, data: bytes, now_s: float) -> bool:
-        """Take in a packet that has the layout of the last one; False for all others."""
-        layout = self._layout
-        if layout is None or len(data) != layout.size or self._reader.buffered_bytes:
-            return False
-        numbers = layout.read(data)
-        if numbers is None:
-            return False
-        for kind, indices in layout.decoded:
-            payloads = [numbers[index] for index in indices]
-            if payloads != self._decoded[kind]:
-                self._decode(kind, payloads)
-        self._alike = data, numbers
-        self._note_frame(numbers[layout.frame], now_s)
-        self._ping(now_s)
-        return True
-
-    def _catch_up(self) -> None:
-        """Let the carry-over know the packets that `_take_alike` took: each replaces the same objects."""
-        if self._alike is not None:
-            self._carry_over.apply(split_objects(self._alike[0][HEADER.size :]))
-            self._alike = None
-            self._decode_changed()
 
     def _next_body(self) -> bytes | None:
         try:
@@ -238,19 +205,8 @@ class DataStreamSession:
             raise WireError("not a DataStream server: the first packet holds no offer")
         if _CARRIED.isdisjoint([kind for kind, _ in objects]):
             return  # an answered ping, for instance, changes nothing about what is valid
-        self._catch_up()
-        self._layout = None
         if self._carry_over.apply(objects):
             self._update(now_s)
-            if self._segments_selected and len(body) == self._body_bytes:
-                self._layout = self._layout_of(objects)
-            self._body_bytes = len(body)
-
-    def _layout_of(self, objects: Sequence[tuple[int, bytes]]) -> FrameLayout | None:
-        try:
-            return FrameLayout(objects, [(subject.id, subject.root_segment) for subject in self._subjects])
-        except ValueError:
-            return None
 
     def _select(self, offer: frozenset[int]) -> None:
         missing = [f"{what} (type {kind})" for kind, what in REQUIRED_TYPES.items() if kind not in offer]
@@ -262,22 +218,16 @@ class DataStreamSession:
 
     def _update(self, now_s: float) -> None:
         """Decode a frame; malformed objects show here even in frames nobody takes."""
-        self._decode_changed()
+        for kind, decode in self._decoders.items():
+            payloads = self._carry_over.payloads.get(kind, [])
+            # Most objects are the same in nearly every frame.
+            if payloads != self._decoded.get(kind):
+                decode(payloads)
+                self._decoded[kind] = payloads
         self._segments_selected = self._segments_selected or self._carries_segments()
         if self._segments_selected:
             self._update_frame(self._carry_over.payloads.get(_FRAME_INFO), now_s)
             self._ping(now_s)
-
-    def _decode_changed(self) -> None:
-        for kind in self._decoders:
-            payloads = self._carry_over.payloads.get(kind, [])
-            # Most objects are the same in nearly every frame.
-            if payloads != self._decoded.get(kind):
-                self._decode(kind, payloads)
-
-    def _decode(self, kind: int, payloads: list[bytes]) -> None:
-        self._decoders[kind](payloads)
-        self._decoded[kind] = payloads
 
     def _carries_segments(self) -> bool:
         """Tell frames captured before our selection arrived, which show every subject as occluded, apart."""
@@ -308,7 +258,6 @@ class DataStreamSession:
     def _update_latency(self, payloads: list[bytes]) -> None:
         samples = LatencyInfo.parse(payloads[0]).samples if payloads else ()
         self._latency_samples = tuple(sample for sample in samples if 0.0 <= sample[1] <= MAX_LATENCY_S)
-        self._latency = None
         self.counters.rejected += len(samples) - len(self._latency_samples)
 
     def _update_qualities(self, payloads: list[bytes]) -> None:
@@ -323,12 +272,7 @@ class DataStreamSession:
         self._segments = {poses.subject: poses.segments for poses in map(GlobalSegments.parse, payloads)}
 
     def _update_frame(self, payloads: list[bytes] | None, now_s: float) -> None:
-        if payloads is None:
-            self.counters.rejected += 1
-            return
-        self._note_frame(FrameInfo.parse(payloads[0]).frame, now_s)
-
-    def _note_frame(self, frame: int, now_s: float) -> None:
+        frame = FrameInfo.parse(payloads[0]).frame if payloads else _NO_FRAME_ID
         if frame == _NO_FRAME_ID or self.period_s is None:
             self.counters.rejected += 1
             return
@@ -347,12 +291,7 @@ class DataStreamSession:
         self._pending = (frame, now_s)
 
     def _subject_poses(self) -> tuple[SubjectPose, ...]:
-        if self._layout is None or self._alike is None:
-            roots = [self._root(subject) for subject in self._subjects]
-        else:
-            numbers = self._alike[1]
-            roots = [None if at is None else numbers[at : at + 12] for at in self._layout.roots]
-        return tuple(map(self._subject_pose, self._subjects, roots))
+        return tuple([self._subject_pose(subject) for subject in self._subjects])
 
     def _root(self, subject: _Subject) -> RootNumbers | None:
         """Translation and rotation of the root segment of a subject, None where it is occluded."""
@@ -361,8 +300,8 @@ class DataStreamSession:
                 return *segment.translation_mm, *segment.rotation
         return None
 
-    def _subject_pose(self, subject: _Subject, root: RootNumbers | None) -> SubjectPose:
-        quality = self._qualities.get(subject.id)
+    def _subject_pose(self, subject: _Subject) -> SubjectPose:
+        root, quality = self._root(subject), self._qualities.get(subject.id)
         if root is None:
             return SubjectPose(subject.name, True, None, None, quality)
         pose = root_pose(root, self._y_up)
@@ -382,5 +321,4 @@ class DataStreamSession:
     def _answered(self, number: int, now_s: float) -> None:
         if self._ping_sent_s is not None and number == self._ping_number:
             self._round_trips_s.append(max(0.0, now_s - self._ping_sent_s))
-            self._latency = None
             self._ping_sent_s = None
