@@ -137,7 +137,7 @@ def identify(name: str, seconds: float) -> Step:
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: its sticks move for {seconds:g} s")
         recording = excited_flight(
-            fleet, name, seconds, say=lambda left_s: say(f"{name}: {left_s:.0f} s left")
+            fleet, name, seconds, progress=lambda left_s: say(f"{name}: {left_s:.0f} s left")
         )
         found = fit.identify(recording, model_of(fleet.file, name))
         if found.problems:

@@ -1,6 +1,6 @@
-"""rcopterx: formation flight of miniature helicopters. `Fleet` is the scripting interface.
+"""Formation flight of miniature helicopters; `Fleet` is the scripting interface.
 
-Names are imported when they are first used, so that `rcopterx kill` starts without numerical libraries.
+Names are imported on first use, so that `rcopterx kill` starts without numerical libraries.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Entry point of `rcopterx`: the command line, and a way round its imports for `kill`."""
+"""Entry point of `rcopterx`: `kill` runs without the imports of the command line."""
 
 import os
 import sys
@@ -12,12 +12,12 @@ KILL_PRIORITY = 60
 def main() -> None:
     """Run the command that was typed."""
     if sys.argv[1:2] == ["kill"]:
-        # A busy computer must not delay it, nor its imports.
+        # Neither a busy computer nor imports may delay it.
         request_realtime(KILL_PRIORITY)
         from rcopterx import kill
 
         arguments = kill.parsed(sys.argv[2:])
-        # Whatever is not plainly a kill, for instance --help, is left to the command line.
+        # Anything else than names and -f, for instance --help, is left to the command line.
         if arguments is not None:
             sys.exit(kill.run(*arguments))
     for name, value in ONE_THREAD.items():

@@ -1,4 +1,4 @@
-"""All commands of `rcopterx` but the fast way of `kill`, see `rcopterx.cli`."""
+"""All commands of `rcopterx`; the fast path of `kill` is in `rcopterx.cli`."""
 
 from collections.abc import Callable
 from typing import Annotated
@@ -62,14 +62,14 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
 }  # fmt: skip
 
 
-def _tell_version(wanted: bool) -> None:
+def _show_version(wanted: bool) -> None:
     if not wanted:
         return
     from rcopterx.flights.provenance import provenance
 
     origin = provenance()
-    known = f" (commit {origin['commit']})" if origin["commit"] else ""
-    typer.echo(f"rcopterx {origin['rcopterx']}{known}, Python {origin['python']}")
+    commit = f" (commit {origin['commit']})" if origin["commit"] else ""
+    typer.echo(f"rcopterx {origin['rcopterx']}{commit}, Python {origin['python']}")
     raise typer.Exit
 
 
@@ -77,14 +77,14 @@ def _tell_version(wanted: bool) -> None:
 def _common(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_tell_version, is_eager=True, help="Tell version and commit."),
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show version and commit."),
     ] = False,
 ) -> None:
     pass
 
 
 WITH_COORDINATES = (steer.goto,)
-"""A coordinate may be negative; unknown options are not looked for, so that -0.5 is a number."""
+"""Commands that do not check for unknown options, so that -0.5 is a number."""
 for panel, commands in COMMANDS.items():
     for command in commands:
         settings = {"ignore_unknown_options": command in WITH_COORDINATES}

@@ -1,4 +1,4 @@
-"""The page of all commands: `python -m rcopterx.command_reference > docs/commands.md`."""
+"""Generates the page of all commands: `python -m rcopterx.command_reference > docs/commands.md`."""
 
 import re
 from typing import Any
@@ -10,8 +10,8 @@ from rcopterx.command_line import COMMANDS, app
 HEAD = """\
 # Commands
 
-Generated from the commands themselves by `python -m rcopterx.command_reference`. In the terminal the
-option `--help` tells the same. Lengths are metres, times seconds, angles on the command line degrees; in
+Generated from the commands by `python -m rcopterx.command_reference`; the option `--help` shows the same text in the
+terminal. Lengths are metres, times seconds, angles on the command line degrees; in
 Python, in the fleet file and on the bus they are radians.
 """
 
@@ -34,7 +34,7 @@ def reference() -> str:
 
 
 def _section(command: Any, name: str) -> str:
-    """Heading, what the command does, and a table of what it takes."""
+    """Heading, description, and a table of arguments and options."""
     arguments = [one for one in command.params if one.param_type_name == "argument"]
     options = [one for one in command.params if one.param_type_name == "option" and one.name != "help"]
     words = "".join(f" {_metavar(one)}" for one in arguments)

@@ -1,7 +1,7 @@
-"""`rcopterx kill`: cuts the motors of whatever fleet is up, and tells for every vehicle if its arbiter did.
+"""`rcopterx kill`: cuts the motors of every fleet that is up, and reports for every vehicle whether its arbiter did.
 
-It must work a tenth of a second after it was typed, so nothing here imports the command line, message types
-or numerical libraries: the few bytes of a kill are packed by hand.
+It must work a tenth of a second after it was typed, so nothing here imports the command line, message types or
+numerical libraries: the few bytes of a kill are packed by hand.
 """
 
 import os
@@ -22,23 +22,23 @@ from rcopterx.deploy.hosts.running import RunningFleet, running_fleets
 SOURCE = "operator"
 SCHEMA_VERSION = 1
 REPEAT_S = 0.05
-"""Between two copies; delivery is not assured, and one that is lost costs a vehicle this much time."""
+"""Between two copies of a kill; a lost copy costs a vehicle this much time."""
 CONFIRM_S = 2.0
-"""How long confirmations are waited for, and vehicles of unknown fleets to be heard of."""
+"""Longest wait for confirmations, and for statuses from unknown fleets."""
 FIRST_RECORD_S = 0.3
 """A router that was just replaced has no record for a moment."""
 ATTEMPT_S = 0.2
-"""To connect to one endpoint; tried again and again."""
+"""To connect to one endpoint; repeated until the end."""
 USUAL_ROUTER = "tcp/127.0.0.1:7447"
-"""Tried as well, for fleets with another run directory, unless `RCOPTERX_RUN` restricts where to look."""
+"""Tried as well, for fleets with another run directory, unless `RCOPTERX_RUN` restricts the search."""
 LISTEN_S = 0.5
-"""To a router that no record tells of; statuses come five times a second."""
+"""For statuses from a router without a record; they come five times a second."""
 EXIT_FAILED = 1
 EXIT_USAGE = 2
 
 
 class Verdict(NamedTuple):
-    """What became of one vehicle; `reason` is empty if its arbiter is KILLED."""
+    """Outcome for one vehicle; `reason` is empty if its arbiter is KILLED."""
 
     fleet: str
     vehicle: str
@@ -46,14 +46,14 @@ class Verdict(NamedTuple):
 
 
 class States:
-    """States of arbiters by fleet and vehicle, as they are heard on any router."""
+    """Newest states of arbiters by fleet and vehicle, from all routers."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._states: dict[tuple[str, str], str] = {}
 
-    def hear(self, sample: zenoh.Sample) -> None:
-        """Note the state that a transmitter's status tells; called on receive threads."""
+    def store(self, sample: zenoh.Sample) -> None:
+        """Store the state in a transmitter's status; called on receive threads."""
         chunks = str(sample.key_expr).split("/")
         try:
             state = str(msgpack.unpackb(sample.payload.to_bytes())["state"])
@@ -64,97 +64,18 @@ class States:
             self._changed.notify_all()
 
     def now(self) -> dict[tuple[str, str], str]:
-        """All that was heard."""
+        """All states that have arrived."""
         with self._changed:
             return dict(self._states)
 
     def wait(self, seconds: float) -> None:
-        """Wait for news."""
+        """Wait for the next state, at most for a time."""
         with self._changed:
             self._changed.wait(seconds)
 
 
-def fleets_to_kill() -> list[RunningFleet]:
-    """Every fleet that a router of can be found on this computer."""
-    give_up_s = time.monotonic() + FIRST_RECORD_S
-    while not (found := running_fleets()) and time.monotonic() < give_up_s:
-        time.sleep(0.01)
-    known = {endpoint for running in found for endpoint in running.endpoints}
-    if "RCOPTERX_RUN" not in os.environ and USUAL_ROUTER not in known:
-        found.append(_of_address(USUAL_ROUTER))
-    return found
-
-
-def _of_address(endpoint: str) -> RunningFleet:
-    """A fleet of which only the address of its router is known."""
-    return RunningFleet("", "", None, "", [endpoint], [], [], "")
-
-
-def kill(
-    fleets: Sequence[RunningFleet], vehicles: Sequence[str] = (), *, only: str | None = None
-) -> list[Verdict]:
-    """Cut the motors, again and again, until every arbiter says that it is KILLED or the time is over.
-
-    Parameters
-    ----------
-    fleets
-        Whose routers are used.
-    vehicles
-        Which vehicles, none for all.
-    only
-        Name of the only fleet that shall obey; None for every fleet behind these routers.
-
-    Returns
-    -------
-    list of Verdict
-        One for each vehicle that is known of.
-    """
-    states, stop = States(), threading.Event()
-    target = key(only or EVERY_FLEET, FLEET_UNIT, KILL_TOPIC)
-    payload = msgpack.packb(
-        {"schema_version": SCHEMA_VERSION, "source": SOURCE, "reason": SOURCE, "vehicles": list(vehicles)}
-    )
-    threads, listening = [], []
-    for running in fleets:
-        for endpoints in (running.endpoints, *([other] for other in running.others)):
-            credentials = Credentials(*running.credentials) if running.credentials else None
-            router = Router(endpoints, running.namespace, states, stop, credentials)
-            threads.append(threading.Thread(target=router.repeat, args=(target, payload)))
-            threads[-1].start()
-            if not running.vehicles:
-                listening.append(router)
-    wanted = {
-        (running.fleet, name) for running in fleets for name in running.vehicles if _meant(name, vehicles)
-    }
-    give_up_s = time.monotonic() + CONFIRM_S
-    while True:
-        heard = states.now()
-        if only is None:
-            wanted |= {pair for pair in heard if _meant(pair[1], vehicles)}
-        left_s = give_up_s - time.monotonic()
-        killed = all(heard.get(pair) == "killed" for pair in wanted)
-        if left_s <= 0 or (killed and all(router.heard_out() for router in listening)):
-            break
-        states.wait(min(left_s, REPEAT_S))
-    stop.set()
-    # Sessions must be closed before the interpreter ends.
-    for thread in threads:
-        thread.join()
-    return [Verdict(*pair, _problem(heard.get(pair))) for pair in sorted(wanted)]
-
-
-def _meant(name: str, vehicles: Sequence[str]) -> bool:
-    return not vehicles or name in vehicles
-
-
-def _problem(state: str | None) -> str:
-    if state == "killed":
-        return ""
-    return "its transmitter gateway does not respond" if state is None else f"its arbiter is {state.upper()}"
-
-
 class Router:
-    """One router that the kill is put on."""
+    """One router through which the kill is published."""
 
     def __init__(
         self,
@@ -172,24 +93,24 @@ class Router:
         self._linked_s: float | None = None
         self._refused = False
 
-    def heard_out(self) -> bool:
-        """Whether nobody is there, or everybody behind it has had the time to tell the state."""
+    def complete(self) -> bool:
+        """Whether there is no router, or all vehicles behind it have had the time to report."""
         if self._linked_s is None:
             return self._refused
         return time.monotonic() > self._linked_s + LISTEN_S
 
     def repeat(self, target: str, payload: bytes) -> None:
-        """Put the kill until told to stop; a router that is away is tried again and again."""
+        """Publish the kill again and again until the stop event; retry while the router does not answer."""
         session = self._opened()
         if session is None:
             return
         session.put(target, payload, priority=zenoh.Priority.REAL_TIME)
         pattern = f"{ROOT}/*/*/{TRANSMITTER_TOPIC}"
-        heard = session.declare_subscriber(pattern, Callback(self._states.hear, indirect=False))
+        subscriber = session.declare_subscriber(pattern, Callback(self._states.store, indirect=False))
         self._linked_s = time.monotonic()
         while not self._stop.wait(REPEAT_S):
             session.put(target, payload, priority=zenoh.Priority.REAL_TIME)
-        heard.undeclare()
+        subscriber.undeclare()
         session.close()
 
     def _opened(self) -> zenoh.Session | None:
@@ -205,8 +126,72 @@ class Router:
         return None
 
 
+def fleets_to_kill() -> list[RunningFleet]:
+    """Every fleet with a router on this computer."""
+    give_up_s = time.monotonic() + FIRST_RECORD_S
+    while not (found := running_fleets()) and time.monotonic() < give_up_s:
+        time.sleep(0.01)
+    known = {endpoint for running in found for endpoint in running.endpoints}
+    if "RCOPTERX_RUN" not in os.environ and USUAL_ROUTER not in known:
+        # Only the address of this router is known.
+        found.append(RunningFleet("", "", None, "", [USUAL_ROUTER], [], [], ""))
+    return found
+
+
+def kill(
+    fleets: Sequence[RunningFleet], vehicles: Sequence[str] = (), *, only: str | None = None
+) -> list[Verdict]:
+    """Cut the motors, again and again, until every arbiter reports KILLED or the time is over.
+
+    `fleets` are those whose routers are used; without `vehicles` all are killed. `only` names the only fleet that
+    shall obey; None means every fleet behind these routers.
+    """
+    states, stop = States(), threading.Event()
+    target = key(only or EVERY_FLEET, FLEET_UNIT, KILL_TOPIC)
+    payload = msgpack.packb(
+        {"schema_version": SCHEMA_VERSION, "source": SOURCE, "reason": SOURCE, "vehicles": list(vehicles)}
+    )
+    threads, unknown = [], []
+    for running in fleets:
+        credentials = Credentials(*running.credentials) if running.credentials else None
+        for endpoints in (running.endpoints, *([other] for other in running.others)):
+            router = Router(endpoints, running.namespace, states, stop, credentials)
+            threads.append(threading.Thread(target=router.repeat, args=(target, payload)))
+            threads[-1].start()
+            if not running.vehicles:
+                unknown.append(router)
+    wanted = {
+        (running.fleet, name) for running in fleets for name in running.vehicles if _meant(name, vehicles)
+    }
+    give_up_s = time.monotonic() + CONFIRM_S
+    while True:
+        reported = states.now()
+        if only is None:
+            wanted |= {pair for pair in reported if _meant(pair[1], vehicles)}
+        left_s = give_up_s - time.monotonic()
+        killed = all(reported.get(pair) == "killed" for pair in wanted)
+        if left_s <= 0 or (killed and all(router.complete() for router in unknown)):
+            break
+        states.wait(min(left_s, REPEAT_S))
+    stop.set()
+    # Sessions must be closed before the interpreter ends.
+    for thread in threads:
+        thread.join()
+    return [Verdict(*pair, _problem(reported.get(pair))) for pair in sorted(wanted)]
+
+
+def _meant(name: str, vehicles: Sequence[str]) -> bool:
+    return not vehicles or name in vehicles
+
+
+def _problem(state: str | None) -> str:
+    if state == "killed":
+        return ""
+    return "its transmitter gateway does not respond" if state is None else f"its arbiter is {state.upper()}"
+
+
 def report(verdicts: Sequence[Verdict], vehicles: Sequence[str], fleets: Sequence[RunningFleet]) -> list[str]:
-    """What to tell: a line for each vehicle, beginning with `error:` where it was not killed."""
+    """A line for each vehicle, beginning with `error:` if it was not killed."""
     lines = [
         f"error: {one.fleet}: {one.vehicle} not killed: {one.reason}"
         if one.reason
@@ -222,7 +207,7 @@ def report(verdicts: Sequence[Verdict], vehicles: Sequence[str], fleets: Sequenc
 
 
 def parsed(arguments: Sequence[str]) -> tuple[list[str], str | None] | None:
-    """Vehicles and fleet of a command line; None if it holds anything else than names and -f."""
+    """Vehicles and fleet of a command line; None if it has anything else than names and -f."""
     vehicles: list[str] = []
     fleet = None
     rest = iter(arguments)
@@ -239,19 +224,14 @@ def parsed(arguments: Sequence[str]) -> tuple[list[str], str | None] | None:
 
 
 def run(vehicles: Sequence[str], fleet: str | None) -> int:
-    """Kill and tell; the exit code.
+    """Kill vehicles, by default all, of a fleet file or shipped fleet, or of every fleet that is up here.
 
-    Parameters
-    ----------
-    vehicles
-        Which vehicles, none for all.
-    fleet
-        File or shipped name of the only fleet that is meant; None for every fleet that is up here.
+    Prints the outcome and returns the exit code.
     """
     if fleet is None:
         fleets, only = fleets_to_kill(), None
     else:
-        # Whoever names a file waits for it to be read and checked.
+        # A named file must be read and checked first, which takes longer.
         from rcopterx.named_fleet import FleetError, fleet_of
 
         try:

@@ -1,4 +1,4 @@
-"""Where the fleet of a file would be running, for `rcopterx kill -f`."""
+"""Routers of the fleet of a file, for `rcopterx kill -f`."""
 
 from rcopterx.deploy.certificates.files import shown
 from rcopterx.deploy.hosts.running import RunningFleet
@@ -11,13 +11,7 @@ __all__ = ["FleetError", "fleet_of"]
 
 
 def fleet_of(name: str) -> RunningFleet:
-    """Routers and vehicles by a fleet file or the name of a shipped one.
-
-    Raises
-    ------
-    FleetError
-        The file cannot be used.
-    """
+    """Routers and vehicles of a fleet file or a shipped fleet; raises FleetError."""
     file = load_fleet(fleet_path(name))
     host, *others = file.hosts
     return RunningFleet(

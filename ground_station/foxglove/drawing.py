@@ -1,4 +1,4 @@
-"""What is seen of vehicles, as Foxglove's standard messages."""
+"""Vehicles as standard messages of Foxglove."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -23,15 +23,12 @@ from foxglove.messages import (
 )
 
 from rcopterx.bus import messages
+from rcopterx.ground_station.colours import rgb_colour
 from rcopterx.vehicles.state import Array
 
 ROOM: Final = "room"
 """Name of the inertial frame; that of a vehicle's frame is its name."""
 NANO: Final = 1_000_000_000
-COLOURS: Final = (
-    (0.12, 0.47, 0.71), (1.0, 0.5, 0.05), (0.17, 0.63, 0.17), (0.84, 0.15, 0.16), (0.58, 0.4, 0.74),
-    (0.55, 0.34, 0.29), (0.89, 0.47, 0.76),
-)  # fmt: skip
 PLAN_POINTS: Final = 25
 ROTOR_M: Final = 0.2
 Place = Sequence[float]
@@ -44,12 +41,12 @@ def stamp(time_ns: int) -> Timestamp:
 
 def colour(number: int, alpha: float = 1.0) -> Color:
     """Colour of a vehicle by its number in the fleet file."""
-    red, green, blue = COLOURS[number % len(COLOURS)]
+    red, green, blue = (value / 255 for value in rgb_colour(number))
     return Color(r=red, g=green, b=blue, a=alpha)
 
 
 def transform(name: str, seen: messages.Pose, time_ns: int) -> FrameTransform | None:
-    """Where the frame of a vehicle is in the room; None while it is not seen."""
+    """Transform from the room to the frame of a vehicle; None while it is not seen."""
     if seen.position_m is None or seen.quaternion_xyzw is None:
         return None
     return FrameTransform(
@@ -103,19 +100,7 @@ def vehicle(name: str, number: int, time_ns: int) -> SceneEntity:
 def plan_entity(
     name: str, number: int, plan: messages.Plan, leaders: Sequence[Place], time_ns: int
 ) -> SceneEntity:
-    """Plan of a vehicle with its reference, and lines to those it follows, in the room.
-
-    Parameters
-    ----------
-    name, number
-        Of the vehicle.
-    plan
-        Its plan.
-    leaders
-        Places of the vehicles it follows [m].
-    time_ns
-        When it was heard.
-    """
+    """Plan of a vehicle with its reference, and lines to the places of its leaders [m], in the room."""
     places: Array = plan.samples()[:, :3]
     shown = places[:: max(1, len(places) // PLAN_POINTS)].tolist()
     lines = [_line([_point(place) for place in shown], number, 0.015)]

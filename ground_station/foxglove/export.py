@@ -1,4 +1,4 @@
-"""Writes a flight log as a file that Foxglove and every other reader of its schemas can show."""
+"""Exports a flight log in Foxglove's standard schemas."""
 
 import json
 from collections.abc import Sequence
@@ -17,19 +17,7 @@ FLIGHT: Final = "foxglove.mcap"
 
 
 def export_foxglove(parts: Sequence[Path], directory: Path) -> list[Path]:
-    """Write the flight in Foxglove's standard schemas, and a layout to look at it.
-
-    Parameters
-    ----------
-    parts
-        Files of the flight in order.
-    directory
-        Where the files go, created if missing; files of the same names are replaced.
-
-    Returns
-    -------
-    list of Path
-        The flight (`foxglove.mcap`) and the layout (`layout.json`).
+    """Write the flight (`foxglove.mcap`) and a layout (`layout.json`) into a directory; return the files.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A layout of Foxglove for a fleet: the scene, plots of every vehicle, what happened."""
+"""A layout of Foxglove for a fleet: the scene, plots of every vehicle, events."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,7 +8,7 @@ from rcopterx.ground_station.report.latency import STAGES
 
 
 def layout_of(vehicles: Sequence[str]) -> dict[str, Any]:
-    """Layout file as a JSON document; open it in Foxglove by `Layouts`, `Import from file`."""
+    """Layout file as a JSON document; open it in Foxglove with `Layouts`, `Import from file`."""
     topics = {
         "/scene": {"visible": True},
         **{f"/{name}/{topic}": {"visible": False} for name in vehicles for topic in ("pose", "reference")},

@@ -1,4 +1,4 @@
-"""Serves a running fleet to Foxglove and PlotJuggler by their WebSocket protocol."""
+"""Serves a running fleet to Foxglove and PlotJuggler over their WebSocket protocol."""
 
 import time
 from collections.abc import Callable
@@ -17,23 +17,10 @@ NANO: Final = 1_000_000_000
 
 
 class FoxgloveServer:
-    """A server for viewers on this computer; it only listens to the bus.
+    """A server for viewers on this computer; it only reads from the bus.
 
-    Parameters
-    ----------
-    fleet
-        The fleet file.
-    session
-        Open session on its bus.
-    port
-        Where viewers connect; 0 for any free one.
-    wall_ns, clock
-        Wall clock [ns] and monotonic clock [s].
-
-    Raises
-    ------
-    OSError
-        The port is in use.
+    Port 0 takes any free port. `wall_ns` and `clock` are the wall clock [ns] and the monotonic clock [s].
+    Raises OSError if the port is in use.
     """
 
     def __init__(
@@ -46,27 +33,27 @@ class FoxgloveServer:
     ) -> None:
         context = foxglove.Context()
         self._view = FoxgloveView(fleet, context)
-        self._heard: SimpleQueue[RawMessage] = SimpleQueue()
+        self._arrived: SimpleQueue[RawMessage] = SimpleQueue()
         self._zero_ns = wall_ns() - round(clock() * NANO)
         try:
             self._server = foxglove.start_server(name=fleet.name, host=HOST, port=port, context=context)
         except RuntimeError as error:
             raise OSError(f"port {port}: {error}") from None
-        session.tap(self._heard.put)
+        session.tap(self._arrived.put)
 
     @property
     def address(self) -> str:
-        """What viewers are told to open."""
+        """Address for viewers."""
         return f"ws://{HOST}:{self._server.port}"
 
     def serve(self, wait_s: float) -> None:
-        """Hand on what was heard, and wait for more for at most a time."""
+        """Show the messages that arrive within a time, at least those that are waiting."""
         try:
-            heard = self._heard.get(timeout=wait_s)
+            arrived = self._arrived.get(timeout=wait_s)
             while True:
-                time_ns = self._zero_ns + round(heard.arrived_s * NANO)
-                self._view.take(heard.unit, heard.topic, heard.payload, time_ns)
-                heard = self._heard.get_nowait()
+                time_ns = self._zero_ns + round(arrived.arrived_s * NANO)
+                self._view.take(arrived.unit, arrived.topic, arrived.payload, time_ns)
+                arrived = self._arrived.get_nowait()
         except Empty:
             return
 

@@ -14,7 +14,7 @@ from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.messages import AgentStatus, Applied, Plan, Pose
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.ground_station.event_feed import HEARD, EventFeed
+from rcopterx.ground_station.events import EVENT_CHANNELS, EventFeed
 from rcopterx.ground_station.foxglove import drawing
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
 from rcopterx.ground_station.scripting.state import error_of
@@ -23,21 +23,13 @@ NANO: Final = 1e9
 SCENE_NS: Final = 100_000_000
 """Plans are drawn ten times a second."""
 REPEAT_NS: Final = 1_000_000_000
-"""What does not change is told again, for whoever comes later or jumps in time."""
+"""Constant messages are repeated for viewers that connect later or jump in time."""
 NUMBERS: Final = {"type": "object", "additionalProperties": {"type": "number"}}
 """JSON schema of plots."""
 
 
 class FoxgloveView:
-    """Channels of a fleet in a context of the SDK.
-
-    Parameters
-    ----------
-    fleet
-        The fleet file.
-    context
-        Whose sinks, a file or a server, get the messages.
-    """
+    """Channels of a fleet in a context of the SDK, whose sinks are a file or a server."""
 
     def __init__(self, fleet: FleetFile, context: foxglove.Context) -> None:
         # Channels are closed with their context.
@@ -62,26 +54,18 @@ class FoxgloveView:
             Pose: self._pose, Plan: self._plan, Applied: self._applied, AgentStatus: self._status,
             RouterStatus: self._router,
         }  # fmt: skip
-        self._heard = {channel.message for channel in HEARD}
+        self._event_messages = {channel.message for channel in EVENT_CHANNELS}
 
     def _of_each(self, topic: str, make: Callable[[str], Any]) -> Mapping[str, Any]:
         return {name: make(f"/{name}/{topic}") for name in self._fleet.vehicles}
 
     def take(self, unit: str, topic: str, payload: bytes, time_ns: int) -> None:
-        """Show a message; what is no valid message of the table is left out.
-
-        Parameters
-        ----------
-        unit, topic, payload
-            As on the bus.
-        time_ns
-            When it arrived [ns since 1970].
-        """
+        """Show a message that arrived at a time [ns since 1970]; invalid messages are left out."""
         channel = self._channel(unit, topic)
         if channel is None:
             return
         take = self._takers.get(channel.message)
-        if take is None and channel.message not in self._heard:
+        if take is None and channel.message not in self._event_messages:
             return
         try:
             message = decode(payload, channel.message)
@@ -95,7 +79,7 @@ class FoxgloveView:
             self._log.log(line, log_time=time_ns)
 
     def _channel(self, unit: str, topic: str) -> Channel[Any] | None:
-        """Row of the table; vehicles that the fleet file does not have are nobody's."""
+        """Channel of a message; None for units that the fleet file does not have."""
         if topic == channels.ANSWERED.topic:
             return channels.ANSWERED
         kind = "vehicle" if unit in self._numbers else "host" if unit in self._fleet.hosts else unit
@@ -144,8 +128,8 @@ class FoxgloveView:
 
     def _status(self, name: str, status: AgentStatus, time_ns: int) -> None:
         values = status.diagnostics
-        told = {"solve_ms_p99": values.solve_ms_p99, "missed_periods": values.missed_ticks}
-        self._flight[name].log(told, log_time=time_ns)
+        figures = {"solve_ms_p99": values.solve_ms_p99, "missed_periods": values.missed_ticks}
+        self._flight[name].log(figures, log_time=time_ns)
 
     def _router(self, host: str, status: RouterStatus, _time_ns: int) -> None:
         self._routers[host] = status

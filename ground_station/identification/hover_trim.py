@@ -1,4 +1,4 @@
-"""Mean inputs of a hover, from what was written to the radio (docs/hardware.md)."""
+"""Mean inputs of a hover, from the inputs written to the radio, to trim a transmitter."""
 
 import time
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ STEADY = 0.02
 MOST_SPREAD = 0.2
 FEWEST_PER_S = 20
 READ_S = 0.2
-"""Between two looks into the inbox, which holds five seconds of messages."""
+"""Between two reads of the inbox, which holds five seconds of messages."""
 
 
 class HoverError(RuntimeError):

@@ -20,14 +20,14 @@ from rcopterx.vehicles.tuples import four
 
 BEGIN_LIMIT_S: Final = 2.0
 OVERDUE_S: Final = 5.0
-TOLD_EVERY_S: Final = 5.0
+PROGRESS_S: Final = 5.0
 
-Tell = Callable[[float], None]
-"""Told the time that is left [s], now and then."""
+Progress = Callable[[float], None]
+"""Called every few seconds with the time that is left [s]."""
 
 
 class IdentificationError(RefusedError):
-    """The flight cannot be used; says why."""
+    """The flight cannot be used."""
 
 
 def excited_flight(
@@ -36,36 +36,18 @@ def excited_flight(
     duration_s: float,
     strength: float = 1.0,
     reach_m: float = 0.4,
-    say: Tell = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> FlightRecording:
-    """Excite a hovering vehicle, which follows nobody, and record it.
+    """Excite a hovering vehicle, which does not follow, and record its poses and applied sticks.
 
-    Parameters
-    ----------
-    fleet
-        The running fleet.
-    name
-        The vehicle.
-    duration_s
-        How long.
-    strength
-        Fraction of the usual excitation.
-    reach_m
-        How far the vehicle may be from its set point.
-    say
-        Progress.
-
-    Returns
-    -------
-    FlightRecording
-        Poses and applied sticks.
+    `strength` is a fraction of the usual excitation, `reach_m` the largest distance from the set point.
 
     Raises
     ------
     IdentificationError
-        The agent ended the excitation early, or what came over the bus cannot be used.
+        The agent refused the excitation or ended it early, or the recording cannot be used.
     RequestFailedError
-        No answer.
+        The agent did not answer.
     """
     model = model_of(fleet.file, name)
     excitation = excitation_for(model, duration_s, strength)
@@ -76,7 +58,7 @@ def excited_flight(
         raise IdentificationError(reply.reason)
     recorder.start()
     try:
-        outcome = _wait(fleet, name, duration_s, say)
+        outcome = _wait(fleet, name, duration_s, progress)
     except BaseException:
         fleet.session.request(name, Excite(duration_s=0.0))
         raise
@@ -86,8 +68,8 @@ def excited_flight(
     return recording_of(recording, name, model.kind, fleet.file.vehicles[name].control.period_s)
 
 
-def _wait(fleet: Observer, name: str, duration_s: float, tell: Tell) -> str:
-    """Wait until the excitation is over; returns how it ended."""
+def _wait(fleet: Observer, name: str, duration_s: float, progress: Progress) -> str:
+    """Wait until the excitation is over; return its outcome."""
 
     def outcome() -> str:
         status = fleet.state_of(name).agent
@@ -98,13 +80,13 @@ def _wait(fleet: Observer, name: str, duration_s: float, tell: Tell) -> str:
         return 0.0 if status is None else status.excitation_left_s
 
     fleet.wait_until(lambda: outcome() == UNDER_WAY, BEGIN_LIMIT_S, "the excitation does not begin", [name])
-    told_s = duration_s
+    reported_s = duration_s
 
     def over() -> bool:
-        nonlocal told_s
-        if left_s() <= told_s - TOLD_EVERY_S:
-            told_s = left_s()
-            tell(told_s)
+        nonlocal reported_s
+        if left_s() <= reported_s - PROGRESS_S:
+            reported_s = left_s()
+            progress(reported_s)
         return outcome() != UNDER_WAY
 
     fleet.wait_until(over, duration_s + OVERDUE_S, "the excitation does not end", [name])
@@ -112,21 +94,12 @@ def _wait(fleet: Observer, name: str, duration_s: float, tell: Tell) -> str:
 
 
 def recording_of(recording: Recording, name: str, kind: str, period_s: float) -> FlightRecording:
-    """Rows of a flight from what was on the bus.
-
-    Parameters
-    ----------
-    recording
-        Poses and applied inputs.
-    name, kind
-        Vehicle and its type.
-    period_s
-        Control period.
+    """Flight of a vehicle of type `kind` from recorded poses and applied inputs.
 
     Raises
     ------
     IdentificationError
-        Nothing was applied, the arbiter overrode the agent, or the motion capture began anew meanwhile.
+        Nothing was applied, the arbiter overrode the agent, or the motion capture restarted meanwhile.
     """
     poses = [pose for pose, _ in recording.messages(channels.POSE, name)]
     applied = [one for one, _ in recording.messages(channels.APPLIED, name) if one.fresh]
@@ -136,7 +109,7 @@ def recording_of(recording: Recording, name: str, kind: str, period_s: float) ->
     if others:
         raise IdentificationError(f"the arbiter was {', '.join(others)} meanwhile")
     if len({pose.epoch for pose in poses}) > 1:
-        raise IdentificationError("the motion capture began anew meanwhile")
+        raise IdentificationError("the motion capture restarted meanwhile")
     return _log(poses, applied, kind, period_s).recording()
 
 

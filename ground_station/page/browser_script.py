@@ -1,4 +1,4 @@
-"""How browsers draw: seldom enough to hear KILL in between, however slowly they do."""
+"""Script that limits how often browsers draw, so that they react to KILL however slowly they draw."""
 
 from typing import Final
 
@@ -6,20 +6,18 @@ import viser
 from viser import _messages
 
 AMBIENT: Final = 1.2
-"""Light on what the lamps of the scene do not reach."""
+"""Intensity of the light that has no direction."""
 BROWSER_SCRIPT: Final = """
 if (!window.rcopterx) {
-  // Pictures: a browser without a graphics card computes them on the processor, and while it does no key is
-  // heard. After every picture it rests for several times as long as that took, and draws coarse ones.
-  const graphics = document.createElement('canvas').getContext('webgl2');
-  const named = graphics?.getExtension('WEBGL_debug_renderer_info');
-  const renderer = named ? graphics.getParameter(named.UNMASKED_RENDERER_WEBGL) : '';
-  graphics?.getExtension('WEBGL_lose_context')?.loseContext();
-  const software = /swiftshader|llvmpipe|software/i.test(renderer);
-  const LEAST_MS = software ? 150 : 30, REST = 4, SLOW_MS = 40, OFTEN = 8, COARSE = 0.5;
-  const coarse = () => window.__viserTestpoints?.devSettings?.set({ fixedDpr: COARSE });
-  window.rcopterx = { frames: 0, took_ms: 0, renderer };
-  if (software) coarse();
+  // A browser without a graphics card draws on the processor, and handles no key meanwhile. After every
+  picture // it therefore pauses for several times the drawing time, and it draws coarse pictures. const
+  graphics = document.createElement('canvas').getContext('webgl2'); const named =
+  graphics?.getExtension('WEBGL_debug_renderer_info'); const renderer = named ?
+  graphics.getParameter(named.UNMASKED_RENDERER_WEBGL) : '';
+  graphics?.getExtension('WEBGL_lose_context')?.loseContext(); const software =
+  /swiftshader|llvmpipe|software/i.test(renderer); const LEAST_MS = software ? 150 : 30, REST = 4, SLOW_MS =
+  40, OFTEN = 8, COARSE = 0.5; const coarse = () => window.__viserTestpoints?.devSettings?.set({ fixedDpr:
+  COARSE }); window.rcopterx = { frames: 0, took_ms: 0, renderer }; if (software) coarse();
 
   const draw = window.requestAnimationFrame.bind(window);
   const cancel = window.cancelAnimationFrame.bind(window);
@@ -61,10 +59,9 @@ if (!window.rcopterx) {
 
 
 def run_in_browsers(server: viser.ViserServer) -> None:
-    """Run the script in every browser that connects, and draw what costs little without a graphics card."""
+    """Run the script in every browser that connects, and switch expensive lights off."""
     server.gui._websock_interface.queue_message(_messages.RunJavascriptMessage(BROWSER_SCRIPT))
-    # Shadows draw everything twice; the reflected surroundings take 12 s to be prepared by a processor, in
-    # which the page hears nothing.
+    # Shadows draw everything twice; preparing reflections blocks the page for 12 s without a graphics card.
     server.scene.configure_default_lights(cast_shadow=False)
     server.scene.configure_environment_map(None)
     server.scene.add_light_ambient("/light", intensity=AMBIENT)

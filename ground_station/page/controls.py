@@ -1,24 +1,23 @@
-"""Controls of the page: the fleet as a whole, formations, and each vehicle with its weights."""
+"""Controls of the page: the whole fleet, formations, and each vehicle with its weights."""
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any, Final
 
 import viser
 
 from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.ground_station.geometry import on_level
 from rcopterx.ground_station.page.formations import SHAPES
-from rcopterx.ground_station.page.geometry import on_level
 from rcopterx.ground_station.page.kill_button import add_kill_button
 from rcopterx.ground_station.page.saved_formations import SavedFormations, SavedFormationsError, in_words
 from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.page.texts import vehicle_table
 from rcopterx.ground_station.page.weights import GROUPS, weights_of
-from rcopterx.ground_station.page.words import vehicle_table
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 
-NOBODY: Final = "(nobody)"
+NO_LEADER: Final = "(no leader)"
 NONE_SAVED: Final = "(none yet)"
 SPEED_M_S: Final = 0.4
 """Along drawn waypoints."""
@@ -27,23 +26,16 @@ PACE_S: Final = 1.0
 
 
 def add_fleet_controls(server: viser.ViserServer, steering: Steering) -> None:
-    """KILL, and what all vehicles do together."""
+    """Add KILL and the buttons for all vehicles."""
     add_kill_button(server, steering)
-    buttons = (
-        (server.gui.add_button("Take off", icon=viser.Icon.PLANE_DEPARTURE), steering.take_off),
-        (server.gui.add_button("Land", icon=viser.Icon.PLANE_ARRIVAL), steering.land),
-        (server.gui.add_button("Reset killed vehicles", icon=viser.Icon.LOCK_OPEN), steering.reset),
-    )
-    for button, action in buttons:
-        button.on_click(partial(_do, action))
-
-
-def _do(action: Callable[[], None], _event: Any) -> None:
-    action()
+    gui = server.gui
+    gui.add_button("Take off", icon=viser.Icon.PLANE_DEPARTURE).on_click(lambda _: steering.take_off())
+    gui.add_button("Land", icon=viser.Icon.PLANE_ARRIVAL).on_click(lambda _: steering.land())
+    gui.add_button("Reset killed vehicles", icon=viser.Icon.LOCK_OPEN).on_click(lambda _: steering.reset())
 
 
 def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
-    """Formations by name behind a leader."""
+    """Add the choice of a formation behind a leader."""
     names = tuple(fleet.file.vehicles)
     leader = server.gui.add_dropdown("leader", names, initial_value=names[0])
     shape = server.gui.add_dropdown("shape", tuple(SHAPES))
@@ -57,9 +49,9 @@ def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: St
 
 
 class SavedFormationControls:
-    """Keeps the present formation, and flies those that were kept.
+    """Saves the present formation, and flies saved ones.
 
-    They are numbered: a page whose space bar is KILL has no field for text.
+    Formations are numbered: the page has no text field, because the space bar is KILL.
     """
 
     def __init__(self, server: viser.ViserServer, steering: Steering, saved: SavedFormations) -> None:
@@ -86,21 +78,21 @@ class SavedFormationControls:
         self.choice.options = tuple(self._names) or (NONE_SAVED,)
 
     def save(self) -> None:
-        """Keep who follows whom now."""
+        """Save the present formation."""
         self._steering.save_formation(self._saved)
         self._list()
         self.choice.value = self.choice.options[-1]
 
     def fly(self) -> None:
-        """Fly the one that is chosen."""
+        """Fly the chosen formation."""
         name = self._chosen()
         if name is not None:
             self._steering.fly_saved(self._saved, name)
 
     def forget(self) -> None:
-        """Remove the one that is chosen."""
+        """Remove the chosen formation."""
         name = self._chosen()
-        if name is not None and self._steering.ask(
+        if name is not None and self._steering.run(
             "forgetting", lambda: self._saved.forget(name), "forgotten"
         ):
             self._list()
@@ -113,16 +105,9 @@ class SavedFormationControls:
 
 
 class VehicleControls:
-    """Table, leader, controller and weights of one vehicle.
+    """Table, leader, controller and weights of one vehicle, in the open container of the server.
 
-    Parameters
-    ----------
-    server
-        Where browsers connect; the container that is open now takes the controls.
-    fleet, name
-        The vehicle.
-    steering
-        None for a page that only watches: the table alone.
+    Without `steering` there is only the table, for a page that only watches.
     """
 
     def __init__(self, server: viser.ViserServer, fleet: Fleet, name: str, steering: Steering | None) -> None:
@@ -132,7 +117,7 @@ class VehicleControls:
         if steering is None:
             return
         others = [other for other in fleet.file.vehicles if other != name]
-        self.leader: Any = server.gui.add_dropdown("follows", (NOBODY, *others), initial_value=NOBODY)
+        self.leader: Any = server.gui.add_dropdown("follows", (NO_LEADER, *others), initial_value=NO_LEADER)
         self.leader.on_update(self.on_leader)
         self.controller: Any = server.gui.add_dropdown("controller", tuple(CONTROLLERS.available()))
         self.controller.on_update(self.on_controller)
@@ -142,30 +127,29 @@ class VehicleControls:
         self.weights = WeightControls(server, fleet, name, steering)
 
     def show(self, state: VehicleState) -> None:
-        """Show the present of the vehicle; choices follow what others have made of them."""
+        """Show the present state; choices follow the vehicle, which others may have changed."""
         self.table.content = vehicle_table(state)
         if self._steering is None or state.agent is None:
             return
         links = state.assigned
-        self.leader.value = links[0].leader if links else NOBODY
+        self.leader.value = links[0].leader if links else NO_LEADER
         if state.agent.diagnostics.controller in self.controller.options:
             self.controller.value = state.agent.diagnostics.controller
 
     def on_leader(self, event: Any) -> None:
-        """Follow who was chosen; what this program itself has set asks for nothing."""
-        if event.client is None or self._steering is None:
-            return
-        chosen = self.leader.value
-        self._steering.follow_beside(self._name, None if chosen == NOBODY else chosen)
+        """Follow the chosen leader; events without a client come from this program itself."""
+        if event.client is not None and self._steering is not None:
+            chosen = self.leader.value
+            self._steering.follow_beside(self._name, None if chosen == NO_LEADER else chosen)
 
     def on_controller(self, event: Any) -> None:
-        """Fly with what was chosen."""
+        """Fly with the chosen controller."""
         if event.client is not None and self._steering is not None:
             self._steering.tune(self._name, self.controller.value)
 
 
 class WeightControls:
-    """Sliders of the cascade's weights as factors of those that follow from the model, with undo."""
+    """Sliders for factors on the default weights of the cascade, with undo."""
 
     def __init__(self, server: viser.ViserServer, fleet: Fleet, name: str, steering: Steering) -> None:
         self._fleet = fleet
@@ -203,7 +187,7 @@ class WeightControls:
 
 
 class Waypoints:
-    """Waypoints that are clicked on a horizontal plane of the scene, and flown by one vehicle."""
+    """Waypoints, clicked on a horizontal plane of the scene, for one vehicle."""
 
     def __init__(self, server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
         self._server = server
@@ -232,7 +216,7 @@ class Waypoints:
             self.add(event.ray_origin, event.ray_direction)
 
     def add(self, origin_m: Sequence[float], direction: Sequence[float]) -> None:
-        """Add where a ray from the camera meets the level of the slider."""
+        """Add the point where a ray from the camera meets the height of the slider."""
         place = on_level(origin_m, direction, float(self.height.value))
         if place is None:
             return
@@ -243,13 +227,13 @@ class Waypoints:
         self._marks.append(mark)
 
     def clear(self) -> None:
-        """Forget the waypoints."""
+        """Remove the waypoints."""
         for mark in self._marks:
             mark.remove()
         self.places, self._marks = [], []
 
     def fly(self) -> None:
-        """Let the vehicle fly through the waypoints, from where it is."""
+        """Fly through the waypoints from the present position."""
         # Numerical libraries take longer to import than the rest of the page.
         from rcopterx.control.references.path_shapes import through
 
@@ -265,4 +249,4 @@ class Waypoints:
             time_s += max(PACE_S, math.dist(before, after) / SPEED_M_S)
             rows.append((time_s, *after, yaw_rad))
             before = after
-        self._steering.ask(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))
+        self._steering.run(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))

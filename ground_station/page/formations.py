@@ -40,23 +40,10 @@ SHAPES: Final[Mapping[str, Callable[[int, float], list[Place]]]] = {
 def formation_links(
     shape: str, leader: str, followers: Sequence[str], spacing_m: float
 ) -> dict[str, LeaderLink]:
-    """Links of a formation.
+    """Link of every follower in a formation of `SHAPES` with `spacing_m` between neighbours.
 
-    Parameters
-    ----------
-    shape
-        One of `SHAPES`.
-    leader
-        Whom everybody follows.
-    followers
-        In the order in which places are given.
-    spacing_m
-        Distance between neighbours.
-
-    Returns
-    -------
-    dict
-        Link by follower; offsets turn with the leader's heading, x to its front, y to its left.
+    Followers get their places in the given order. Offsets turn with the leader's heading: x to its front, y
+    to its left.
     """
     places = SHAPES[shape](len(followers), spacing_m)
     return {

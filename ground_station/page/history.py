@@ -1,4 +1,4 @@
-"""The last minute of every vehicle, for trails and plots: no page, no bus."""
+"""The last minute of every vehicle, for trails and plots."""
 
 import math
 from typing import Final
@@ -20,7 +20,7 @@ _UNKNOWN: Final = (math.nan, math.nan, math.nan)
 
 
 class History:
-    """Samples of one vehicle in a ring; what is not known is not a number."""
+    """Samples of one vehicle; unknown values are NaN."""
 
     def __init__(self) -> None:
         self._rows = np.full((round(KEPT_S / SAMPLE_S), 1 + len(COLUMNS)), math.nan)
@@ -30,16 +30,9 @@ class History:
         """Of the newest sample."""
 
     def add(self, now_s: float, state: VehicleState, sticks: tuple[float, ...] | None) -> None:
-        """Take a sample unless the last one is younger than a sampling period.
+        """Add a sample unless the last one is younger than a sampling period.
 
-        Parameters
-        ----------
-        now_s
-            Monotonic clock.
-        state
-            Of the vehicle.
-        sticks
-            Pitch, roll, thrust and yaw as written to the radio; None if unknown.
+        `sticks` are pitch, roll, thrust and yaw as written to the radio, None if unknown.
         """
         if now_s - self.newest_s < SAMPLE_S * 0.9:
             return
@@ -65,7 +58,7 @@ class History:
         return np.asarray(self._ordered()[:, 0])
 
     def trail_m(self, seconds: float) -> Array:
-        """Places of the last seconds, shape (n, 3); gaps left out."""
+        """Positions of the last seconds, shape (n, 3), without gaps."""
         rows = self._ordered()
         recent = rows[rows[:, 0] >= self.newest_s - seconds][:, 1:4]
         return np.asarray(recent[np.isfinite(recent).all(axis=1)])

@@ -1,8 +1,9 @@
 """KILL in the browser: a button and the space bar, in a script of their own, so that no press is lost.
 
-viser's own buttons will not do: of the messages of its panel it sends one in 50 ms and forgets the others, it
-sends nothing while it is not connected, and hides buttons when the panel is folded up. Its commands are sent
-at once, by their key: the script presses that key until viser has taken it, and says so where it cannot.
+Buttons of viser are not reliable enough: viser sends one message of its panel in 50 ms and drops the others,
+sends nothing while it is not connected, and hides buttons when the panel is folded up. It sends commands at
+once, by their key: the script presses that key until viser has accepted it, and shows when that is not
+possible.
 """
 
 import threading
@@ -15,7 +16,7 @@ from rcopterx.ground_station.page.steering import Steering
 
 LABEL: Final = "KILL: cut all motors (space bar)"
 ANCHOR: Final = '<i id="rcopterx-connected"></i>'
-"""The script sees by it whether viser is connected."""
+"""The script reads from its style whether viser is connected."""
 STYLE: Final = """<style>
 #rcopterx-kill {
   position: fixed; top: 12px; left: 50%; transform: translateX(-50%); z-index: 10000;
@@ -25,10 +26,10 @@ STYLE: Final = """<style>
 }
 #rcopterx-kill:hover, #rcopterx-kill:active { background: #b02525; }
 #rcopterx-kill.waiting { background: #e8590c; font-size: 0.9rem; }
-#rcopterx-kill.unheard { background: #5c5f66; font-size: 0.9rem; }
+#rcopterx-kill.disconnected { background: #5c5f66; font-size: 0.9rem; }
 .mantine-Notifications-root[data-position^="top"] { top: calc(3.4em + 32px) !important; }
 </style>"""
-"""Keeps the button at the top of the window, whatever is scrolled or opened, and notices below it."""
+"""Keeps the button at the top of the window, and notifications below it."""
 KILL_SCRIPT: Final = """
 if (!window.rcopterxKill) {
   const LABEL = '%LABEL%', TRIED_MS = 10000, WATCHED_MS = 1000, AGAIN_MS = 100;
@@ -44,7 +45,7 @@ if (!window.rcopterxKill) {
   };
   const SPACE = { key: ' ', code: 'Space', bubbles: true, cancelable: true };
   const send = () => {
-    // Whoever takes the key keeps others from it: that tells that viser knows its command.
+    // viser prevents the default action of a key that it accepts.
     if (!connected() || document.body.dispatchEvent(new KeyboardEvent('keydown', SPACE))) return false;
     sentAt = performance.now();
     return true;
@@ -60,22 +61,22 @@ if (!window.rcopterxKill) {
       : gaveUp ? 'KILL was NOT sent: the page is not connected'
       : connected() ? LABEL : 'Not connected: KILL does not reach the fleet';
     if (button.textContent !== says) button.textContent = says;
-    button.className = pending || gaveUp ? 'waiting' : connected() ? '' : 'unheard';
+    button.className = pending || gaveUp ? 'waiting' : connected() ? '' : 'disconnected';
   };
-  const tend = () => {
+  const check = () => {
     const now = performance.now();
-    // What was sent while the connection broke may not have arrived.
+    // A message that was sent shortly before the connection broke may be lost.
     if (!pending && !connected() && now - sentAt < WATCHED_MS) pending = true;
     if (pending && now - pressedAt > TRIED_MS) { pending = false; gaveUp = true; }
     if (pending) pending = !send();
     if (connected() && !pending) gaveUp = false;
     show();
   };
-  setInterval(tend, AGAIN_MS);
+  setInterval(check, AGAIN_MS);
   button.addEventListener('click', press);
   window.addEventListener('keydown', (event) => {
     if (event.code !== 'Space' || !event.isTrusted || event.ctrlKey || event.altKey || event.metaKey) return;
-    // Sliders, lists and buttons would do something else.
+    // Sliders, lists and buttons react to the space bar themselves.
     event.preventDefault();
     event.stopImmediatePropagation();
     document.activeElement?.blur?.();
@@ -90,17 +91,10 @@ if (!window.rcopterxKill) {
 
 
 def add_kill_button(server: viser.ViserServer, steering: Steering) -> None:
-    """Put KILL into every browser that connects.
-
-    Parameters
-    ----------
-    server
-        Where browsers connect.
-    steering
-        Is told of every press, in a thread of its own: requests that wait may have taken all of viser's.
-    """
+    """Put KILL into every browser that connects."""
 
     async def on_trigger(_: Any) -> None:
+        # All threads of viser may be busy with requests that wait.
         threading.Thread(target=steering.kill, name="kill").start()
 
     server.gui.add_html(STYLE + ANCHOR)

@@ -1,4 +1,4 @@
-"""The page as a whole: builds its parts, and keeps them like the fleet."""
+"""The page: builds its parts and keeps them up to date."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -6,6 +6,7 @@ from typing import Final
 import viser
 
 from rcopterx.bus import channels
+from rcopterx.ground_station.events import Timeline
 from rcopterx.ground_station.page.browser_script import run_in_browsers
 from rcopterx.ground_station.page.controls import (
     SavedFormationControls,
@@ -19,8 +20,7 @@ from rcopterx.ground_station.page.plots import Plots
 from rcopterx.ground_station.page.saved_formations import SavedFormations, default_path
 from rcopterx.ground_station.page.scene import FleetScene
 from rcopterx.ground_station.page.steering import Steering
-from rcopterx.ground_station.page.timeline import Timeline
-from rcopterx.ground_station.page.words import banner, event_list
+from rcopterx.ground_station.page.texts import banner, event_list
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 
@@ -30,15 +30,7 @@ NOTICE_S: Final = 6.0
 
 
 class PageFrame:
-    """What browsers show, and load, while the fleet is still coming up; made before the `FleetPage`.
-
-    Parameters
-    ----------
-    server
-        Where browsers connect.
-    name
-        Name of the fleet.
-    """
+    """The part of the page that browsers load while the fleet is still starting; `FleetPage` fills it."""
 
     def __init__(self, server: viser.ViserServer, name: str) -> None:
         self.server = server
@@ -49,17 +41,7 @@ class PageFrame:
 
 
 class FleetPage:
-    """A fleet in the browser.
-
-    Parameters
-    ----------
-    fleet
-        A running fleet.
-    frame
-        What browsers show already.
-    steers
-        False for a page that only watches.
-    """
+    """A running fleet in the browser; `steers` is False for a page that only watches."""
 
     def __init__(self, fleet: Fleet, frame: PageFrame, steers: bool = True) -> None:
         self._fleet = fleet
@@ -97,7 +79,7 @@ class FleetPage:
             self.events = server.gui.add_html("")
 
     def notify(self, text: str, refused: bool) -> None:
-        """Show an answer to everybody who watches."""
+        """Show an answer in every browser."""
         for client in self._server.get_clients().values():
             client.add_notification(
                 "Refused" if refused else "Done",
@@ -107,13 +89,7 @@ class FleetPage:
             )
 
     def update(self, now_s: float) -> None:
-        """Show the present.
-
-        Parameters
-        ----------
-        now_s
-            Monotonic clock.
-        """
+        """Show the present state; `now_s` is monotonic."""
         states = {vehicle.name: vehicle.state for vehicle in self._fleet}
         for name, state in states.items():
             self.histories[name].add(now_s, state, self._sticks(name))

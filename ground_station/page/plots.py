@@ -27,19 +27,11 @@ PLOTS: Final[Mapping[str, tuple[tuple[str, str, str, bool], ...]]] = {
     ),
     "solver time, median [ms]": (("solve_ms", "solver", BLUE, False),),
 }  # fmt: skip
-"""Title, and of each line the quantity, its legend, its colour and whether it is dashed."""
+"""Lines by title of the plot: quantity, legend, colour and whether it is dashed."""
 
 
 class Plots:
-    """Plots in a container of the page's panel.
-
-    Parameters
-    ----------
-    server
-        Where browsers connect; the container that is open now takes the plots.
-    names
-        Vehicles to choose from.
-    """
+    """Plots of one of several vehicles, in the open container of the server."""
 
     def __init__(self, server: viser.ViserServer, names: Sequence[str]) -> None:
         self.vehicle = server.gui.add_dropdown("vehicle", tuple(names), initial_value=names[0])

@@ -1,4 +1,4 @@
-"""Formations that users of the page have saved: who follows whom, and where; a file for every fleet."""
+"""Formations that users of the page have saved, in a file for every fleet."""
 
 import os
 from collections.abc import Mapping
@@ -10,28 +10,22 @@ from rcopterx.agents.formation.topology import FormationGraph, ancestors
 from rcopterx.bus.messages import LeaderLink
 
 Formation = dict[str, tuple[LeaderLink, ...]]
-"""Leaders by vehicle; none for a vehicle that leads."""
+"""Links to leaders by vehicle; empty for a vehicle that leads."""
 _DECODER = msgspec.json.Decoder(dict[str, Formation])
 
 
 class SavedFormationsError(ValueError):
-    """The file cannot be used; says which and why."""
+    """The file cannot be used."""
 
 
 def default_path(fleet: str) -> Path:
-    """Where the formations of a fleet lie: among the user's data."""
+    """File with the formations of a fleet, among the user's data."""
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(data) / "rcopterx" / "formations" / f"{fleet}.json"
 
 
 class SavedFormations:
-    """Formations by name in a file, which is read anew every time: several pages may use it.
-
-    Parameters
-    ----------
-    path
-        The file; it need not exist.
-    """
+    """Formations by name in a file, which need not exist; read again at every call, as pages share it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -52,7 +46,7 @@ class SavedFormations:
             raise SavedFormationsError(f"{self.path}: {error}") from None
 
     def save(self, formation: Formation) -> str:
-        """Keep a formation; returns its name, the lowest number that is free.
+        """Save a formation and return its name, the lowest free number.
 
         Raises
         ------
@@ -65,7 +59,7 @@ class SavedFormations:
         return name
 
     def forget(self, name: str) -> None:
-        """Remove a formation; one that is not there is no error.
+        """Remove a formation, if it is there.
 
         Raises
         ------
@@ -75,7 +69,7 @@ class SavedFormations:
         self._write({other: formation for other, formation in self.all().items() if other != name})
 
     def _write(self, formations: Mapping[str, Formation]) -> None:
-        """Replace the file at once, so that nobody reads half of it."""
+        """Replace the file atomically."""
         new = self.path.with_suffix(".new")
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +80,7 @@ class SavedFormations:
 
 
 def in_words(formation: Formation) -> str:
-    """Who leads whom, for people."""
+    """Description of a formation: each head with its followers."""
     heads = [name for name, links in formation.items() if not links]
     led = {head: [name for name in formation if head in ancestors(formation, name)] for head in heads}
     return "; ".join(
@@ -95,5 +89,5 @@ def in_words(formation: Formation) -> str:
 
 
 def in_order(formation: FormationGraph) -> list[str]:
-    """Vehicles with leaders before their followers: changed so, there is no cycle on the way."""
+    """Vehicles with leaders before their followers: in this order no change makes a cycle."""
     return sorted(formation, key=lambda name: len(ancestors(formation, name)))

@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 import viser
 
-from rcopterx.ground_station.page.geometry import (
+from rcopterx.ground_station.colours import rgb_colour
+from rcopterx.ground_station.geometry import (
     NOWHERE,
-    Array,
     arrow,
     box_edges,
     heading_quaternion,
@@ -22,13 +22,10 @@ from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
+from rcopterx.vehicles.state import Array
 
-COLOURS: Final = (
-    (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75),
-)  # fmt: skip
 GREY: Final = (150, 150, 150)
 DARK: Final = (60, 60, 60)
-ALARM: Final = (220, 30, 30)
 FUSELAGE_M: Final = (0.075, 0.035, 0.04)
 """Half axes."""
 TAIL_M: Final = (0.14, 0.012, 0.012)
@@ -40,28 +37,13 @@ WIND_M: Final = 1.0
 DEVIATIONS: Final = 2.0
 """Half axes of an ellipsoid of uncertainty in standard deviations."""
 ENLARGED: Final = 100.0
-"""Ellipsoids are drawn so many times as large: with poses they measure less than a millimetre."""
+"""Magnification of ellipsoids, whose size is below a millimetre while poses arrive."""
 
 Point = tuple[float, float, float]
 
 
-def colour_of(index: int) -> tuple[int, int, int]:
-    """Colour of a vehicle by its place in the fleet file."""
-    return COLOURS[index % len(COLOURS)]
-
-
 class FleetScene:
-    """Keeps a browser scene like the fleet.
-
-    Parameters
-    ----------
-    fleet
-        A running fleet.
-    server
-        Where browsers connect.
-    steering
-        Takes what handles are dragged for; None for a page that only watches.
-    """
+    """The scene of a running fleet; without `steering` its handles are hidden."""
 
     def __init__(self, fleet: Fleet, server: viser.ViserServer, steering: Steering | None) -> None:
         self._server = server
@@ -75,17 +57,16 @@ class FleetScene:
         server.initial_camera.look_at = tuple(middle)
         server.initial_camera.position = tuple(middle + width * np.array([-0.85, -0.6, 0.4]))
         self.wind = server.gui.add_checkbox(
-            "wind arrows", False, hint="what the estimators take for wind: 1 m long for 1 m/s²"
+            "wind arrows", False, hint="acceleration by wind as estimated: 1 m long for 1 m/s²"
         )
         self.uncertainty = server.gui.add_checkbox(
             "uncertainty",
             False,
-            hint=f"where the estimators take the vehicles to be: {DEVIATIONS:g} standard deviations, drawn "
-            f"{ENLARGED:g} times as large",
+            hint=f"{DEVIATIONS:g} standard deviations of the positions, {ENLARGED:g} times enlarged",
         )
         self.links = server.scene.add_line_segments("/links", NOWHERE, GREY, thickness=0.006)
         self._vehicles = {
-            vehicle.name: VehicleShape(server, vehicle.name, colour_of(index), steering)
+            vehicle.name: VehicleShape(server, vehicle.name, rgb_colour(index), steering)
             for index, vehicle in enumerate(fleet)
         }
 
@@ -93,12 +74,12 @@ class FleetScene:
         return self._vehicles[name]
 
     def update(self, states: Mapping[str, VehicleState], histories: Mapping[str, History]) -> None:
-        """Show the present."""
+        """Show the present states."""
         self._pictures += 1
         with self._server.atomic():
             for number, (name, state) in enumerate(states.items(), self._pictures):
                 self._vehicles[name].show(state, states)
-                # Half of the lines in each picture: they are most of what is computed and sent.
+                # Half of the lines in each picture: they cost most of the computation and the messages.
                 if number % 2:
                     self._vehicles[name].show_lines(state, histories[name])
                 self._vehicles[name].show_wind(state, self.wind.value)
@@ -109,7 +90,8 @@ class FleetScene:
 class VehicleShape:
     """One vehicle: body, rotor disc, name, trail, plan with its end, reference, and its handle.
 
-    The handle of a vehicle that leads is its set point; a follower's is its place beside its only leader.
+    The handle of a vehicle that leads is its set point; that of a follower is its place beside its only
+    leader.
     """
 
     def __init__(
@@ -119,9 +101,9 @@ class VehicleShape:
         self._steering = steering
         self._dragged = False
         self._trail_s = -math.inf
-        """Newest sample of the trail that is drawn."""
+        """Time of the newest sample in the drawn trail."""
         self._shown: dict[tuple[str, str], object] = {}
-        """Properties of nodes, by their names, as they were set."""
+        """Properties of nodes as they were last set."""
         self._state: VehicleState | None = None
         self._leader: VehicleState | None = None
         self.body = server.scene.add_frame(f"/{name}", show_axes=False, visible=False)
@@ -145,7 +127,7 @@ class VehicleShape:
         self.handle.on_update(self.on_drag)
 
     def show(self, state: VehicleState, states: Mapping[str, VehicleState]) -> None:
-        """Show the present of the vehicle, without what it has flown and plans."""
+        """Show body, label and handle."""
         self._state = state
         self._leader = states.get(state.assigned[0].leader) if len(state.assigned) == 1 else None
         place = state.position_m
@@ -173,14 +155,14 @@ class VehicleShape:
             self._set(self.reference, position=tuple(plan.reference[:3]))
 
     def _set(self, node: Any, **properties: object) -> None:
-        """Set what has changed: viser compares arrays to find out, which takes ten times as long."""
+        """Set properties that have changed; viser's own comparison takes ten times as long."""
         for name, value in properties.items():
             if self._shown.get((node.name, name)) != value:
                 self._shown[node.name, name] = value
                 setattr(node, name, value)
 
     def show_wind(self, state: VehicleState, wanted: bool) -> None:
-        """Show what blows at the vehicle, if that is wanted and known."""
+        """Show the wind at the vehicle, if that is wanted and known."""
         wind = None if state.agent is None else state.agent.diagnostics.wind_m_s2
         place = state.position_m
         self._set(self.wind, visible=wanted and wind is not None and place is not None)
@@ -188,7 +170,7 @@ class VehicleShape:
             self.wind.points = arrow(place, [WIND_M * value for value in wind]).astype(np.float32)
 
     def show_uncertainty(self, state: VehicleState, wanted: bool) -> None:
-        """Show how well the estimator knows the position, if that is wanted and told."""
+        """Show the uncertainty of the position, if that is wanted and known."""
         deviation_m = None if state.agent is None else state.agent.diagnostics.position_deviation_m
         place = None if state.agent is None else state.agent.position_m
         self._set(self.uncertainty, visible=wanted and deviation_m is not None and place is not None)
@@ -197,17 +179,17 @@ class VehicleShape:
             self._set(self.uncertainty, position=place, scale=(x, y, z))
 
     def _wanted(self) -> Point | None:
-        """Where the handle belongs; None while there is nothing to drag."""
+        """Place of the handle; None while there is nothing to drag."""
         state = self._state
         if state is None or state.agent is None or state.phase != "flying":
             return None
         if not state.assigned:
             return state.agent.set_point.position_m
-        stands = None if self._leader is None else _stand(self._leader)
-        return None if stands is None else place_beside(state.assigned[0], *stands)
+        pose = None if self._leader is None else _pose(self._leader)
+        return None if pose is None else place_beside(state.assigned[0], *pose)
 
     def on_drag(self, event: Any) -> None:
-        """Send the vehicle where its handle was let go."""
+        """Send the vehicle to the place where its handle was released."""
         self._dragged = event.phase != "end"
         self._shown.pop((self.handle.name, "position"), None)
         state, steering = self._state, self._steering
@@ -216,12 +198,11 @@ class VehicleShape:
         x, y, z = (float(value) for value in self.handle.position)
         if not state.assigned:
             steering.go_to(self._name, (x, y, z), state.agent.set_point.yaw_rad)
-        elif self._leader is not None and (stands := _stand(self._leader)) is not None:
-            steering.follow(self._name, (link_to(state.assigned[0], (x, y, z), *stands),))
+        elif self._leader is not None and (pose := _pose(self._leader)) is not None:
+            steering.follow(self._name, (link_to(state.assigned[0], (x, y, z), *pose),))
 
 
-def _stand(leader: VehicleState) -> tuple[Point, float] | None:
-    """Place and heading of a leader."""
+def _pose(leader: VehicleState) -> tuple[Point, float] | None:
     place = leader.position_m
     if place is None or leader.agent is None:
         return None

@@ -1,4 +1,4 @@
-"""What the page asks of a fleet: every control goes through here, and every answer is shown."""
+"""Requests of the page: every control sends its request from here, and every answer is shown."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -20,23 +20,15 @@ KILL_REASON: Final = "ground station"
 
 
 class Notice(Protocol):
-    """Where answers go."""
+    """Shows an answer."""
 
     def __call__(self, text: str, refused: bool) -> None:
-        """Show an answer."""
+        """Show `text`."""
         ...
 
 
 class Steering:
-    """Requests of the page's users, one of a kind at a time.
-
-    Parameters
-    ----------
-    fleet
-        A running fleet.
-    notice
-        Called with every answer.
-    """
+    """Requests of the page's users, one of a kind at a time; `notice` is called with every answer."""
 
     def __init__(self, fleet: Fleet, notice: Notice) -> None:
         self._fleet = fleet
@@ -44,22 +36,12 @@ class Steering:
         self._busy: set[str] = set()
         self._lock = threading.Lock()
 
-    def ask(self, what: str, request: Callable[[], object], done: str | None = None) -> bool:
-        """Do something, and show what came of it; never raises what may become of a request in flight.
+    def run(self, what: str, request: Callable[[], object], done: str | None = None) -> bool:
+        """Run a request and show its outcome; return whether it succeeded.
 
-        Parameters
-        ----------
-        what
-            Names it; the same thing is not begun twice at a time.
-        request
-            Does it, and may return an answer in words.
-        done
-            Shown when it was done; by default the answer, or `what`.
-
-        Returns
-        -------
-        bool
-            Whether it was done.
+        Nothing happens while a request with the same name `what` is running. The text that is shown is
+        `done`, by default the answer of the request or `what`; errors of a request in flight are shown, not
+        raised.
         """
         with self._lock:
             if what in self._busy:
@@ -77,25 +59,26 @@ class Steering:
         return True
 
     def refuse(self, reason: str) -> None:
-        """Show why nothing was asked."""
+        """Show why no request was sent."""
         self._notice(reason, refused=True)
 
     def take_off(self) -> None:
-        """Arm and take off with everybody who is ready."""
-        self.ask("take-off", self._take_off)
+        """Arm and take off with all vehicles that are ready."""
 
-    def _take_off(self) -> str:
-        behind = self._fleet.take_off()
-        return f"flying; on the floor: {'; '.join(behind)}" if behind else "all fly"
+        def take_off() -> str:
+            behind = self._fleet.take_off()
+            return f"flying; on the floor: {'; '.join(behind)}" if behind else "all fly"
+
+        self.run("take-off", take_off)
 
     def land(self, names: Sequence[str] | None = None) -> None:
         """Land some or all vehicles."""
-        self.ask(f"landing of {', '.join(names or ('all',))}", lambda: self._fleet.land(names), "landed")
+        self.run(f"landing of {', '.join(names or ('all',))}", lambda: self._fleet.land(names), "landed")
 
     def kill(self) -> None:
         """Cut the motors of all vehicles now.
 
-        Every call is published, also while another kill is under way, which may have been confirmed already.
+        Unlike `run`, every call is published, also while another kill is waiting for confirmation.
         """
         try:
             self._fleet.kill(reason=KILL_REASON)
@@ -111,59 +94,59 @@ class Steering:
             killed = [one for one in self._fleet if one.state.transmitter_state == "killed"]
             for vehicle in killed:
                 vehicle.reset()
-            return f"reset: {', '.join(one.name for one in killed)}" if killed else "nobody is killed"
+            return f"reset: {', '.join(one.name for one in killed)}" if killed else "no vehicle is killed"
 
-        self.ask("reset", reset)
+        self.run("reset", reset)
 
     def go_to(self, name: str, position_m: Sequence[float], yaw_rad: float) -> None:
-        """Give a vehicle a set point."""
+        """Send a vehicle to a set point."""
         place = ", ".join(f"{value:.2f}" for value in position_m)
-        self.ask(
+        self.run(
             f"set point of {name}",
             lambda: self._fleet[name].go_to(position_m, yaw_rad),
             f"{name}: on its way to {place} m",
         )
 
     def follow(self, name: str, links: Sequence[LeaderLink]) -> bool:
-        """Give a vehicle leaders, or let it lead; whether it was done."""
+        """Set the leaders of a vehicle, none to let it lead; return whether it succeeded."""
         vehicle = self._fleet[name]
-        return self.ask(f"leaders of {name}", lambda: vehicle.follow(links) if links else vehicle.lead())
+        return self.run(f"leaders of {name}", lambda: vehicle.follow(links) if links else vehicle.lead())
 
     def follow_beside(self, name: str, leader: str | None) -> None:
-        """Let a vehicle follow another one from the place where it is now, or nobody."""
+        """Let a vehicle follow another one from its present place, or lead."""
         if leader is None:
             self.follow(name, ())
             return
         own, other = self._fleet[name].state.position_m, self._fleet[leader].state.position_m
         if own is None or other is None:
-            self.refuse(f"{name} or {leader} has not told where it is")
+            self.refuse(f"the position of {name} or {leader} is unknown")
             return
         x, y, z = (round(a - b, 3) for a, b in zip(own, other, strict=True))
         self.follow(name, (LeaderLink(leader=leader, offset_m=(x, y, z)),))
 
     def formation(self, shape: str, leader: str, spacing_m: float) -> None:
-        """Bring everybody who flies into a formation behind a vehicle that leads."""
+        """Bring all flying vehicles into a formation behind a vehicle that leads."""
         flying = [vehicle.name for vehicle in self._fleet if vehicle.state.phase == "flying"]
         if leader not in flying:
             self.refuse(f"{leader} does not fly")
             return
         if self._fleet[leader].state.leaders:
-            self.refuse(f"{leader} follows somebody; let it lead first")
+            self.refuse(f"{leader} follows another vehicle; let it lead first")
             return
         followers = [name for name in flying if name != leader]
         for name, link in formation_links(shape, leader, followers, spacing_m).items():
             self.follow(name, (link,))
 
     def save_formation(self, saved: SavedFormations) -> None:
-        """Keep who follows whom now, of everybody who flies."""
+        """Save the present formation of the flying vehicles."""
         formation = {one.name: one.state.assigned for one in self._fleet if one.state.phase == "flying"}
         if not any(formation.values()):
-            self.refuse("nobody who flies follows anybody")
+            self.refuse("no flying vehicle follows another one")
             return
-        self.ask("saving", lambda: f"saved as {saved.save(formation)}: {in_words(formation)}")
+        self.run("saving", lambda: f"saved as {saved.save(formation)}: {in_words(formation)}")
 
     def fly_saved(self, saved: SavedFormations, name: str) -> None:
-        """Bring the vehicles of a saved formation to their places beside their leaders, leaders first."""
+        """Bring the vehicles of a saved formation to their places, leaders first."""
         try:
             formation = saved.all().get(name)
         except SavedFormationsError as error:
@@ -184,9 +167,9 @@ class Steering:
 
     def promote(self, name: str) -> None:
         """Make a vehicle the leader of its formation."""
-        self.ask("promotion", lambda: "; ".join(self._fleet.promote(name)))
+        self.run("promotion", lambda: "; ".join(self._fleet.promote(name)))
 
     def tune(self, name: str, controller: str | None = None, **settings: Setting) -> bool:
         """Change the controller of a vehicle, or settings of it."""
         vehicle = self._fleet[name]
-        return self.ask(f"tuning of {name}", lambda: vehicle.tune(controller, None, None, **settings))
+        return self.run(f"tuning of {name}", lambda: vehicle.tune(controller, None, None, **settings))

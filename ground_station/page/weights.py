@@ -1,4 +1,4 @@
-"""Weights of the cascade as factors of those that follow from a vehicle's model."""
+"""Weights of the cascade as factors of the defaults, which depend on the vehicle's model."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -19,17 +19,7 @@ GROUPS: Final = (*_STATES, EFFORT)
 def weights_of(
     fleet: FleetFile, name: str, period_s: float, powers: Mapping[str, float]
 ) -> dict[str, tuple[float, ...]]:
-    """Settings of the cascade.
-
-    Parameters
-    ----------
-    fleet, name
-        The vehicle in its fleet file.
-    period_s
-        Its control period.
-    powers
-        Of 2, by the names of `GROUPS`: the factors of the default weights.
-    """
+    """Settings of the cascade: default weights times 2 to the given power for each of `GROUPS`."""
     # Compiled kernels take longer to import than the rest of the page.
     from rcopterx.control.controllers.cascade.weights import default_input_weights, default_state_weights
 

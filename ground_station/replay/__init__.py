@@ -1,1 +1,1 @@
-"""Replaying flight logs: onto the bus for viewers, and through an agent that must do the same again."""
+"""Replaying flight logs: onto the bus for viewers, and through an agent that must repeat the flight."""

@@ -1,4 +1,4 @@
-"""Runs the real agent on what a recorded one took in, and compares what both did."""
+"""Runs the real agent on the inputs of a recorded one, and compares what both did."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -22,7 +22,7 @@ from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, 
 from rcopterx.ground_station.replay.replay_bus import ReplayBus
 
 TOLERANCE: Final = 1e-6
-"""Largest difference of inputs, positions [m] and speeds [m/s] on a computer that computes otherwise."""
+"""Largest allowed difference of inputs, positions [m] and speeds [m/s] on a different computer."""
 ESTIMATED: Final = (
     "x [m]", "y [m]", "z [m]", "yaw [rad]", "body x speed [m/s]", "body y speed [m/s]", "z speed [m/s]",
     "yaw rate [rad/s]", "pitch actuator", "roll actuator", "thrust actuator", "yaw actuator",
@@ -33,56 +33,33 @@ STICKS: Final = ("pitch", "roll", "thrust", "yaw")
 
 @dataclass(frozen=True)
 class Difference:
-    """The first control period in which the replay did something else.
-
-    Attributes
-    ----------
-    time_s
-        Since the first step of the agent.
-    frame
-        Of the motion capture.
-    cause
-        `input`, `estimate`, `reference` or `solution`: the first of them that differs.
-    detail
-        What exactly, in words.
-    """
+    """The first control period in which the replay differs."""
 
     time_s: float
+    """Since the first step of the agent."""
     frame: int
     cause: str
+    """`input`, `estimate`, `reference` or `solution`: the first of them that differs."""
     detail: str
 
 
 @dataclass
 class Comparison:
-    """What came of the replay of an agent.
-
-    Attributes
-    ----------
-    periods
-        Control periods that were compared.
-    identical
-        Periods with the same command and plan to the last bit.
-    largest_input, rms_input
-        Difference of the sticks.
-    largest_plan
-        Difference of planned positions [m] and speeds [m/s].
-    missing_inputs
-        Inputs that the flight log does not have.
-    unmatched
-        Commands of only one of both.
-    notes
-        What is known to be missing.
-    """
+    """Result of the replay of an agent; differences of inputs are those of the sticks."""
 
     vehicle: str
     periods: int = 0
+    """Control periods that were compared."""
     identical: int = 0
+    """Periods with the same command and plan to the last bit."""
     largest_input: float = 0.0
     rms_input: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     largest_plan: float = 0.0
+    """Largest difference of planned positions [m] and speeds [m/s]."""
     missing_inputs: int = 0
+    """Inputs that the flight log does not have."""
     unmatched: int = 0
+    """Commands of only one of both agents."""
     flown_s: float = 0.0
     took_s: float = 0.0
     first: Difference | None = None
@@ -101,16 +78,9 @@ def changed(fleet: FleetFile, vehicle: str, changes: Mapping[str, Any]) -> Fleet
 
 
 def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) -> Comparison:
-    """Run the agent of a vehicle on what a recorded one took in.
+    """Run the agent of a vehicle, configured by a fleet file, on the inputs of a recorded one.
 
-    Parameters
-    ----------
-    recorded
-        From the flight log.
-    fleet
-        The fleet file to fly by: that of the flight log, or another one.
-    tolerance
-        Differences up to this one count as none.
+    Differences up to `tolerance` are ignored.
 
     Raises
     ------
@@ -139,30 +109,21 @@ def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) ->
 
 @dataclass
 class ControlPeriod:
-    """What the replayed agent did in a step.
-
-    Attributes
-    ----------
-    command, plan
-        None if it did not control.
-    estimate
-        As in `rcopterx.bus.log_messages.AgentSteps`.
-    missing
-        Inputs so far that the flight log does not have.
-    """
+    """Outputs of the replayed agent in a step; command and plan are None if it did not control."""
 
     command: Command | None = None
     plan: Plan | None = None
     estimate: RoundedEstimate | None = None
     missing: int = 0
+    """Inputs so far that the flight log does not have."""
 
 
 def control_periods(
     vehicle: str, fleet: FleetFile, life: AgentLife, as_flown: bool = True
 ) -> Iterator[tuple[AgentStep, ControlPeriod]]:
-    """Every step in which the replayed agent of a vehicle or the recorded one controlled, and what it did.
+    """Every step in which the replayed agent or the recorded one controlled, with the replayed outputs.
 
-    What the recorded one gave up for time is given up again if it flew by the same fleet file (`as_flown`).
+    With `as_flown`, for the same fleet file, the replay aborts the same computations that ran out of time.
     """
     period = ControlPeriod()
 
@@ -215,12 +176,12 @@ class _LifeComparison:
         planned = encode(plan)
         plan_then = self._plan_then(plan, planned)
         if then is None or plan_then is None:
-            # The last moments of a log may lack what was under way.
+            # Messages that were on their way when the recording ended are missing.
             result.unmatched += 1
             return
         result.periods += 1
         command_then = decode(then, Command)
-        # How long something took is not repeated, only what was done.
+        # Durations are not repeated.
         command = msgspec.structs.replace(command, timing=command_then.timing)
         if encode(command) == then and planned == plan_then:
             result.identical += 1
@@ -247,7 +208,7 @@ class _LifeComparison:
         return min(plans, key=lambda then: _gap(samples, decode(then, Plan).samples()), default=None)
 
     def _lost(self) -> str:
-        """Why nothing else has to be looked for; empty where all inputs are there."""
+        """Note about missing inputs, which explain any difference; empty if there are none."""
         return f"{self._missing} inputs so far are not in the flight log" if self._missing else ""
 
     def _cause(
@@ -266,7 +227,7 @@ class _LifeComparison:
         if self._tolerance == 0.0 and now.checksum != then.checksum:
             return "estimate", f"by less than {2 * RoundedEstimate.UNIT:.1g}"
         if (plan.reference is None) != (old.reference is None):
-            return "reference", "only one of both has one"
+            return "reference", "only one of both agents has one"
         if plan.reference is not None and old.reference is not None:
             references = np.abs(np.subtract(plan.reference, old.reference))
             if references.max() > self._tolerance:

@@ -1,4 +1,4 @@
-"""What a flight log knows of one agent: its steps with what they took in, its commands and its plans."""
+"""One agent in a flight log: its steps with their inputs, its commands and its plans."""
 
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,7 +22,7 @@ Frame = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class StepInput:
-    """Something a step took in; `payload` is None where the flight log does not have it."""
+    """An input of a step; `payload` is None where the flight log does not have it."""
 
     key: str
     subscription: int
@@ -32,45 +32,35 @@ class StepInput:
 
 @dataclass(frozen=True, slots=True)
 class AgentStep:
-    """One step; `estimate` is None unless it controlled, `overtime` what it gave up for time."""
+    """One step of an agent."""
 
     time_s: float
     inputs: tuple[StepInput, ...]
     estimate: RoundedEstimate | None = None
+    """None unless the step controlled the vehicle."""
     overtime: tuple[Overtime, ...] = ()
+    """Computations that ran out of time."""
 
 
 @dataclass
 class AgentLife:
-    """One process of an agent, from its start to its end.
-
-    Attributes
-    ----------
-    life, began_s
-        See `rcopterx.bus.log_messages.AgentSteps`.
-    from_start
-        Whether the flight log has its first step.
-    replies
-        To what the agent asked when it was made.
-    commands
-        Of all lives, encoded, by lease and sequence.
-    plans
-        Of all lives, encoded, by the frame they were made for, in order.
-    lost_steps
-        Messages about steps that are missing.
-    granted
-        The answer, encoded, that gave it its lease, if that was before the first step of the flight log.
-    """
+    """One process of an agent, from its start to its end; see `rcopterx.bus.log_messages.AgentSteps`."""
 
     life: int
     began_s: float
     from_start: bool
+    """Whether the flight log has its first step."""
     replies: tuple[bytes, ...]
+    """Replies to its requests during start-up."""
     steps: list[AgentStep] = field(default_factory=list)
     commands: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    """Encoded commands of all lives by lease and sequence."""
     plans: dict[Frame, list[bytes]] = field(default_factory=dict)
+    """Encoded plans of all lives by their frame, in order."""
     lost_steps: int = 0
+    """Number of missing messages about steps."""
     granted: bytes | None = None
+    """The encoded reply that granted its lease, if that was before the first step of the flight log."""
 
 
 @dataclass(frozen=True)
@@ -84,22 +74,15 @@ class RecordedAgent:
 
 
 def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
-    """Collect what a flight log knows of the agent of a vehicle.
-
-    Parameters
-    ----------
-    parts
-        Files of the flight in order.
-    vehicle
-        Name of the vehicle.
+    """Read the agent of a vehicle from the files of a flight, in order.
 
     Raises
     ------
     FlightLogError
-        They cannot be read, or know nothing of the vehicle.
+        They cannot be read, or do not contain the agent.
     """
     contents = Contents()
-    own = _Own(vehicle)
+    own = _OwnMessages(vehicle)
     for path in parts:
         for message in messages_of(path, contents):
             own.take(message.topic, message.payload)
@@ -113,8 +96,8 @@ def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
     return RecordedAgent(vehicle, fleet, contents.metadata.get(METADATA, {}), lives)
 
 
-class _Own:
-    """What an agent said itself, and what it was asked."""
+class _OwnMessages:
+    """Messages of an agent, and requests to it."""
 
     def __init__(self, vehicle: str) -> None:
         self.lease_topic = f"{vehicle}/{channels.LEASE.topic}"
@@ -156,12 +139,12 @@ class _Own:
         self.plans.setdefault((plan.epoch, plan.frame), []).append(payload)
 
 
-def _payloads(parts: Iterable[Path], own: _Own) -> dict[tuple[str, int], bytes]:
-    """Everything the steps took in, by key and checksum."""
+def _payloads(parts: Iterable[Path], own: _OwnMessages) -> dict[tuple[str, int], bytes]:
+    """Inputs of the steps, by key and checksum."""
     wanted = {pair for steps in own.steps for pair in zip(steps.keys, steps.checksums, strict=True)}
     keys = {key for key, _ in wanted}
     found = dict(own.requests)
-    for payload in _answers(own):
+    for payload in _possible_leases(own):
         pair = (own.lease_topic, zlib.crc32(payload))
         if pair in wanted:
             found[pair] = payload
@@ -174,12 +157,11 @@ def _payloads(parts: Iterable[Path], own: _Own) -> dict[tuple[str, int], bytes]:
     return found
 
 
-def _answers(own: _Own) -> Iterator[bytes]:
-    """Every answer that may have given a life of the agent a lease that has commanded.
+def _possible_leases(own: _OwnMessages) -> Iterator[bytes]:
+    """Every reply that may have granted a life of the agent a lease under which it commanded.
 
-    A fleet starts all processes at once, so leases may be given before the recorder listens. Nobody
-    commands without one, and a replay would do nothing. The checksum of what the agent took in tells
-    which answer it was.
+    A fleet starts all processes at once, so leases may be granted before the recorder listens, and an agent
+    does not command without one. The checksum of the agent's input identifies the right reply.
     """
     numbers = {number for number, _ in own.commands}
     for life in {steps.life for steps in own.steps}:
@@ -188,8 +170,8 @@ def _answers(own: _Own) -> Iterator[bytes]:
                 yield encode(Lease(agent=life, number=number, commanding=commanding, issued=number))
 
 
-def _granted(own: _Own, life: int, payloads: dict[tuple[str, int], bytes]) -> bytes | None:
-    """The answer that gave a life its lease, if it can only be one."""
+def _granted(own: _OwnMessages, life: int, payloads: dict[tuple[str, int], bytes]) -> bytes | None:
+    """The reply that granted a life its lease, if only one is possible."""
     given = {
         lease.number: lease.agent
         for (key, _), payload in payloads.items()
@@ -202,7 +184,7 @@ def _granted(own: _Own, life: int, payloads: dict[tuple[str, int], bytes]) -> by
     return encode(Lease(agent=life, number=number, commanding=number, issued=number))
 
 
-def _lives(own: _Own, payloads: dict[tuple[str, int], bytes]) -> tuple[AgentLife, ...]:
+def _lives(own: _OwnMessages, payloads: dict[tuple[str, int], bytes]) -> tuple[AgentLife, ...]:
     lives: dict[int, AgentLife] = {}
     numbers: dict[int, int] = {}
     for steps in own.steps:
@@ -226,7 +208,7 @@ def _lives(own: _Own, payloads: dict[tuple[str, int], bytes]) -> tuple[AgentLife
 def _steps_of(steps: AgentSteps, payloads: dict[tuple[str, int], bytes]) -> list[AgentStep]:
     columns = zip(steps.keys, steps.subscriptions, steps.checksums, steps.arrivals_s, strict=True)
     inputs = [
-        # A word of the agent's own has no bytes.
+        # A notification of the agent itself has no payload.
         StepInput(key, number, payloads.get((key, checksum), None if "/" in key else b""), arrived_s)
         for key, number, checksum, arrived_s in columns
     ]

@@ -1,4 +1,4 @@
-"""The bus of an agent that is replayed: inputs come from a flight log, what it publishes is compared."""
+"""The bus of a replayed agent: inputs come from a flight log, published messages are compared."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -40,24 +40,13 @@ class _One:
 class ReplayBus:
     """Implements `rcopterx.bus.stepping.StepBus` from the life of a recorded agent.
 
-    Parameters
-    ----------
-    life
-        The agent.
-    published
-        Told every message that the agent publishes.
-
-    Attributes
-    ----------
-    life
-        Identifies the process that was recorded.
-    missing
-        Inputs so far that the flight log does not have.
+    `published` is called with every message that the agent publishes.
     """
 
     def __init__(self, life: AgentLife, published: Callable[[Channel[Any], Message], None]) -> None:
         self.life = life.life
         self.missing = 0
+        """Inputs so far that the flight log does not have."""
         self._published = published
         self._now_s = life.began_s
         self._granted = life.granted
@@ -67,10 +56,10 @@ class ReplayBus:
         self.events: set[str] = set()
         self._step: AgentStep | None = None
         self.estimate: Sequence[float] | None = None
-        """Of the newest control period of the agent that is replayed."""
+        """Estimate of the newest control period of the replayed agent."""
 
     def take(self, step: AgentStep) -> None:
-        """Have the inputs of a step ready for the agent."""
+        """Set the inputs of the next step."""
         self._step = step
 
     def clock(self) -> float:
@@ -90,13 +79,13 @@ class ReplayBus:
             elif not rest:
                 self.events.add(head)
             elif head == REQUEST:
-                self._ask(rest, item.payload, item.arrived_s)
+                self._add_request(rest, item.payload, item.arrived_s)
             elif item.subscription <= len(self._subscriptions):
                 self._subscriptions[item.subscription - 1].store(head, item.payload, item.arrived_s)
         self._step = None
         return self._now_s
 
-    def _ask(self, verb: str, payload: bytes, arrived_s: float) -> None:
+    def _add_request(self, verb: str, payload: bytes, arrived_s: float) -> None:
         request = decode(payload, VERBS[verb].request)
         self.requests.append(Incoming("", verb, request, payload, arrived_s, lambda _: None))
 
@@ -110,7 +99,7 @@ class ReplayBus:
         """See `StepBus.publish_steps`; a replay publishes none."""
 
     def note(self, event: str) -> None:
-        """See `StepBus.note`; the flight log tells when it took effect."""
+        """See `StepBus.note`; the flight log has the time of its effect."""
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""
@@ -140,7 +129,7 @@ class ReplayBus:
         """See `StepBus.announce`."""
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
-        """See `StepBus.request`: what was answered then."""
+        """See `StepBus.request`: returns the recorded reply."""
         del request, timeout_s, patience_s
         if not self._replies:
             raise RequestFailedError(f"{unit} was not answered")

@@ -1,4 +1,4 @@
-"""Puts a flight log on a bus of its own again, for everything that watches a fleet."""
+"""Publishes a flight log on a bus of its own, for everything that watches a fleet."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -26,13 +26,7 @@ NANO: Final = 1e9
 
 
 def fleet_of(parts: Sequence[Path]) -> FleetFile:
-    """Fleet file of a flight.
-
-    Raises
-    ------
-    FlightLogError
-        It has none that this version understands.
-    """
+    """Fleet file of a flight; raises FlightLogError if this version does not understand it."""
     try:
         return msgspec.json.decode(contents_of(parts[0]).attachments[FLEET_ATTACHMENT], type=FleetFile)
     except (KeyError, msgspec.DecodeError) as error:
@@ -43,13 +37,7 @@ def fleet_of(parts: Sequence[Path]) -> FleetFile:
 
 @contextmanager
 def router_up(fleet: FleetFile) -> Iterator[BusAddress]:
-    """Run the router of a recorded fleet, and nothing else of it.
-
-    Raises
-    ------
-    FleetError
-        Its address is in use, for instance because the fleet itself is up.
-    """
+    """Run the router of a recorded fleet; raises FleetError if its address is in use."""
     host = next(iter(fleet.hosts))
     check_free(fleet.hosts[host].address, fleet.hosts[host].router_port, f"hosts.{host}.router_port")
     directory = run_directory(fleet.name, fleet.bus.namespace)
@@ -71,25 +59,9 @@ def republish(
     wait: Callable[[float], bool],
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Send every message of a flight at its time.
+    """Send the messages of a flight at their times divided by `speed`; return how many were sent.
 
-    Parameters
-    ----------
-    parts
-        Files of the flight in order.
-    session
-        On the bus of the recorded fleet.
-    speed
-        How many times faster than it was flown.
-    wait
-        Waits a time [s]; True ends the replay.
-    clock
-        Monotonic clock [s].
-
-    Returns
-    -------
-    int
-        Messages that were sent.
+    `wait` waits a time [s] and returns True to end the replay.
     """
     started_s, first_ns, sent = clock(), None, 0
     for path in parts:

@@ -1,1 +1,1 @@
-"""Reports of flights as web pages that need nothing but themselves."""
+"""Reports of flights as self-contained web pages."""

@@ -1,4 +1,4 @@
-"""What all reports are made of: the page around them, tables, and the tables of figures they share."""
+"""Parts of all reports: the HTML document, tables, and tables of figures."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -6,7 +6,7 @@ from typing import Any, Final
 
 
 class Html(str):
-    """Text that is markup already; all other texts are escaped."""
+    """Text that is markup; all other texts are escaped."""
 
     __slots__ = ()
 
@@ -31,7 +31,7 @@ PERCENTILES: Final = ("p50", "p99", "max")
 
 
 def document(title: str, body: Iterable[str]) -> str:
-    """A page that refers to nothing outside itself."""
+    """A self-contained HTML page."""
     return "\n".join(
         [
             "<!doctype html>",
@@ -80,7 +80,7 @@ def vehicle_table(vehicles: Mapping[str, Mapping[str, Any]]) -> Html:
 
 
 def percentile_table(rows: Mapping[str, Mapping[str, float] | None]) -> Html:
-    """Percentiles in milliseconds by what they are of; what has none is left out."""
+    """Percentiles in milliseconds by label, without labels that have none."""
     return table(
         ("", *PERCENTILES),
         (

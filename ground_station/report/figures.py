@@ -7,53 +7,46 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rcopterx.bus import channels
+from rcopterx.bus.channels import Channel
 from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.message import Message
 from rcopterx.bus.messages import (
     AgentStatus,
     Applied,
     Diagnostics,
     LaboratoryState,
     LaboratoryVehicle,
-    LeaderLink,
     Plan,
-    Pose,
-    TransmitterStatus,
 )
+from rcopterx.control.interfaces import Measurement
+from rcopterx.ground_station.geometry import inertial_offset
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.report.statistics import rms_and_max
+from rcopterx.vehicles.state import Array
 
-Array = NDArray[np.float64]
+M = TypeVar("M", bound=Message)
 
 PULSE_TOLERANCE_US = 1.0
 MATCH_LIMIT_S = 0.1
 TO_COMMAND = {"gateway", "agent", "solver", "command"}
 """Stages between the arrival of a frame at the Vicon gateway and that of its command at the transmitter's."""
 SETTLED_S = 3.0
-"""From here on after a change of its set point a vehicle that leads is to be there."""
+"""A vehicle that leads shall have reached its set point this long after it changed."""
 AT_REST_M = 0.001
 LONGEST_LATENCY_MS = 1000.0
-"""What took longer has nothing to do with each other."""
+"""Events that are further apart do not belong together."""
 
 
 class FlightFigures:
-    """Everything `report.json` says about the vehicles of a recorded flight.
+    """Figures of the vehicles of a recorded flight, as in `report.json`.
 
-    Parameters
-    ----------
-    recording
-        The flight.
-    vehicles
-        Names of the vehicles.
-
-    Notes
-    -----
     Positions are the true ones of the simulated laboratory where there is one, else those of the motion
     capture. Clocks of two hosts are compared by the offsets that routers measured during the flight.
     """
@@ -61,23 +54,21 @@ class FlightFigures:
     def __init__(self, recording: Recording, vehicles: Sequence[str]) -> None:
         self._vehicles = list(vehicles)
         self._laboratory = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
-        self._poses: dict[str, list[Pose]] = {}
-        self._plans: dict[str, list[Plan]] = {}
-        self._applied: dict[str, list[Applied]] = {}
-        self._transmitters: dict[str, list[TransmitterStatus]] = {}
-        self._status: dict[str, list[AgentStatus]] = {}
-        for name in self._vehicles:
-            self._poses[name] = [m for m, _ in recording.messages(channels.POSE, name)]
-            self._plans[name] = [m for m, _ in recording.messages(channels.PLAN, name)]
-            self._applied[name] = [m for m, _ in recording.messages(channels.APPLIED, name)]
-            self._transmitters[name] = [m for m, _ in recording.messages(channels.TRANSMITTER_STATUS, name)]
-            self._status[name] = [m for m, _ in recording.messages(channels.AGENT_STATUS, name)]
+
+        def by_vehicle(channel: Channel[M]) -> dict[str, list[M]]:
+            return {name: [m for m, _ in recording.messages(channel, name)] for name in vehicles}
+
+        self._poses = by_vehicle(channels.POSE)
+        self._plans = by_vehicle(channels.PLAN)
+        self._applied = by_vehicle(channels.APPLIED)
+        self._transmitters = by_vehicle(channels.TRANSMITTER_STATUS)
+        self._status = by_vehicle(channels.AGENT_STATUS)
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
         self._stages = self._stage_times(recording)
 
     @property
     def laboratory(self) -> list[LaboratoryState]:
-        """Truth of the simulated laboratory; empty with hardware."""
+        """States of the simulated laboratory in order; empty with hardware."""
         return self._laboratory
 
     def truth(self, name: str) -> list[LaboratoryVehicle]:
@@ -85,11 +76,11 @@ class FlightFigures:
         return [state.vehicles[name] for state in self._laboratory if name in state.vehicles]
 
     def statuses(self, name: str) -> list[AgentStatus]:
-        """What the agent of a vehicle said of itself, in order."""
+        """Statuses of the agent of a vehicle, in order."""
         return self._status[name]
 
     def applied(self, name: str) -> list[Applied]:
-        """What was written to the radio module of a vehicle, in order."""
+        """Inputs written to the radio module of a vehicle, in order."""
         return self._applied[name]
 
     def plans(self, name: str) -> list[Plan]:
@@ -125,7 +116,9 @@ class FlightFigures:
                 if name in state.vehicles
             }
         return {
-            pose.frame: np.array([*pose.position_m, _yaw_rad(pose.quaternion_xyzw)])
+            pose.frame: np.array(
+                [*pose.position_m, Measurement.of_pose(pose.position_m, pose.quaternion_xyzw).yaw_rad]
+            )
             for pose in self._poses[name]
             if pose.position_m is not None and pose.quaternion_xyzw is not None
         }
@@ -140,35 +133,27 @@ class FlightFigures:
         return [value for value in values if value < LONGEST_LATENCY_MS]
 
     def stage_times_ms(self, name: str) -> list[tuple[float, dict[str, float]]]:
-        """When each command of a vehicle was written, as the recording counts time [s], and its stages.
-
-        Stages are those of `rcopterx.ground_station.report.latency.stage_times_ms`.
-        """
+        """Arrival in the recording [s] and stages of each command, see `latency.stage_times_ms`."""
         return self._stages[name]
 
     def _stage_times(self, recording: Recording) -> dict[str, list[tuple[float, dict[str, float]]]]:
-        told = sorted(
-            (
-                (arrived_s, host, status)
-                for host in recording.units(channels.ROUTER_STATUS)
-                for status, arrived_s in recording.messages(channels.ROUTER_STATUS, host)
-            ),
-            key=itemgetter(0),
-        )
-        found = {}
+        """Stages of all commands, with the statuses of routers that had arrived before each."""
+        messages: list[tuple[float, str, Applied | RouterStatus]] = []
+        for host in recording.units(channels.ROUTER_STATUS):
+            messages += [
+                (at_s, host, status) for status, at_s in recording.messages(channels.ROUTER_STATUS, host)
+            ]
         for name in self._vehicles:
-            routers: dict[str, RouterStatus] = {}
-            waiting = iter(told)
-            following = next(waiting, None)
-            rows = []
-            for applied, arrived_s in recording.messages(channels.APPLIED, name):
-                while following is not None and following[0] <= arrived_s:
-                    routers[following[1]] = following[2]
-                    following = next(waiting, None)
-                times = stage_times_ms(applied, partial(clock_offset, routers))
-                if times:
-                    rows.append((arrived_s, times))
-            found[name] = rows
+            messages += [
+                (at_s, name, applied) for applied, at_s in recording.messages(channels.APPLIED, name)
+            ]
+        routers: dict[str, RouterStatus] = {}
+        found: dict[str, list[tuple[float, dict[str, float]]]] = {name: [] for name in self._vehicles}
+        for arrived_s, unit, message in sorted(messages, key=itemgetter(0)):
+            if isinstance(message, RouterStatus):
+                routers[unit] = message
+            elif times := stage_times_ms(message, partial(clock_offset, routers)):
+                found[unit].append((arrived_s, times))
         return found
 
     def frame_to_radio_ms(self) -> list[float]:
@@ -182,7 +167,7 @@ class FlightFigures:
             times = [radio[0] for radio in arrivals]
             seen: set[tuple[int, int]] = set()
             for applied in self._applied[name]:
-                # A laboratory that was started again counts its frames anew: the last one before counts.
+                # A laboratory that was restarted counts frames from 0 again: the last frame before counts.
                 before = [at_s for at_s in sent.get(applied.frame, ()) if at_s <= applied.written_s]
                 if not applied.fresh or (applied.epoch, applied.frame) in seen or not before:
                     continue
@@ -204,7 +189,7 @@ class FlightFigures:
             leaders = [self._positions.get(link.leader, {}).get(plan.frame) for link in plan.following]
             for link, leader in zip(plan.following, leaders, strict=True):
                 if leader is not None:
-                    place += link.weight / total * (leader[:3] + _in_room(link, float(leader[3])))
+                    place += link.weight / total * (leader[:3] + inertial_offset(link, float(leader[3])))
             if all(leader is not None for leader in leaders):
                 errors.append(float(np.linalg.norm(own[plan.frame][:3] - place)))
         return np.array(errors)
@@ -243,13 +228,9 @@ class FlightFigures:
         return sorted({link.leader for plan in self._plans[name] for link in plan.following})
 
     def offsets_m(self, name: str, leader: str) -> tuple[NDArray[np.int64], Array, Array]:
-        """Where a follower was and was to be beside a leader.
+        """Frames, shape (n,), and offsets of a follower from a leader as flown and as wanted, shape (n, 4).
 
-        Returns
-        -------
-        tuple
-            Frames, shape (n,); offsets as flown and as wanted, each of shape (n, 4): x, y, z in the inertial
-            frame [m], heading [rad].
+        Columns are x, y, z in the inertial frame [m] and heading [rad].
         """
         own, other = self._positions[name], self._positions.get(leader, {})
         frames, flown, wanted = [], [], []
@@ -261,7 +242,8 @@ class FlightFigures:
             apart[3] = math.remainder(apart[3], 2 * math.pi)
             frames.append(plan.frame)
             flown.append(apart)
-            wanted.append(np.array([*_in_room(link, float(other[plan.frame][3])), link.yaw_offset_rad]))
+            offset_m = inertial_offset(link, float(other[plan.frame][3]))
+            wanted.append(np.array([*offset_m, link.yaw_offset_rad]))
         numbers = np.array(frames, dtype=np.int64)
         return numbers, np.array(flown).reshape(-1, 4), np.array(wanted).reshape(-1, 4)
 
@@ -283,41 +265,24 @@ class FlightFigures:
             "radio_frames": dict(Counter(applied.state for applied in self._applied[name])),
             "safety": self._safety_events(name),
         }
-        if not status:
-            return table | {
-                "ticks": 0, "missed_ticks": 0, "avoiding_ticks": 0, "fallbacks": {}, "solve_ms": None,
-            }  # fmt: skip
-        return table | {
-            "ticks": _growth(status, lambda s: {"ticks": s.ticks})["ticks"],
-            "missed_ticks": _growth(status, lambda s: {"missed": s.missed_ticks})["missed"],
-            "avoiding_ticks": _growth(status, lambda s: {"avoiding": s.avoiding_ticks})["avoiding"],
-            "fallbacks": dict(_growth(status, lambda s: s.fallbacks)),
-            "solve_ms": {
+        ticks = ("ticks", "missed_ticks", "avoiding_ticks")
+        growth = _growth(status, lambda s: {name: getattr(s, name) for name in ticks})
+        table |= {name: growth[name] for name in ticks}
+        table["fallbacks"] = dict(_growth(status, lambda s: s.fallbacks))
+        table["solve_ms"] = None
+        if status:
+            table["solve_ms"] = {
                 "p50": round(float(np.median([s.solve_ms_p50 for s in status])), 3),
                 "p99": round(max(s.solve_ms_p99 for s in status), 3),
                 "max": round(max(s.solve_ms_max for s in status), 3),
-            },
-        }
-
-
-def _in_room(link: LeaderLink, yaw_rad: float) -> Array:
-    """Offset from a leader with this heading in the inertial frame."""
-    x, y, z = link.offset_m
-    if link.frame == "inertial":
-        return np.array([x, y, z])
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([c * x - s * y, s * x + c * y, z])
-
-
-def _yaw_rad(quaternion_xyzw: Sequence[float]) -> float:
-    x, y, z, w = quaternion_xyzw
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+            }
+        return table
 
 
 def _growth(
     figures: Sequence[Diagnostics], counts: Callable[[Diagnostics], Mapping[str, int]]
 ) -> Counter[str]:
-    """How far counters grew during a recording; an agent that was started again counts from zero."""
+    """Growth of counters during a recording; an agent that was restarted counts from zero."""
     grown: Counter[str] = Counter()
     for before, after in pairwise(figures):
         base = counts(before) if before.process == after.process else {}
@@ -328,7 +293,7 @@ def _growth(
 def _arrival_of(
     applied: Applied, arrivals: Sequence[Sequence[float]], times: Sequence[float]
 ) -> float | None:
-    """Arrival of the serial frame with the pulse widths that were written."""
+    """Arrival [s] of the serial frame with the pulse widths that were written."""
     for index in range(bisect_left(times, applied.written_s - 0.001), len(arrivals)):
         radio = arrivals[index]
         if radio[0] > applied.written_s + MATCH_LIMIT_S:

@@ -1,4 +1,4 @@
-"""Latency by stage: how long commands take from the capture of a frame to the radio, and where."""
+"""Latency of commands from the capture of a frame to the radio, by stage."""
 
 import threading
 from collections import deque
@@ -19,65 +19,39 @@ STAGES: Final = {
     "command": "agent to transmitter gateway",
     "radio": "transmitter gateway to serial port",
 }
-"""What each stage covers, in order; they follow each other without a gap."""
+"""Extent of each stage, in order and without gaps."""
 TOTAL: Final = "total"
 WINDOW: Final = 500
 """Commands whose stages are kept for the live figures: ten seconds at 50 Hz."""
 REFRESH_S: Final = 1.0
 WAITING: Final = 256
-"""Undecoded messages that are kept between two looks."""
+"""Undecoded messages that are kept between two refreshes."""
 
 ClockOffset = Callable[[str, str], float | None]
-"""Monotonic clock of the second host minus that of the first [s]; None where nobody has measured it."""
+"""Monotonic clock of the second host minus that of the first [s]; None where it was not measured."""
 Percentiles = Mapping[str, float]
 """p50, p99 and max [ms]."""
 
 
 def clock_offset(statuses: Mapping[str, RouterStatus], first: str, second: str) -> float | None:
-    """Offset of the monotonic clocks of two hosts.
+    """Monotonic clock of the second host minus that of the first [s]; None if no router has measured it.
 
-    Parameters
-    ----------
-    statuses
-        What routers say of their links, by host.
-    first, second
-        Names of the hosts.
-
-    Returns
-    -------
-    float or None
-        Clock of the second host minus that of the first [s], wrong by at most half the round trip between
-        them; None if neither router has measured it.
+    `statuses` are those of the routers by host. The error is at most half the round trip between the hosts.
     """
     if first == second:
         return 0.0
-    told = statuses.get(first)
-    if told is not None and second in told.links:
-        offset_s = told.links[second].monotonic_offset_s
-        if offset_s is not None:
-            return offset_s
-    told = statuses.get(second)
-    if told is not None and first in told.links:
-        offset_s = told.links[first].monotonic_offset_s
-        return None if offset_s is None else -offset_s
+    for one, other, sign in ((first, second, 1.0), (second, first, -1.0)):
+        link = statuses[one].links.get(other) if one in statuses else None
+        if link is not None and link.monotonic_offset_s is not None:
+            return sign * link.monotonic_offset_s
     return None
 
 
 def stage_times_ms(applied: Applied, offset: ClockOffset) -> dict[str, float]:
-    """Time that a command spent in each stage.
+    """Time that a command spent in each stage [ms], and their `total` where all are known.
 
-    Parameters
-    ----------
-    applied
-        What was written because the command arrived.
-    offset
-        Offsets between the clocks of hosts.
-
-    Returns
-    -------
-    dict
-        Milliseconds by stage, and their `total` where all are known. Stages between hosts whose clocks have
-        not been compared are left out; everything is left out for keep-alives and predicted frames.
+    Stages between hosts whose clocks have not been compared are left out; keep-alives and predicted frames
+    have no stages.
     """
     timing, arrived_s, host = applied.timing, applied.command_arrived_s, applied.host
     if timing is None or arrived_s is None or host is None:
@@ -105,7 +79,7 @@ class LatencyWindow:
         self._values: dict[str, deque[float]] = {}
 
     def add(self, times_ms: Mapping[str, float]) -> None:
-        """Take in the stages of a command."""
+        """Add the stages of a command."""
         for stage, value in times_ms.items():
             self._values.setdefault(stage, deque(maxlen=WINDOW)).append(value)
 
@@ -120,15 +94,7 @@ class LatencyWindow:
 
 
 class LatencyWatch:
-    """Latencies of a running fleet; may be asked from any thread.
-
-    Parameters
-    ----------
-    session
-        Open bus session.
-    offset
-        Offsets between the clocks of hosts at this moment.
-    """
+    """Latencies of a running fleet; thread-safe. `offset` gives the present offsets between clocks."""
 
     def __init__(self, session: Session, offset: ClockOffset) -> None:
         self._applied = session.subscribe_all(channels.APPLIED, depth=WAITING, waking=False)

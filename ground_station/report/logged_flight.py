@@ -1,4 +1,4 @@
-"""Reads what a report needs from a flight log."""
+"""Reads the data of a report from a flight log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,47 +12,33 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage
-from rcopterx.ground_station.event_feed import HEARD, EventFeed
-from rcopterx.ground_station.page.timeline import Event
+from rcopterx.ground_station.events import EVENT_CHANNELS, Event, EventFeed
 from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Record, Recording
 
 NANO: Final = 1e9
 NEEDED: Final[tuple[Channel[Any], ...]] = (
-    channels.POSE, channels.PLAN, channels.APPLIED, channels.LABORATORY, channels.ROUTER_STATUS, *HEARD,
+    channels.POSE, channels.PLAN, channels.APPLIED, channels.LABORATORY, channels.ROUTER_STATUS,
+    *EVENT_CHANNELS,
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class LoggedFlight:
-    """A flight as reports see it.
-
-    Attributes
-    ----------
-    name
-        Of the flight.
-    fleet
-        The fleet file as it was loaded.
-    metadata
-        Versions, commit, computer, start; see `rcopterx.flights.provenance`.
-    figures
-        Errors, latencies, fallbacks.
-    events
-        What happened, in order; times count from `started_s`.
-    started_s
-        Arrival of the first pose or state of the laboratory on the clock of the recording [s].
-    rejected
-        Messages that this version does not understand, by topic and reason: the report lacks them.
-    """
+    """Data of a recorded flight for reports."""
 
     name: str
     fleet: FleetFile
     metadata: dict[str, str]
+    """Versions, commit, computer, start; see `rcopterx.flights.provenance`."""
     figures: FlightFigures
     events: tuple[Event, ...]
+    """In order; times count from `started_s`."""
     started_s: float
+    """Arrival of the first pose or state of the laboratory on the clock of the recording."""
     rejected: dict[str, int]
+    """Messages that this version does not understand, by topic and reason."""
 
 
 def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
@@ -61,7 +47,7 @@ def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
     Raises
     ------
     FlightLogError
-        They cannot be read, or nothing was flown in them.
+        The files cannot be read, or contain no flight.
     """
     contents, topics = Contents(), {channel.topic for channel in NEEDED}
     records = [
@@ -87,19 +73,11 @@ def _record(message: LoggedMessage) -> Record:
 
 
 def events_of(recording: Recording, started_s: float) -> list[Event]:
-    """What happened in a recorded flight, in order.
-
-    Parameters
-    ----------
-    recording
-        The flight.
-    started_s
-        Time of the recording from which events count theirs [s].
-    """
+    """Events of a recorded flight in order; their times count from `started_s` of the recording."""
     feed = EventFeed()
     messages = [
         (arrived_s, unit, message)
-        for channel in HEARD
+        for channel in EVENT_CHANNELS
         for unit in recording.units(channel)
         for message, arrived_s in recording.messages(channel, unit)
     ]

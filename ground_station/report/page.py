@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from html import escape
+from itertools import pairwise
 from typing import Final
 
 from rcopterx.fleet.schema import FleetError
@@ -20,17 +21,17 @@ from rcopterx.ground_station.report.playback import playback
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.terminal.margins import COLUMNS, fleet_margins, rows_of
 
-NOTHING: Final = Html("<p>Nothing is known.</p>")
+NOTHING: Final = Html("<p>No data.</p>")
 
 
 def report_page(flight: LoggedFlight) -> str:
-    """Report of one flight; it refers to nothing outside itself."""
+    """Report of one flight as a self-contained page."""
     parts = [f"<section><h2>{escape(title)}</h2>{part}</section>" for title, part in sections(flight)]
     return document(f"Flight {flight.name}", [f"<h1>Flight {escape(flight.name)}</h1>", *parts])
 
 
 def comparison_page(one: LoggedFlight, other: LoggedFlight) -> str:
-    """Reports of two flights, section by section side by side."""
+    """Reports of two flights side by side."""
     parts = [
         f"<section><h2>{escape(title)}</h2>{_beside(left, right)}</section>"
         for (title, left), (_, right) in zip(sections(one), sections(other), strict=True)
@@ -44,7 +45,7 @@ def _beside(left: str, right: str) -> str:
 
 
 def sections(flight: LoggedFlight) -> Iterator[tuple[str, Html]]:
-    """Titles and contents, the same titles for every flight."""
+    """Titles and contents; every flight has the same titles."""
     names, figures = list(flight.fleet.vehicles), flight.figures
     volume = (flight.fleet.volume.min_m, flight.fleet.volume.max_m)
     yield "Playback", playback(flight.name, figures, names, flight.events, volume)
@@ -79,7 +80,7 @@ def _latencies(flight: LoggedFlight) -> Html:
 
 def _events(flight: LoggedFlight) -> Html:
     return table(
-        ("time", "who", "what"),
+        ("time", "source", "event"),
         (
             (f"{event.time_s:.2f} s", event.vehicle, (event.words, "failed" if event.alarming else ""))
             for event in flight.events
@@ -99,11 +100,11 @@ def _margins(flight: LoggedFlight) -> Html:
 def _identification(flight: LoggedFlight) -> Html:
     rows = []
     for name in flight.fleet.vehicles:
-        told = [status.excitation for status in flight.figures.statuses(name)]
-        outcomes = [after for before, after in zip(["", *told], told, strict=False) if after != before]
+        reported = [status.excitation for status in flight.figures.statuses(name)]
+        outcomes = [after for before, after in pairwise(["", *reported]) if after != before]
         if any(outcomes):
             rows.append((name, ", then ".join(filter(None, outcomes))))
-    return table(("vehicle", "excitation"), rows) if rows else Html("<p>Nobody was identified.</p>")
+    return table(("vehicle", "excitation"), rows) if rows else Html("<p>No vehicle was identified.</p>")
 
 
 def _provenance(flight: LoggedFlight) -> Html:
@@ -113,6 +114,6 @@ def _provenance(flight: LoggedFlight) -> Html:
         ("report made by", f"rcopterx {page['rcopterx']} {page['commit']}".strip()),
     ]
     if flight.rejected:
-        told = ", ".join(f"{kind} {count}" for kind, count in flight.rejected.items())
-        rows.append(("messages of another version, left out", (told, "failed")))
+        counts = ", ".join(f"{kind} {count}" for kind, count in flight.rejected.items())
+        rows.append(("messages of another version, left out", (counts, "failed")))
     return table(("", ""), rows)

@@ -1,4 +1,4 @@
-"""Pictures of a flight: places, errors, formation as in the paper's figure 3, latency by stage."""
+"""Pictures of a flight: positions, errors, formation as in the paper's figure 3, latency by stage."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -6,15 +6,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.ground_station.page.timeline import Event
+from rcopterx.ground_station.colours import hex_colour
+from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.latency import STAGES
 from rcopterx.vehicles.state import Array
 
-COLOURS: Final = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown", "tab:pink")
 FLIGHT_SIZE: Final = (11.0, 6.5)
 POINTS: Final = 300
-"""Most points of a line; more cannot be seen."""
+"""Most points of a line; more are not visible."""
 COORDINATES: Final = {
     "x": ("black", 1000.0), "y": ("red", 1000.0), "z": ("blue", 1000.0), "heading": ("green", 100.0),
 }  # fmt: skip
@@ -24,21 +24,14 @@ PLANS: Final = 12
 
 
 def svg_of(name: str, size: tuple[float, float], draw: Callable[[Any], None]) -> str:
-    """Picture as an SVG element that can stand in a page beside others.
+    """Picture as an SVG element for a page; its `name` is unique on the page.
 
-    Parameters
-    ----------
-    name
-        Of the picture; different ones on one page.
-    size
-        Width and height [inch].
-    draw
-        Draws into an empty `matplotlib.figure.Figure`.
+    `size` is width and height [inch]; `draw` draws into an empty `matplotlib.figure.Figure`.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    # Texts stay texts, and what an element is called depends on the name, so that pages can hold many.
+    # Text stays text; identifiers of elements depend on the name, so that a page can have many pictures.
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name, "font.size": 8}):
         figure = Figure(figsize=size)
         draw(figure)
@@ -49,18 +42,9 @@ def svg_of(name: str, size: tuple[float, float], draw: Callable[[Any], None]) ->
 
 
 def flight_svg(name: str, names: Sequence[str], figures: FlightFigures, events: Sequence[Event] = ()) -> str:
-    """Places, references, errors, plans and latencies of vehicles.
+    """Positions, references, errors, plans and latencies of the vehicles `names` of a flight.
 
-    Parameters
-    ----------
-    name
-        Of the flight.
-    names
-        Of the vehicles.
-    figures
-        Of the same flight.
-    events
-        What happened: thin lines at their times, red ones where it harmed.
+    Events are thin lines at their times, alarming ones in red.
     """
     return svg_of(name, FLIGHT_SIZE, lambda figure: draw_flight(names, figures, figure, events))
 
@@ -69,7 +53,7 @@ def draw_flight(
     names: Sequence[str], figures: FlightFigures, figure: Any, events: Sequence[Event] = ()
 ) -> None:
     """Draw a flight into an empty `matplotlib.figure.Figure`."""
-    colours = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
+    colours = {name: hex_colour(number) for number, name in enumerate(names)}
     grid = figure.add_gridspec(4, 3, width_ratios=(1.6, 1.6, 1.2))
     first: Any = None
     for row, label in enumerate(("x [m]", "y [m]", "z [m]")):
@@ -173,7 +157,7 @@ def _draw_latencies(axes: Any, figures: FlightFigures) -> None:
 
 
 def formation_svg(name: str, names: Sequence[str], figures: FlightFigures) -> str:
-    """Places of vehicles beside their leaders, as in figure 3 of the paper; empty if nobody followed."""
+    """Offsets of vehicles from their leaders, as in figure 3 of the paper; empty without followers."""
     pairs = [(follower, leader) for follower in names for leader in figures.followed(follower)]
     if not pairs:
         return ""
@@ -211,24 +195,12 @@ def _draw_four(axes: Any, times: Array, values: Array, style: str) -> None:
 
 
 def _without_jumps(values: Array) -> Array:
-    """Headings that go on where they would begin another turn."""
+    """Positions with continuous headings."""
     return np.column_stack((values[:, :3], np.unwrap(values[:, 3]))) if len(values) else values
 
 
 def latency_svg(name: str, vehicle: str, figures: FlightFigures, started_s: float) -> str:
-    """Time that the commands of a vehicle spent in each stage, one above the other, over the flight.
-
-    Parameters
-    ----------
-    name
-        Of the flight.
-    vehicle
-        Its name.
-    figures
-        Of the flight.
-    started_s
-        Time of the recording at which the axis begins [s].
-    """
+    """Stacked time that the commands of a vehicle spent in each stage; the axis begins at `started_s`."""
     rows = figures.stage_times_ms(vehicle)
     stages = [stage for stage in STAGES if rows and all(stage in times for _, times in rows)]
     if not stages:

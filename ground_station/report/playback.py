@@ -8,15 +8,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.ground_station.page.timeline import Event
+from rcopterx.ground_station.colours import hex_colour
+from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.report.document import Html
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.vehicles.state import Array
 
 MAX_SAMPLES: Final = 3000
-"""Of each vehicle; between them the script draws straight lines."""
+"""Samples of each vehicle; the script draws straight lines between them."""
 SAMPLE_S: Final = 0.05
-COLOURS: Final = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2")
 
 SCRIPT: Final = """
 (() => {
@@ -61,8 +61,8 @@ function draw() {
     dot(p.slice(0, 3), v.colour, 5, true);
     const [x, y] = flat(p.slice(0, 3)); ink.fillStyle = '#222'; ink.fillText(v.name, x + 8, y - 8);
   }
-  const told = data.events.filter(e => e.t <= now && e.t > now - 4).slice(-6);
-  told.forEach((e, i) => {
+  const recent = data.events.filter(e => e.t <= now && e.t > now - 4).slice(-6);
+  recent.forEach((e, i) => {
     ink.fillStyle = e.alarming ? '#b3261e' : '#444'; ink.fillText(e.text, 10, 20 + 16 * i);
   });
   slider.value = now; clock.textContent = now.toFixed(1) + ' s';
@@ -100,23 +100,12 @@ def playback(
     events: Sequence[Event],
     volume: tuple[Sequence[float], Sequence[float]],
 ) -> Html:
-    """Element that plays a flight: drag to turn it, wheel to come closer.
+    """Element that plays a flight in three dimensions: drag to turn it, use the wheel to zoom.
 
-    Parameters
-    ----------
-    name
-        Of the flight; different ones on one page.
-    figures
-        Of the flight.
-    vehicles
-        Their names.
-    events
-        What happened; shown for a few seconds.
-    volume
-        Lower and upper corner of the flight volume [m].
+    `name` is unique on the page; `volume` has the lower and upper corner of the flight volume [m].
     """
     data = flight_data(figures, vehicles, events, volume)
-    # No text of the flight can end the element: JSON knows another way to write this character.
+    # Escaped, so that no text of the flight can end the element.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     identifier = f"playback-{name}"
     speeds = "".join(f"<option{' selected' if x == 1 else ''}>{x}</option>" for x in (0.25, 0.5, 1, 2, 4, 8))
@@ -136,7 +125,7 @@ def flight_data(
     events: Sequence[Event],
     volume: tuple[Sequence[float], Sequence[float]],
 ) -> dict[str, Any]:
-    """Everything the script needs: places and references at equal steps of time, events, volume."""
+    """Data of the script: positions and references at equal steps of time, events, volume."""
     period_s = figures.frame_period_s()
     spans = {name: figures.flown(name)[0] for name in vehicles}
 
@@ -159,7 +148,7 @@ def flight_data(
         "vehicles": [
             {
                 "name": name,
-                "colour": COLOURS[number % len(COLOURS)],
+                "colour": hex_colour(number),
                 "flown": _sampled(*figures.flown(name), wanted_frames, step_s / period_s),
                 "wanted": _sampled(*wanted(name), wanted_frames, step_s / period_s),
             }
@@ -179,7 +168,7 @@ def flight_data(
 def _sampled(
     frames: NDArray[Any], values: NDArray[Any], wanted: NDArray[Any], step: float
 ) -> list[list[float] | None]:
-    """The newest values at wanted frames, rounded to millimetres; None where nothing is known."""
+    """The newest values at wanted frames, rounded to millimetres; None where they are unknown."""
     if not len(frames):
         return [None] * len(wanted)
     at = np.searchsorted(frames, wanted + 0.5, side="right") - 1

@@ -1,4 +1,4 @@
-"""Keeps what travels on the bus during a flight, undecoded until the flight is over."""
+"""Records messages of the bus in memory; they are decoded when they are read."""
 
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
@@ -24,7 +24,7 @@ class Record:
 
 
 class Recording:
-    """Messages of a flight by channel and unit; decoding happens on reading."""
+    """Messages of a flight by channel and unit."""
 
     def __init__(self, records: Iterable[Record]) -> None:
         self._records: dict[tuple[str, str], list[Record]] = {}
@@ -33,8 +33,8 @@ class Recording:
         self.rejected: Counter[str] = Counter()
 
     def units(self, channel: Channel[Any]) -> list[str]:
-        """Units that sent something on a channel."""
-        # The Tracker and the vehicles have a status each, of different types.
+        """Units with messages on a channel."""
+        # The Tracker and vehicles have statuses of different types on the same topic.
         others = {row.unit for row in CHANNELS if row.topic == channel.topic and row.unit != channel.unit}
         return sorted(unit for topic, unit in self._records if topic == channel.topic and unit not in others)
 
@@ -53,16 +53,9 @@ class Recording:
 
 
 class Recorder:
-    """Records what is on the bus between `start` and `stop`.
+    """Records messages between `start` and `stop`.
 
-    Parameters
-    ----------
-    session
-        Open bus session.
-    kept
-        How many messages are kept, the newest ones; None keeps all.
-    only
-        Channels to subscribe to; None takes every recorded one.
+    `kept` limits the recording to the newest messages; `only` limits it to some of the recorded channels.
     """
 
     def __init__(
@@ -78,12 +71,15 @@ class Recorder:
         if self._active and heard.topic in self._topics:
             self._records.append(Record(heard.unit, heard.topic, heard.payload, heard.arrived_s))
 
+    def __len__(self) -> int:
+        return len(self._records)
+
     def start(self) -> None:
-        """Begin anew."""
+        """Begin a new recording."""
         self._records.clear()
         self._active = True
 
     def stop(self) -> Recording:
-        """End and hand the recording over."""
+        """End the recording and return it."""
         self._active = False
         return Recording(self._records)

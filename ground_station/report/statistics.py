@@ -1,4 +1,4 @@
-"""Statistics of measured series, as reports tell them."""
+"""Statistics of measured series for reports."""
 
 from collections.abc import Sequence
 

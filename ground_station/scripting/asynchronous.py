@@ -1,7 +1,7 @@
-"""The scripting interface for asyncio: the same calls, awaited.
+"""The scripting interface for asyncio: the calls of `Fleet` and `Vehicle` as coroutines.
 
-Nothing is implemented twice: every call runs the synchronous method in a thread of its own. Cancelling a task
-ends its waiting at once; what was asked of a vehicle stays asked.
+Every call that may wait runs the synchronous method in a thread. Cancelling a task ends its waiting at once;
+a request that was sent to a vehicle stays in effect.
 """
 
 import asyncio
@@ -9,7 +9,7 @@ import functools
 import threading
 from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractAsyncContextManager, AbstractContextManager
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
@@ -27,11 +27,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 THREADS = 64
-"""Calls that wait at the same time; a further one waits for one of them to end."""
+"""Calls that wait at the same time; a further call waits until one of them ends."""
 
 
 class Wrapped(Generic[T]):
-    """Something synchronous whose calls run in threads."""
+    """A synchronous object whose calls run in threads."""
 
     def __init__(self, wrapped: T, threads: ThreadPoolExecutor) -> None:
         self._wrapped = wrapped
@@ -51,7 +51,7 @@ class Wrapped(Generic[T]):
             stop.set()
             await asyncio.wait([future])
             if not future.cancelled():
-                # What the call came to is of no interest any more.
+                # Retrieve the outcome, so that asyncio does not report it as lost.
                 future.exception()
             raise
 
@@ -59,11 +59,21 @@ class Wrapped(Generic[T]):
 def awaited(
     method: Callable[Concatenate[T, P], R],
 ) -> Callable[Concatenate[Wrapped[T], P], Coroutine[Any, Any, R]]:
-    """Coroutine function of a synchronous method, with its parameters and documentation."""
+    """Coroutine function that runs a synchronous method in a thread."""
 
     @functools.wraps(method)
     async def call(self: Wrapped[T], /, *arguments: P.args, **options: P.kwargs) -> R:
         return await self._run(lambda wrapped: method(wrapped, *arguments, **options))
+
+    return call
+
+
+def immediate(method: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[Wrapped[T], P], R]:
+    """Method of the wrapper that calls a synchronous method, which does not wait."""
+
+    @functools.wraps(method)
+    def call(self: Wrapped[T], /, *arguments: P.args, **options: P.kwargs) -> R:
+        return method(self._wrapped, *arguments, **options)
 
     return call
 
@@ -83,7 +93,7 @@ class AsyncVehicle(Wrapped[Vehicle]):
 
     @property
     def plan(self) -> Plan | None:
-        """Newest plan, None before the first; from the first question on plans are heard."""
+        """Newest plan, None before the first; see `Vehicle.plan`."""
         return self._wrapped.plan
 
     arm = awaited(Vehicle.arm)
@@ -108,12 +118,8 @@ class AsyncVehicle(Wrapped[Vehicle]):
 class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
     """A running fleet for asyncio; see `Fleet`. Use it with `async with`.
 
-    Every vehicle is landed when an exception leaves the block, also for cancellation and Ctrl-C.
-
-    Parameters
-    ----------
-    entered
-        Context manager that yields the fleet; `connect` and `launched` give the usual ones.
+    Every vehicle lands when an exception leaves the block, also for cancellation and Ctrl-C. `connect` and
+    `launched` make a fleet; `entered` is the context manager that yields the synchronous one.
     """
 
     def __init__(self, entered: AbstractContextManager[Fleet]) -> None:
@@ -126,11 +132,11 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         cls, path: str | Path | None = None, host: str | None = None, timeout_s: float = 3.0
     ) -> "AsyncFleet":
         """Join the fleet that is up on this computer, or the running one of a fleet file or shipped fleet."""
-        return cls(_Joined(path, host, timeout_s))
+        return cls(_joined(path, host, timeout_s))
 
     @classmethod
     def launched(cls, path: str | Path, host: str | None = None) -> "AsyncFleet":
-        """Start the processes of a fleet, too; see `launched`."""
+        """Start the processes of a fleet as well; see `launched`."""
         return cls(launched(path, host))
 
     async def __aenter__(self) -> "AsyncFleet":
@@ -166,33 +172,12 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         """The same fleet for code that may block, for instance recorders."""
         return self._wrapped
 
-    def state_of(self, name: str) -> VehicleState:
-        """Present state of a vehicle."""
-        return self._wrapped.state_of(name)
-
-    def present(self) -> list[str]:
-        """Vehicles of the fleet file that take part: all but those that are absent and run nowhere else."""
-        return self._wrapped.present()
-
-    def problems(self, names: list[str] | None = None) -> list[str]:
-        """What blocks take-off, one line each; empty when nothing does."""
-        return self._wrapped.problems(names)
-
-    def notes(self) -> list[str]:
-        """Remarks that do not block take-off: subjects, recordings, hosts, what failed in flight."""
-        return self._wrapped.notes()
-
-    def watch_latency(self) -> None:
-        """From now on states tell latencies by stage; every command that is written is heard for that."""
-        self._wrapped.watch_latency()
-
-    def watch_motion(self) -> None:
-        """From now on every pose and every plan is heard, and states tell them: for pages that draw.
-
-        They are a hundred messages a second of each vehicle, from every host to this one.
-        """
-        self._wrapped.watch_motion()
-
+    state_of = immediate(Fleet.state_of)
+    present = immediate(Fleet.present)
+    problems = immediate(Fleet.problems)
+    notes = immediate(Fleet.notes)
+    watch_latency = immediate(Fleet.watch_latency)
+    watch_motion = immediate(Fleet.watch_motion)
     arm = awaited(Fleet.arm)
     take_off = awaited(Fleet.take_off)
     land = awaited(Fleet.land)
@@ -209,17 +194,7 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
     wait_for_arrival = awaited(Fleet.wait_for_arrival)
 
 
-class _Joined(AbstractContextManager[Fleet]):
-    """Joins a running fleet when it is entered."""
-
-    def __init__(self, path: str | Path | None, host: str | None, timeout_s: float) -> None:
-        self._path, self._host, self._timeout_s = path, host, timeout_s
-
-    def __enter__(self) -> Fleet:
-        self._fleet = Fleet.connect(self._path, self._host, self._timeout_s)
-        return self._fleet
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._fleet.__exit__(kind, error, trace)
+@contextmanager
+def _joined(path: str | Path | None, host: str | None, timeout_s: float) -> Iterator[Fleet]:
+    with Fleet.connect(path, host, timeout_s) as fleet:
+        yield fleet

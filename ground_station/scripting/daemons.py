@@ -1,4 +1,4 @@
-"""The daemons of all hosts of a fleet: they start and stop its processes when somebody asks them to."""
+"""Starting and stopping the processes of a fleet through the daemons of its hosts."""
 
 import time
 from collections.abc import Collection
@@ -19,7 +19,7 @@ LINKED_S: Final = 3.0
 RETRY_S: Final = 0.1
 STOP_S: Final = 5.0
 CLOCK_S: Final = 0.1
-"""Clocks of two hosts that differ by more are told of: logs of both are hard to compare."""
+"""Larger differences between the clocks of two hosts are reported: their logs are hard to compare."""
 
 
 def joined_fleet(file: FleetFile) -> Fleet | None:
@@ -28,7 +28,7 @@ def joined_fleet(file: FleetFile) -> Fleet | None:
     Raises
     ------
     WrongFleetError
-        A host goes by another fleet file; says which.
+        A host uses another fleet file.
     """
     here = [running.host for running in running_fleets() if running.fleet == file.name]
     for host in dict.fromkeys((*(host for host in here if host in file.hosts), *file.hosts)):
@@ -40,30 +40,19 @@ def joined_fleet(file: FleetFile) -> Fleet | None:
 
 
 class Daemons:
-    """Starts and stops a fleet through the daemons of its hosts.
-
-    Parameters
-    ----------
-    fleet
-        The fleet, joined through any host.
-    """
+    """Starts and stops a fleet, joined through any host, through the daemons of its hosts."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
         self._there: list[str] = []
 
     def find(self) -> list[str]:
-        """Look for the hosts of the fleet file.
-
-        Returns
-        -------
-        list of str
-            A line for every host that is missing, or whose software or clock differs.
+        """Find the hosts of the fleet file; return a line for every one that is missing or differs.
 
         Raises
         ------
         WrongFleetError
-            A host goes by another version of the fleet file; says which.
+            A host uses another version of the fleet file.
         """
         wanted = self._fleet.file.hosts
         give_up_s = time.monotonic() + LINKED_S
@@ -80,34 +69,22 @@ class Daemons:
         ]
 
     def start(self, without: Collection[str] = ()) -> list[str]:
-        """Start the processes of every host that was found.
-
-        Returns
-        -------
-        list of str
-            What the hosts say; empty if none has a daemon.
-        """
-        told, request = [], StartHost(without=tuple(without))
+        """Start the processes of every host that was found; return their answers, none without daemons."""
+        answers, request = [], StartHost(without=tuple(without))
         for host in tuple(self._there):
             try:
-                told.append(self._ask(host, request).reason)
+                answers.append(self._request(host, request).reason)
             except NobodyServesError:
-                # Its processes belong to the program that started them.
+                # It has no daemon: its processes belong to the program that started them.
                 self._there.remove(host)
-        return told
+        return answers
 
     def stop(self) -> list[str]:
-        """End the processes of every host; daemons and routers stay.
-
-        Returns
-        -------
-        list of str
-            What hosts that do not stop say.
-        """
+        """End the processes of every host, but not daemons and routers; return the problems."""
         problems = []
         for host in self._there:
             try:
-                reply = self._ask(host, StopHost())
+                reply = self._request(host, StopHost())
             except RequestFailedError as error:
                 problems.append(f"host {host} does not stop: {error}")
                 continue
@@ -115,7 +92,7 @@ class Daemons:
                 problems.append(f"host {host} does not stop: {reply.reason}")
         return problems
 
-    def _ask(self, host: str, request: Request) -> Reply:
+    def _request(self, host: str, request: Request) -> Reply:
         return self._fleet.session.request(host, request, timeout_s=STOP_S)
 
 

@@ -41,40 +41,19 @@ KILL_REPEAT_S = 0.1
 """Between two copies of a kill; one that is lost costs a vehicle this much time."""
 RETRY_S = 0.1
 DISARM_S = 1.0
-"""For the agents to tell that they are disarmed."""
+"""For the agents to report that they are disarmed."""
 STATUS_S = 1.0
-"""By then a vehicle has told what it does."""
+"""By then every vehicle has reported its state."""
 MEASURING_S = 60.0
-"""How long a take-off waits for hosts that find out how many vehicles they serve."""
+"""How long a take-off waits for hosts that measure how many vehicles they can fly."""
 STAY_BEHIND_S = 5.0
-"""How long everybody is waited for before those that are ready take off without the others."""
+"""How long a take-off waits for all vehicles before those that are ready leave the others behind."""
 
 
 class Fleet(Observer, AbstractContextManager["Fleet"]):
     """A running fleet. As a context manager it lands every vehicle when an exception leaves the block.
 
-    Parameters
-    ----------
-    file
-        The fleet file, loaded.
-    host
-        Host whose router is used; by default the first one of the file.
-    timeout_s
-        How long to look for the router.
-    clock
-        Monotonic clock [s], for ages and waits.
-
-    Attributes
-    ----------
-    launcher
-        Launcher of this host's processes, if this program started them (`launched`).
-
-    Raises
-    ------
-    BusUnreachableError
-        No router answers: the fleet is not up.
-    WrongFleetError
-        The router belongs to another fleet, or to one that was started from another version of the file.
+    Parameters and errors are those of `Observer`.
     """
 
     def __init__(
@@ -86,6 +65,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     ) -> None:
         super().__init__(file, host, timeout_s, clock)
         self.launcher: Launcher | None = None
+        """Launcher of this host's processes, if this program started them (`launched`)."""
         self._vehicles = {name: Vehicle(self, name) for name in file.vehicles}
 
     @classmethod
@@ -108,7 +88,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             self.close()
 
     def _land_after(self, error: BaseException) -> None:
-        """Land because of an error, which stays the one that is raised, whatever becomes of the landing."""
+        """Land because of an error; a landing that fails is noted on the error."""
         try:
             self.land()
         except FLIGHT_ERRORS as problem:
@@ -129,26 +109,17 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     def swap(
         self, first: str, second: str, announce: Callable[[list[str]], object] | None = None
     ) -> list[str]:
-        """Let two flying vehicles change roles at one frame; everybody keeps its place in space.
+        """Exchange the roles of two flying vehicles at one frame; all vehicles keep their places in space.
 
-        Parameters
-        ----------
-        first, second
-            Who changes roles; vehicles that follow one of them follow the other one then.
-        announce
-            Called with every change of leaders before any of them is made.
-
-        Returns
-        -------
-        list of str
-            Whom each vehicle that got other leaders follows now, a line each.
+        Vehicles that follow one of them follow the other one afterwards. `announce` is called with a line for
+        every change of leaders before any of them is made. Returns a line for each vehicle with new leaders.
 
         Raises
         ------
         RefusedError
             It cannot be done; nothing has changed.
         """
-        self.wait_for_status()  # of everybody: who follows whom decides who gets other leaders
+        self.wait_for_status()  # of all vehicles, since links of all of them decide who gets other leaders
         statuses = self.statuses()
         try:
             change, where = swapped(statuses, first, second)
@@ -175,8 +146,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         deadline_s = self.session.clock() + timeout_s
         for name in vehicles:
             if self.state_of(name).phase not in ("armed", *AIRBORNE):
-                # The arbiter wants half a second of throttle-low commands first.
-                self._patiently(self[name].arm, deadline_s)
+                # The arbiter requires half a second of throttle-low commands first.
+                self._retry(self[name].arm, deadline_s)
         self.wait_until(
             lambda: all(self.state_of(name).phase in ("armed", *AIRBORNE) for name in vehicles),
             timeout_s,
@@ -184,11 +155,11 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             vehicles,
         )
 
-    def _patiently(self, ask: Callable[[], None], deadline_s: float) -> None:
-        """Ask again until it is not refused any more: some reasons pass by themselves."""
+    def _retry(self, request: Callable[[], None], deadline_s: float) -> None:
+        """Repeat a request until it is accepted: some reasons for a refusal pass."""
         while True:
             try:
-                ask()
+                request()
                 return
             except (RefusedError, RequestFailedError):
                 if self.session.clock() > deadline_s:
@@ -200,17 +171,13 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     ) -> list[str]:
         """Arm and take off, and wait until all fly.
 
-        Without names everybody who takes part does; who is not ready a while after the others stays behind.
-
-        Returns
-        -------
-        list of str
-            What keeps vehicles on the floor that stayed behind.
+        Without names all vehicles that take part do; those that are not ready a while after the others stay
+        behind. Returns the problems of vehicles that stayed behind.
 
         Raises
         ------
         RefusedError
-            A vehicle is killed, or came back to the floor; says why.
+            A vehicle is killed, or returned to the floor; says why.
         NotReachedError
             Not all reached their height in time.
         """
@@ -225,9 +192,14 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         for name in vehicles:
             if self.state_of(name).phase == "armed":
                 self[name].take_off(height_m)
+        self._wait_until_flying(vehicles, timeout_s)
+        return [line for lines in behind.values() for line in lines]
+
+    def _wait_until_flying(self, vehicles: list[str], timeout_s: float) -> None:
+        """Wait until vehicles have reached their height; fail as soon as one is killed or on the floor."""
         climbing: set[str] = set()
 
-        def back_on_the_floor() -> list[str]:
+        def failures() -> list[str]:
             states = [self.state_of(name) for name in vehicles]
             climbing.update(state.name for state in states if state.airborne)
             return [
@@ -236,21 +208,17 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 if state.transmitter_state == "killed" or (state.name in climbing and not state.airborne)
             ]
 
-        # A vehicle flies once it has reached its height; until then it takes off, interrupted or not.
         self.wait_until(
-            lambda: (
-                bool(back_on_the_floor()) or all(self.state_of(name).phase == "flying" for name in vehicles)
-            ),
+            lambda: bool(failures()) or all(self.state_of(name).phase == "flying" for name in vehicles),
             timeout_s,
             "not all vehicles have taken off",
             vehicles,
         )
-        if failed := back_on_the_floor():
+        if failed := failures():
             raise RefusedError(f"take-off failed: {'; '.join(failed)}")
-        return [line for lines in behind.values() for line in lines]
 
     def _refuse_killed(self, names: list[str] | None) -> None:
-        """Refuse at once where killed vehicles are named, or only they are there: a reset is up to people."""
+        """Refuse at once if killed vehicles are named, or all are killed: only people may reset them."""
         self.wait_for_status(names)
         wanted = self.present() if names is None else names
         killed = [name for name in wanted if self.state_of(name).transmitter_state == "killed"]
@@ -258,7 +226,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             raise RefusedError(f"killed: {', '.join(killed)}; reset first (rcopterx reset)")
 
     def _wait_for_most(self) -> dict[str, list[str]]:
-        """Wait until everybody is ready, or for a while; what keeps the others, by vehicle."""
+        """Wait a while until all vehicles are ready; return the problems of those that are not."""
         killed = [name for name in self.present() if self.state_of(name).transmitter_state == "killed"]
         others = [name for name in self.present() if name not in killed]
         try:
@@ -272,7 +240,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         return {name: self.problems([name]) for name in killed}
 
     def _wait_for_capacity(self) -> None:
-        """Wait, for a while, until agents know whether they are too many and control at half rate."""
+        """Wait a while until agents know whether they are too many and control at half rate."""
         if not self._hosts_measure():
             return
         with suppress(NotReachedError):
@@ -286,17 +254,14 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         return any(status.measuring for status in self.launchers().values())
 
     def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
-        """Let a vehicle that does not take part yet take off and follow its leaders of the fleet file.
+        """Start a vehicle that does not take part yet, take off, and follow its leaders of the fleet file.
 
-        Returns
-        -------
-        str
-            Whom it follows, in words.
+        Returns whom it follows, in words.
 
         Raises
         ------
         RefusedError, RequestFailedError, NotReachedError
-            Somebody is above it or at the place it would take, it could not be started, or something is
+            A vehicle is above it or at its future place, its agent could not be started, or something is
             missing; the others fly on.
         """
         problem = self._join_problem(name, height_m)
@@ -319,7 +284,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         return f"{name} flies"
 
     def _join_problem(self, name: str, height_m: float) -> str | None:
-        """Who is in the way, as its agent would say, too; None while nobody knows where it stands."""
+        """Vehicle in its way, as its agent would find as well; None while its position is unknown."""
         self.wait_for_status()
         state = self._moving_state_of(name, lambda state: state.seen_at_m is not None)
         if state.seen_at_m is None or state.airborne:
@@ -335,7 +300,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         Raises
         ------
         RefusedError
-            Others follow it; says who.
+            Other vehicles follow it; says which.
         """
         self.wait_for_status()
         followers = self.followers(name)
@@ -352,13 +317,13 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         Raises
         ------
         RefusedError, RequestFailedError, NotReachedError
-            A vehicle could not be told to land, or did not; all the others land and are disarmed first. What
-            went wrong with further vehicles is in the notes.
+            A vehicle refused, did not answer or did not land; the others land and are disarmed first.
+            Failures of further vehicles are in the notes of the error.
         """
         self.wait_for_status(names := None if names is None else list(names))
         vehicles = [self[name] for name in (self.present() if names is None else names)]
         problems: list[Exception] = []
-        told, refusals = [], {}
+        landing, refusals = [], {}
         for vehicle in vehicles:
             with _collected(problems):
                 try:
@@ -367,25 +332,25 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 except RefusedError as refusal:
                     refusals[vehicle] = refusal
                 else:
-                    told.append(vehicle)
+                    landing.append(vehicle)
         with _collected(problems):
             self.wait_until(
-                lambda: not any(vehicle.state.airborne for vehicle in told),
+                lambda: not any(vehicle.state.airborne for vehicle in landing),
                 timeout_s,
                 "not all vehicles have landed",
-                [vehicle.name for vehicle in told],
+                [vehicle.name for vehicle in landing],
             )
-        # Who touched down after its last status has nothing to land.
+        # A vehicle that touched down after its last status refuses, since it is on the floor already.
         self._notifier.wait_until(lambda: not any(vehicle.state.airborne for vehicle in refusals), STATUS_S)
         problems += [refusal for vehicle, refusal in refusals.items() if vehicle.state.airborne]
-        told += refusals
-        for vehicle in [vehicle for vehicle in told if not vehicle.state.airborne]:
+        landing += refusals
+        for vehicle in [vehicle for vehicle in landing if not vehicle.state.airborne]:
             if vehicle.state.transmitter is not None and vehicle.state.transmitter.state != "killed":
                 with _collected(problems):
-                    self._patiently(vehicle.disarm, self.session.clock() + DISARM_S)
+                    self._retry(vehicle.disarm, self.session.clock() + DISARM_S)
         # A take-off that follows must not mistake the last status before disarming for the present one.
         self._notifier.wait_until(
-            lambda: not any(vehicle.state.phase == "armed" for vehicle in told), DISARM_S
+            lambda: not any(vehicle.state.phase == "armed" for vehicle in landing), DISARM_S
         )
         if problems:
             first, *others = problems
@@ -393,7 +358,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             raise first
 
     def kill(self, names: Iterable[str] = (), reason: str = "operator", timeout_s: float = 1.0) -> None:
-        """Cut the motors of some or all vehicles now, latching; repeated until every arbiter confirms it.
+        """Cut the motors of some or all vehicles until `Vehicle.reset`; repeated until all arbiters confirm.
 
         Raises
         ------
@@ -408,7 +373,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         confirmed: set[str] = set()
 
         def missing() -> list[str]:
-            # Who has confirmed once may have been reset by somebody since.
+            # A vehicle that has confirmed once may have been reset since.
             confirmed.update(name for name in wanted if self._killed_since(name, from_s))
             return [name for name in wanted if name not in confirmed]
 
@@ -421,16 +386,16 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 raise NotReachedError(f"after {timeout_s:g} s: not killed: {states}")
 
     def _killed_since(self, name: str, from_s: float) -> bool:
-        """Whether an arbiter has said after a time that it is killed; before it may have been reset."""
+        """Whether an arbiter has reported after a time that it is killed; earlier reports may be outdated."""
         state = self.state_of(name)
         age_s = state.transmitter_age_s
-        heard_s = -math.inf if age_s is None else self.session.clock() - age_s
-        return state.transmitter_state == "killed" and heard_s > from_s
+        reported_s = -math.inf if age_s is None else self.session.clock() - age_s
+        return state.transmitter_state == "killed" and reported_s > from_s
 
 
 @contextmanager
 def _collected(problems: list[Exception]) -> Iterator[None]:
-    """Keep what goes wrong in the block for later, so that one vehicle does not hold up the others."""
+    """Collect errors of the block, so that one vehicle does not hold up the others."""
     try:
         yield
     except FLIGHT_ERRORS as error:

@@ -1,17 +1,16 @@
-"""Which running fleet is meant, and making sure that it is the one that answers."""
+"""Finding the running fleet, and checking that it is the one that answers."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import Session
-from rcopterx.deploy.hosts.running import RunningFleet, running_fleets
+from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.snapshot import digest_of, read_snapshot
 
 
 class WrongFleetError(ConnectionError):
-    """Another fleet is up than the one that was named, or another version of it; says which."""
+    """Another fleet is up than the one that was named, or another version of its file; says which."""
 
 
 def fleet_that_is_up() -> tuple[FleetFile, str]:
@@ -20,7 +19,7 @@ def fleet_that_is_up() -> tuple[FleetFile, str]:
     Raises
     ------
     FleetError
-        None is up here, or several are; says which.
+        None is up here, or several are.
     """
     running = running_fleets()
     if not running:
@@ -30,14 +29,16 @@ def fleet_that_is_up() -> tuple[FleetFile, str]:
         )
     names = {(one.fleet, one.namespace) for one in running}
     if len(names) > 1:
-        raise FleetError(f"several fleets are up: {_listed(running)}; name the file of one (-f FLEET)")
+        listed = ", ".join(sorted({one.fleet for one in running}))
+        raise FleetError(f"several fleets are up: {listed}; name the file of one (-f FLEET)")
     return read_snapshot(Path(running[0].snapshot)), running[0].host
 
 
 def check_identity(session: Session, file: FleetFile) -> None:
-    """Make sure that the routers that are linked belong to this fleet and to this version of its file.
+    """Check that the linked routers belong to this fleet and to this version of its file.
 
-    A router of another make does not answer; then only the fleet's name in the keys keeps fleets apart.
+    A router that is not part of rcopterx does not answer; then only the fleet's name in the keys keeps fleets
+    apart.
 
     Raises
     ------
@@ -59,11 +60,7 @@ def _difference(answer: IdentifyReply, file: FleetFile, digest: str) -> str | No
         )
     if answer.digest != digest:
         return (
-            f"fleet {file.name} is up by another version of its file ({answer.digest} on host {answer.host}, "
-            f"this file is {digest}); leave out -f to use the fleet that is up, or start it anew"
+            f"fleet {file.name} is up with another version of its file ({answer.digest} on host "
+            f"{answer.host}, this file is {digest}); leave out -f to use the fleet that is up, or restart it"
         )
     return None
-
-
-def _listed(running: Sequence[RunningFleet]) -> str:
-    return ", ".join(sorted({one.fleet for one in running}))

@@ -24,30 +24,17 @@ def launched(
 ) -> Iterator[Fleet]:
     """Start the processes of a fleet on this computer and join it; at the end everything lands and stops.
 
-    Parameters
-    ----------
-    path
-        Fleet file, or the name of a shipped fleet, for instance `trio`.
-    host
-        Which host of the fleet file this computer is; may be left out where there is only one.
-    without
-        Vehicles that do not take part at first; `Fleet.join` lets them.
-    watchdog
-        Whether processes that hang are ended and started again.
-    record
-        Whether a flight log is written; `rcopterx flights` lists them.
-
-    Yields
-    ------
-    Fleet
-        Ready to take off. Whatever leaves the block lands it first.
+    `path` is a fleet file, or the name of a shipped fleet, for instance `trio`. `host` is the host of the
+    fleet file that this computer is, needed where there are several. Vehicles in `without` can join later
+    (`Fleet.join`). The watchdog restarts processes that hang. `rcopterx flights` lists the recorded logs. The
+    fleet that is yielded is ready to take off; it lands at the end of the block and on any exception.
 
     Raises
     ------
     FleetError
-        Something in the file is wrong, an address is in use, a device is missing; nothing was started.
+        The file is wrong, an address is in use, or a device is missing; nothing was started.
     NotReachedError
-        Something kept missing; says what.
+        The fleet did not become ready; says what is missing.
     """
     file = load_fleet(fleet_path(str(path)))
     if host is None and len(file.hosts) > 1:
@@ -70,15 +57,7 @@ def processes_up(
 ) -> Iterator[Fleet]:
     """Start the processes of a host and join their fleet; at the end the processes stop, landed or not.
 
-    Parameters
-    ----------
-    file, host, without, watchdog, record
-        See `Launcher`, also for the errors.
-
-    Yields
-    ------
-    Fleet
-        With its `launcher`; its processes may still be starting.
+    The processes may still be starting when the fleet is yielded. For arguments and errors see `Launcher`.
     """
     with (
         Launcher(file, host, without, watchdog=watchdog, record=record) as launcher,

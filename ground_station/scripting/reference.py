@@ -1,7 +1,4 @@
-"""Writes the calls of scripts into their page: `python -m rcopterx.ground_station.scripting.reference`.
-
-Names, parameters and texts are read from the classes, so that the page cannot say anything else.
-"""
+"""Renews the calls in docs/scripting.md: `python -m rcopterx.ground_station.scripting.reference`."""
 
 import inspect
 import re
@@ -32,7 +29,7 @@ def reference() -> str:
 
 
 def with_reference(page: str) -> str:
-    """The page with the generated part of now."""
+    """The page with its generated part renewed."""
     head, rest = page.split(BEGIN)
     return head + BEGIN + "\n" + reference() + "\n" + END + rest.split(END)[1]
 

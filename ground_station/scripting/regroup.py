@@ -1,8 +1,8 @@
 """A change of leaders of several vehicles in one operation: all of them at the same frame, or none.
 
-Every vehicle checks and prepares first; only then all are told the frame, which lies far enough ahead to take
-everything back if one of them cannot be told. Since all change at one frame, there is no graph in between.
-Even if whoever asks dies while telling, there is no cycle: leaders are told before their followers.
+This is a two-phase commit. Every vehicle checks and prepares the change first; only then the commits with the
+frame of the change are sent. The frame lies far enough ahead to withdraw the change if a commit fails.
+Commits go to leaders before their followers, so that no cycle appears even if this program dies in between.
 """
 
 import math
@@ -22,23 +22,18 @@ LEAD_TIME_S = 0.4
 """From the first commit to the frame of the change; for every vehicle a little longer."""
 LEAD_TIME_PER_VEHICLE_S = 0.03
 COMMIT_LIMIT_S = 0.15
-"""For an answer: whoever keeps silent leaves time to tell the others to stay as they are."""
-TAKEN_LIMIT_S = 2.0
+"""For an answer to a commit: short, so that there is time to withdraw the change before its frame."""
+CHANGED_LIMIT_S = 2.0
 
 Change = Mapping[str, tuple[LeaderLink, ...]]
 
 
 class RegroupError(RuntimeError):
-    """The leaders could not be changed together; says who could not and that nothing has changed."""
+    """The leaders could not be changed together; says which vehicle failed, and whether anything changed."""
 
 
 def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tuple[Change, dict[str, Array]]:
-    """New leaders of everybody who gets other ones when two vehicles change roles, and all places.
-
-    Parameters
-    ----------
-    statuses
-        What the flying vehicles say of themselves.
+    """New leaders by vehicle when two vehicles exchange roles, and the places of all vehicles.
 
     Raises
     ------
@@ -57,18 +52,18 @@ def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tup
 
 def _expect_flying(statuses: Mapping[str, AgentStatus], name: str) -> None:
     if name not in statuses:
-        raise RegroupError(f"{name} is absent: nothing is heard from its agent")
+        raise RegroupError(f"{name} is absent: its agent is silent")
     if statuses[name].phase != "flying":
         raise RegroupError(f"{name} does not fly, its phase is {statuses[name].phase}")
 
 
 def role(links: Sequence[LeaderLink]) -> str:
-    """What a vehicle with these leaders does, for people."""
+    """Role of a vehicle with these leaders, in words."""
     return f"follows {', '.join(link.leader for link in links)}" if links else "leads"
 
 
 def change_lines(change: Change, before: Change) -> list[str]:
-    """A line for each vehicle that gets other leaders: what it will do, and what it does now."""
+    """A line for each vehicle that gets other leaders: its next and its present role."""
     return [f"{name} {role(links)}; now it {role(before[name])}" for name, links in change.items()]
 
 
@@ -78,7 +73,7 @@ def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     Raises
     ------
     RegroupError
-        It does not fly, leads already, or there are several; says which.
+        It does not fly, leads already, or there are several.
     """
     _expect_flying(statuses, name)
     links, _ = formation_of(statuses)
@@ -96,27 +91,19 @@ def regroup(
 ) -> None:
     """Carry out a change of leaders at one frame.
 
-    Parameters
-    ----------
-    fleet
-        The running fleet.
-    change
-        New leaders by vehicle.
-    where
-        Places of those that shall lead.
-    before
-        Their leaders up to now, to go back to if somebody breaks down between the commit and its frame.
+    `where` has the places of vehicles that shall lead. `before` are the present leaders: they are restored if
+    a vehicle fails between the commit and its frame.
 
     Raises
     ------
     RegroupError
-        A vehicle refused or could not be asked; says whether everything is as before.
+        A vehicle refused or did not answer; says whether everything is as before.
     """
     operation = f"regroup_{uuid.uuid4().hex[:8]}"
-    untold, committing = list(change), False
+    uncommitted, committing = list(change), False
     try:
         for name, following in change.items():
-            _ask(fleet, name, _preparation(operation, following, where.get(name)))
+            _request(fleet, name, _preparation(operation, following, where.get(name)))
         plans = {name: _plan(fleet, name) for name in change}
         newest = max(plans.values(), key=lambda plan: (plan.epoch, plan.frame))
         lead_s = LEAD_TIME_S + LEAD_TIME_PER_VEHICLE_S * len(change)
@@ -124,21 +111,22 @@ def regroup(
         committing = True
         for name in change:
             commit = CommitLeaders(operation=operation, epoch=newest.epoch, frame=frame)
-            _ask(fleet, name, commit, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
-            untold.remove(name)
+            _request(fleet, name, commit, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
+            uncommitted.remove(name)
     except RegroupError as error:
-        silent = set(_withdraw(fleet, operation, list(change)))
-        # Who never heard of a frame stays as it is, told or not; the one that was being told may have heard.
-        unsure = [name for name in change if name in silent and name not in untold[1:]] if committing else []
-        outcome = f"could not be told to stay: {', '.join(unsure)}" if unsure else "nothing has changed"
+        silent = _withdraw(fleet, operation, list(change))
+        # Vehicles without a commit keep their leaders. The first of them may have received its commit.
+        unsure = [name for name in silent if name not in uncommitted[1:]] if committing else []
+        outcome = (
+            f"did not confirm to keep their leaders: {', '.join(unsure)}" if unsure else "nothing has changed"
+        )
         raise RegroupError(f"{error}; {outcome}") from None
-    late = _wait_until_taken(fleet, change)
+    late = _wait_until_changed(fleet, change)
     if late and before is not None:
-        taken = {name: before[name] for name in change if name not in late}
-        regroup(fleet, taken, where)
-        raise RegroupError(f"{', '.join(late)} did not take the new leaders; everybody is as before")
+        regroup(fleet, {name: before[name] for name in change if name not in late}, where)
+        raise RegroupError(f"{', '.join(late)} did not change leaders; all vehicles are as before")
     if late:
-        raise RegroupError(f"{', '.join(late)} did not take their leaders")
+        raise RegroupError(f"{', '.join(late)} did not change leaders")
 
 
 def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array | None) -> PrepareLeaders:
@@ -150,7 +138,7 @@ def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array
     return PrepareLeaders(operation=operation, set_point=SetPoint(position_m=(x, y, z), yaw_rad=yaw_rad))
 
 
-def _ask(fleet: Observer, name: str, request: Request, **limits: float) -> None:
+def _request(fleet: Observer, name: str, request: Request, **limits: float) -> None:
     try:
         reply = fleet.session.request(name, request, **limits)
     except RequestFailedError as error:
@@ -160,25 +148,26 @@ def _ask(fleet: Observer, name: str, request: Request, **limits: float) -> None:
 
 
 def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str]:
-    """Take a change back; names of those who could not be told."""
-    unsure = []
+    """Withdraw a change; return the vehicles that did not confirm it."""
+    silent = []
     for name in names:
         try:
-            _ask(fleet, name, WithdrawLeaders(operation=operation), timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
+            withdrawal = WithdrawLeaders(operation=operation)
+            _request(fleet, name, withdrawal, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
         except RegroupError:
-            unsure.append(name)
-    return unsure
+            silent.append(name)
+    return silent
 
 
 def _plan(fleet: Observer, name: str) -> Plan:
     plan = fleet.plan_of(name)
     if plan is None:
-        raise RegroupError(f"{name}: no plan is heard")
+        raise RegroupError(f"{name}: no plan arrives")
     return plan
 
 
-def _wait_until_taken(fleet: Observer, change: Change) -> list[str]:
-    """Names of those who have not taken their new leaders in time."""
+def _wait_until_changed(fleet: Observer, change: Change) -> list[str]:
+    """Vehicles that do not follow their new leaders in time."""
 
     def missing() -> list[str]:
         return [
@@ -188,5 +177,5 @@ def _wait_until_taken(fleet: Observer, change: Change) -> list[str]:
         ]
 
     with suppress(TimeoutError):
-        fleet.wait_until(lambda: not missing(), TAKEN_LIMIT_S, "leaders not taken")
+        fleet.wait_until(lambda: not missing(), CHANGED_LIMIT_S, "leaders not changed")
     return missing()

@@ -1,55 +1,37 @@
-"""What is known of a vehicle and of the motion capture at one moment, and what blocks take-off."""
+"""The state of a vehicle at one moment, and what keeps it from taking off or from its place."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from rcopterx.agents.phases import AIRBORNE
-from rcopterx.bus.messages import (
-    AgentStatus,
-    LauncherStatus,
-    LeaderLink,
-    Plan,
-    TrackerStatus,
-    TransmitterStatus,
-)
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, TransmitterStatus
 from rcopterx.ground_station.report.latency import Percentiles
 
-STALE_S = 1.0
-"""Age from which a status counts as silence; it comes five times a second."""
+STALE_S: Final = 1.0
+"""Age from which a status blocks take-off; statuses come five times a second."""
+SILENT_S: Final = 0.5
+"""Age from which displays show an agent as silent."""
 ALARMING_STATES: Final = frozenset({"hold", "descend", "land", "cut", "killed"})
-"""States of the arbiter that are not the agent's will."""
+"""States of the arbiter in which the agent does not fly the vehicle."""
+OFFSET_TOLERANCE_M: Final = 0.001
+YAW_TOLERANCE_RAD: Final = 0.2
 
 
 @dataclass(frozen=True, repr=False)
 class VehicleState:
-    """What is known of a vehicle at this moment; ages are on the local monotonic clock.
+    """The state of a vehicle at one moment; prints as one line. Ages are on the local monotonic clock.
 
-    It prints as one line; the attributes have everything.
-
-    Attributes
-    ----------
-    agent, transmitter
-        Newest status of each, None before the first.
-    agent_age_s, transmitter_age_s
-        Their ages.
-    pose_age_s
-        Age of the newest message of the motion capture about the vehicle that its agent has received, whether
-        it was seen or not.
-    seen_age_s
-        Time since the motion capture last saw the vehicle; None if nobody knows.
-    plan
-        Newest plan; None before the first, and unless motion is watched (`Observer.watch_motion`).
-    seen_at_m
-        Where the motion capture sees the vehicle; None if it does not, and unless motion is watched.
-    quaternion_xyzw
-        Attitude that the motion capture sees; None if it does not, and unless motion is watched.
-    latency_ms
-        Percentiles of the time that the newest commands spent in each stage on their way, see
-        `rcopterx.ground_station.report.latency`; empty unless they are watched.
+    `agent` and `transmitter` are the newest statuses, None before the first. `pose_age_s` is the age of the
+    newest message of the motion capture that the agent received, whether the vehicle was seen or not;
+    `seen_age_s` is the time since the vehicle was last seen. `plan`, `seen_at_m` and `quaternion_xyzw`, as
+    the motion capture sees the vehicle, are None unless motion is watched (`Fleet.watch_motion`).
+    `latency_ms` has percentiles by stage of `rcopterx.ground_station.report.latency`, and is empty unless
+    latency is watched.
     """
 
     name: str
@@ -70,6 +52,11 @@ class VehicleState:
         return "unknown" if self.agent is None else self.agent.phase
 
     @property
+    def silent(self) -> bool:
+        """Whether the agent has not reported for half a second."""
+        return self.agent_age_s is None or self.agent_age_s > SILENT_S
+
+    @property
     def flown_by(self) -> str:
         """The external program that flies it, else the name of its controller; empty without a status."""
         if self.agent is None:
@@ -79,7 +66,7 @@ class VehicleState:
 
     @property
     def host(self) -> str | None:
-        """Host its agent runs on, as far as it tells."""
+        """Host on which its agent runs; None without a status."""
         return None if self.agent is None else self.agent.diagnostics.host
 
     @property
@@ -89,12 +76,12 @@ class VehicleState:
 
     @property
     def airborne(self) -> bool:
-        """Whether the vehicle is in the air as far as its agent tells."""
+        """Whether the vehicle is in the air according to its agent."""
         return self.phase in AIRBORNE
 
     @property
     def position_m(self) -> tuple[float, float, float] | None:
-        """Where the vehicle is, as its agent says; None while it does not know."""
+        """Position according to its agent; None while it is unknown."""
         return None if self.agent is None else self.agent.position_m
 
     @property
@@ -109,15 +96,26 @@ class VehicleState:
 
     @property
     def assigned(self) -> tuple[LeaderLink, ...]:
-        """Leaders with the offsets it was told, wherever an offset is on its way now."""
+        """Leaders with the offsets it was given, also while an offset is in transition."""
         return () if self.agent is None else self.agent.assigned
 
     @property
     def error_m(self) -> float | None:
-        """Distance from the reference, as the agent sees it; None on the floor."""
+        """Distance from the reference according to the agent; None on the floor."""
         if self.plan is not None:
             return error_of(self.plan)
         return None if self.agent is None else self.agent.error_m
+
+    @property
+    def event_counts(self) -> Counter[str]:
+        """Fallbacks and rejected messages of agent and transmitter gateway, by kind."""
+        counts: Counter[str] = Counter()
+        if self.agent is not None:
+            counts.update(self.agent.diagnostics.fallbacks)
+            counts.update(self.agent.diagnostics.rejected)
+        if self.transmitter is not None:
+            counts.update(self.transmitter.rejected)
+        return +counts
 
     def __str__(self) -> str:
         words = [self.phase, f"transmitter {self.transmitter_state}"]
@@ -137,22 +135,22 @@ class VehicleState:
         return f"<{type(self).__name__} {self}>"
 
     def summary(self) -> str:
-        """Phase and transmitter state in words."""
+        """Phase and state of the transmitter with its reason."""
         if self.transmitter is None:
             return f"{self.name}: {self.phase}"
         return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.transmitter.reason}"
 
     def problems(self, stale_s: float = STALE_S) -> list[str]:
-        """What blocks take-off, one line each; empty when nothing does."""
+        """Problems that block take-off, one line each."""
         found = []
         if self.agent is None or self.agent_age_s is None or self.agent_age_s > stale_s:
-            found.append(f"{self.name}: agent not responding{_since(self.agent_age_s)}")
+            found.append(f"{self.name}: agent not responding{since(self.agent_age_s)}")
         elif self.agent.diagnostics.pose_age_s is None or self.agent.diagnostics.pose_age_s > stale_s:
-            found.append(f"{self.name}: no pose{_since(self.agent.diagnostics.pose_age_s)}")
+            found.append(f"{self.name}: no pose{since(self.agent.diagnostics.pose_age_s)}")
         elif self.seen_age_s is None or self.seen_age_s > stale_s:
-            found.append(f"{self.name}: the motion capture does not see it{_since(self.seen_age_s)}")
+            found.append(f"{self.name}: the motion capture does not see it{since(self.seen_age_s)}")
         if self.transmitter is None or self.transmitter_age_s is None or self.transmitter_age_s > stale_s:
-            found.append(f"{self.name}: transmitter gateway not responding{_since(self.transmitter_age_s)}")
+            found.append(f"{self.name}: transmitter gateway not responding{since(self.transmitter_age_s)}")
         elif not self.transmitter.ready:
             found.append(f"{self.name}: transmitter not ready: {self.transmitter.module}")
         elif self.transmitter.state == "killed":
@@ -167,90 +165,38 @@ def error_of(plan: Plan) -> float | None:
     return float(np.linalg.norm(plan.samples()[0, :3] - np.array(plan.reference[:3])))
 
 
-def tracker_problems(
-    status: TrackerStatus | None, age_s: float | None, names: Sequence[str], stale_s: float = STALE_S
-) -> list[str]:
-    """What the Vicon gateway reports that blocks take-off.
-
-    Parameters
-    ----------
-    status, age_s
-        Its newest status, if any, and the age of it.
-    names
-        Vehicles in question.
-    stale_s
-        Age from which it counts as silent.
-
-    Returns
-    -------
-    list of str
-        In words; empty when nothing does.
-    """
-    if status is None or age_s is None or age_s > stale_s:
-        return [f"Vicon gateway not responding{_since(age_s)}"]
-    if status.state != "up":
-        return [f"Tracker: {status.trying}; does it run, and stream at tracker.address?"]
-    listed = ", ".join(repr(subject.subject) for subject in status.subjects if subject.listed)
-    found = []
-    for subject in status.subjects:
-        if subject.vehicle not in names:
-            continue
-        if not subject.listed:
-            missing = f"{subject.vehicle}: subject {subject.subject!r} is not in the Tracker's list"
-            found.append(f"{missing} (it lists: {listed or 'nothing'})")
-        elif subject.ambiguous:
-            found.append(f"{subject.vehicle}: the Tracker lists several subjects {subject.subject!r}")
-    return found
+def formation_problem(state: VehicleState, tolerance_m: float) -> str:
+    """Why a follower is not in formation; empty if it is."""
+    agent, error_m = state.agent, state.error_m
+    if not state.assigned:
+        return f"{state.name}: does not follow any vehicle"
+    if agent is None or error_m is None or not agent.following:
+        return f"{state.name}: {state.phase}, does not follow now"
+    present = {link.leader: link.offset_m for link in agent.following}
+    for link in state.assigned:
+        if link.leader not in present:
+            return f"{state.name}: does not follow {link.leader} now"
+        if math.dist(link.offset_m, present[link.leader]) > OFFSET_TOLERANCE_M:
+            return f"{state.name}: still on its way to its new offset"
+    if error_m > tolerance_m:
+        return f"{state.name}: {1000 * error_m:.0f} mm from its place"
+    return ""
 
 
-def tracker_notes(status: TrackerStatus | None) -> list[str]:
-    """Remarks of the Vicon gateway that do not block take-off.
-
-    Parameters
-    ----------
-    status
-        Its newest status, if any.
-    """
-    if status is None:
-        return []
-    notes = [
-        f"subject {subject.subject!r} is in no vehicle"
-        for subject in status.subjects
-        if subject.vehicle is None and subject.listed
-    ]
-    return notes + ([f"raw recording: {status.recording}"] if status.recording else [])
+def arrival_problem(state: VehicleState, tolerance_m: float) -> str:
+    """How far a vehicle is from its set point; empty if it is there."""
+    agent = state.agent
+    if agent is None or agent.position_m is None or agent.yaw_rad is None or state.phase != "flying":
+        return f"{state.name}: {state.phase}"
+    distance_m = math.dist(agent.position_m, agent.set_point.position_m)
+    turn_rad = abs(agent.yaw_rad - agent.set_point.yaw_rad)
+    if distance_m > tolerance_m:
+        return f"{state.name}: {1000 * distance_m:.0f} mm from its set point"
+    if turn_rad > YAW_TOLERANCE_RAD:
+        return f"{state.name}: {math.degrees(turn_rad):.0f} deg from its heading"
+    return ""
 
 
-def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
-    """Remarks on the processes of a host: what died, what hung, a watchdog that is off, too many vehicles.
-
-    Parameters
-    ----------
-    host, status
-        Name of the host, and the newest status of its launcher.
-    """
-    deaths = [
-        f"{name} {restarts}" + (f" ({status.hung[name]} hung)" if status.hung.get(name) else "")
-        for name, restarts in status.restarts.items()
-        if restarts
-    ]
-    notes = [f"host {host}: started again: {', '.join(deaths)}"] if deaths else []
-    if not status.watchdog:
-        notes.append(f"host {host}: the watchdog is off, processes that hang are not replaced")
-    return notes + crowded(host, status)
-
-
-def crowded(host: str, status: LauncherStatus) -> list[str]:
-    """A line if more agents run on a host than it serves without missed control periods, or may do so."""
-    if status.measuring:
-        return [f"host {host}: finds out how many vehicles it flies; a take-off waits for that"]
-    if status.crowding <= 1.0:
-        return []
-    return [
-        f"host {host}: flies about {status.flies} such vehicles, and the agents of {len(status.running)} run "
-        "on it: they control at a lower rate; let some run on other hosts, or shorten their horizons"
-    ]
-
-
-def _since(age_s: float | None) -> str:
+def since(age_s: float | None) -> str:
+    """How long a problem lasts, to append to it; empty where that is unknown."""
     return "" if age_s is None else f" for {age_s:.1f} s"

@@ -31,7 +31,7 @@ ANSWER_S = 1.0
 """For a request that is answered in the next control period."""
 RUN_IN_LIMIT_S = 30.0
 HOST_PATIENCE_S = 3.0
-"""For a host whose link is just being dialled again."""
+"""For a host whose link is being dialled again."""
 TUNING_LIMIT_S = 10.0
 """Longest time to build a controller; the vehicle flies on with the present one."""
 
@@ -41,11 +41,11 @@ class RefusedError(RuntimeError):
 
 
 FLIGHT_ERRORS = (RefusedError, RequestFailedError, NotReachedError)
-"""What may become of a request in flight."""
+"""Errors of a request in flight."""
 
 
 def lines_of(error: BaseException) -> tuple[str, ...]:
-    """Text of an error, and what went wrong after it, which its notes tell."""
+    """Text of an error and its notes, which describe what failed after it."""
     return (str(error), *getattr(error, "__notes__", ()))
 
 
@@ -69,55 +69,47 @@ class Vehicle:
 
     @property
     def plan(self) -> Plan | None:
-        """Newest plan, None before the first; from the first question on plans are heard."""
+        """Newest plan, None before the first; the first access subscribes to plans."""
         return self._fleet.plan_of(self.name)
 
     def arm(self) -> None:
         """Let the vehicle's agent command its transmitter."""
-        self._ask(Arm())
+        self._request(Arm())
 
     def disarm(self) -> None:
         """Keep the throttle low; refused while the vehicle may be in the air."""
-        self._ask(Disarm())
+        self._request(Disarm())
 
     def take_off(self, height_m: float = 1.0) -> None:
-        """Climb to a height [m] above the floor where the vehicle stands."""
-        self._ask(TakeOff(height_m=height_m))
+        """Climb to a height above the floor where the vehicle stands."""
+        self._request(TakeOff(height_m=height_m))
 
     def land(self) -> None:
         """Descend and switch the rotor off."""
-        self._ask(Land())
+        self._request(Land())
 
     def go_to(self, position_m: Sequence[float], yaw_rad: float = 0.0) -> None:
-        """Set point in the inertial frame [m, rad].
+        """Fly to a set point in the inertial frame.
 
-        The heading counts whole turns, beginning within half a turn of 0: a vehicle that looks back before it
-        takes off may be at -pi, from where pi is a whole turn away.
+        The heading counts whole turns, beginning within half a turn of 0: a vehicle that points backwards
+        before it takes off may be at -pi, from where pi is a whole turn away.
         """
         x, y, z = position_m
-        self._ask(GoTo(set_point=SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))))
+        set_point = SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))
+        self._request(GoTo(set_point=set_point))
 
     def fly(self, path: FlightPath, wait: bool = False) -> str:
-        """Fly a trajectory, after a smooth way to its beginning.
+        """Fly a trajectory from `circle`, `figure_eight`, `spiral` or `through`; returns how long it takes.
 
-        Parameters
-        ----------
-        path
-            From `circle`, `figure_eight`, `spiral` or `through`.
-        wait
-            Return only when it has been flown.
-
-        Returns
-        -------
-        str
-            How long it takes.
+        The vehicle first moves smoothly to the beginning of the trajectory. With `wait` the call returns when
+        the trajectory has ended.
 
         Raises
         ------
         RefusedError
-            It leaves the flight volume or asks too much of the vehicle; the text says where.
+            It leaves the flight volume or exceeds the limits of the vehicle; the text says where.
         """
-        answer = self._ask(Fly(knots=FloatArray.of(path.knots)))
+        answer = self._request(Fly(knots=FloatArray.of(path.knots)))
         if wait:
             limit_s = path.duration_s + RUN_IN_LIMIT_S
             self._fleet.wait_until(lambda: self._path_left_s() > 0.0, 2.0, "it does not begin", [self.name])
@@ -140,10 +132,7 @@ class Vehicle:
     ) -> str:
         """Follow one leader at an offset, or several given as a sequence of `LeaderLink`.
 
-        Returns
-        -------
-        str
-            The line of ancestors, for instance `h3 follows h2 follows h1`.
+        Returns the line of ancestors, for instance `h3 follows h2 follows h1`.
         """
         if isinstance(leader, str):
             x, y, z = offset_m
@@ -157,11 +146,11 @@ class Vehicle:
             )
         else:
             following = tuple(leader)
-        return self._ask(Follow(following=following, transition_s=transition_s))
+        return self._request(Follow(following=following, transition_s=transition_s))
 
     def lead(self) -> None:
-        """Follow nobody any more; hold the present place."""
-        self._ask(Lead())
+        """Stop following and hold the present position."""
+        self._request(Lead())
 
     def tune(
         self,
@@ -173,25 +162,14 @@ class Vehicle:
     ) -> str:
         """Fly with another controller, another estimator or other settings, without a bump.
 
-        Parameters
-        ----------
-        controller, estimator
-            Names; by default the present ones.
-        estimator_settings
-            Settings of the estimator by name.
-        **controller_settings
-            Settings of the controller: `horizon`, `state_weights`, `input_min` and so on. They are added to
-            the present ones; another controller takes only the horizon over.
-
-        Returns
-        -------
-        str
-            What flies now, and since which frame.
+        Settings of the controller are `horizon`, `state_weights`, `input_min` and so on. They are added to
+        the present ones; another controller keeps only the horizon. Returns what flies now, and since which
+        frame.
 
         Raises
         ------
         RefusedError
-            A name or a value is not allowed; the text says which, and what is.
+            A name or a value is not allowed; the text says which, and what is allowed.
         """
         request = Tune(
             controller=controller,
@@ -199,7 +177,7 @@ class Vehicle:
             estimator=estimator,
             estimator_settings=dict(estimator_settings or {}),
         )
-        return self._ask(request, TUNING_LIMIT_S)
+        return self._request(request, TUNING_LIMIT_S)
 
     def wait_for_phase(self, phase: str, timeout_s: float = 15.0) -> None:
         """Wait for a flight phase; see `Fleet.wait_for_phase`."""
@@ -214,23 +192,25 @@ class Vehicle:
         self._fleet.wait_for_arrival([self.name], tolerance_m, timeout_s)
 
     def kill(self, reason: str = "operator") -> None:
-        """Cut the motors now, latching."""
-        self._ask(KillVehicle(cause=reason))
+        """Cut the motors now; they stay off until `reset`."""
+        self._request(KillVehicle(cause=reason))
 
     def reset(self) -> None:
         """Leave KILLED."""
-        self._ask(ResetKill())
+        self._request(ResetKill())
 
     def start(self) -> str:
-        """Let the vehicle take part: its agent is started and kept running. It stays on the floor."""
-        return self._ask_host(self._fleet.file.vehicles[self.name].host, StartVehicle(vehicle=self.name))
+        """Start its agent and keep it running: the vehicle takes part, and stays on the floor."""
+        return self._request_host(self._fleet.file.vehicles[self.name].host, StartVehicle(vehicle=self.name))
 
     def stop(self) -> str:
-        """Let the vehicle leave: its agent ends. It must be on the floor."""
-        return self._ask_host(self._agent_host, StopVehicle(vehicle=self.name))
+        """End its agent: the vehicle leaves the fleet. It must be on the floor."""
+        running = [host for host, status in self._fleet.launchers().items() if self.name in status.running]
+        host = running[0] if running else self._fleet.file.vehicles[self.name].host
+        return self._request_host(host, StopVehicle(vehicle=self.name))
 
     def move(self, host: str, timeout_s: float = 20.0) -> None:
-        """Let the agent run on another host, also in flight: a new one takes over when it is warm.
+        """Move the agent to another host, also in flight: a new agent takes over when it is warm.
 
         Raises
         ------
@@ -248,22 +228,16 @@ class Vehicle:
             )
         if self.state.host == host:
             return
-        self._ask_host(host, TakeVehicle(vehicle=name))
+        self._request_host(host, TakeVehicle(vehicle=name))
         try:
             fleet.wait_until(
                 lambda: self.state.host == host, timeout_s, f"{host} does not take {name} over", [name]
             )
         except NotReachedError:
-            self._ask_host(host, StopVehicle(vehicle=name))
+            self._request_host(host, StopVehicle(vehicle=name))
             raise
 
-    @property
-    def _agent_host(self) -> str:
-        """Where its agent runs, or would run by the fleet file."""
-        running = [host for host, status in self._fleet.launchers().items() if self.name in status.running]
-        return running[0] if running else self._fleet.file.vehicles[self.name].host
-
-    def _ask_host(self, host: str, request: Request) -> str:
+    def _request_host(self, host: str, request: Request) -> str:
         reply = self._fleet.session.request(
             host, request, timeout_s=HOST_PATIENCE_S, patience_s=HOST_PATIENCE_S
         )
@@ -271,7 +245,7 @@ class Vehicle:
             raise RefusedError(f"{self.name}: {reply.reason}")
         return reply.reason
 
-    def _ask(self, request: Request, timeout_s: float | None = None) -> str:
+    def _request(self, request: Request, timeout_s: float | None = None) -> str:
         limit_s = ANSWER_S if timeout_s is None else timeout_s
         reply = self._fleet.session.request(self.name, request, limit_s)
         if not reply.accepted:

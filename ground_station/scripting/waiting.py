@@ -1,4 +1,4 @@
-"""Waiting for something to come true, from any number of threads, until a deadline or a stop."""
+"""Waiting for a condition, from any number of threads, until a deadline or a stop."""
 
 import threading
 import time
@@ -7,15 +7,15 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 LONGEST_NAP_S = 0.1
-"""Conditions that depend on the passing of time are looked at so often."""
+"""Conditions that depend on the passing of time are checked this often."""
 
 
 class NotReachedError(TimeoutError):
-    """What was waited for did not happen in time; says what was missing."""
+    """A condition did not become true in time; the text names what was missing."""
 
 
 class StoppedError(NotReachedError):
-    """Somebody asked to stop while something was waited for."""
+    """A wait ended early because a stop was requested; see `stopped_by`."""
 
 
 _STOP: ContextVar[threading.Event | None] = ContextVar("stop", default=None)
@@ -32,39 +32,21 @@ def stopped_by(event: threading.Event) -> Iterator[None]:
 
 
 class Notifier:
-    """Wakes every waiting thread when something arrived.
-
-    Parameters
-    ----------
-    clock
-        Monotonic clock [s].
-    """
+    """Wakes every waiting thread when a message arrives; `clock` is monotonic [s]."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._condition = threading.Condition()
-        self._rings = 0
+        self._notifications = 0
 
     def notify(self) -> None:
-        """Wake whoever waits."""
+        """Wake all waiting threads."""
         with self._condition:
-            self._rings += 1
+            self._notifications += 1
             self._condition.notify_all()
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until a condition holds, checking at every notification.
-
-        Parameters
-        ----------
-        condition
-            What is waited for.
-        timeout_s
-            How long at most.
-
-        Returns
-        -------
-        bool
-            Whether it came true in time.
+        """Wait until a condition holds, checked at every notification; return whether it held in time.
 
         Raises
         ------
@@ -74,7 +56,7 @@ class Notifier:
         deadline_s = self._clock() + timeout_s
         stop = _STOP.get()
         while True:
-            heard = self._rings
+            seen = self._notifications
             if condition():
                 return True
             if stop is not None and stop.is_set():
@@ -83,5 +65,5 @@ class Notifier:
             if left_s <= 0:
                 return False
             with self._condition:
-                if self._rings == heard:
+                if self._notifications == seen:
                     self._condition.wait(min(left_s, LONGEST_NAP_S))

@@ -1,4 +1,4 @@
-"""Logs of the processes of a fleet on all its hosts: read here, or asked for over the bus."""
+"""Logs of the processes of a fleet on all its hosts, read from files here or over the bus."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -13,11 +13,11 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 ANSWER_S: Final = 1.0
-"""For a host to answer, and at first to be found."""
+"""For a host to answer, and for the first request to find it."""
 MOST_PAGES: Final = 500
-"""At once, of one host; what is left comes the next time."""
+"""Read from one host in one call; the rest follows in the next."""
 OTHERS: Final = ("launcher", "spare")
-"""Who logs beside the processes of a host."""
+"""Processes with logs that are not in the table of a host."""
 
 
 def hosts_here(file: FleetFile) -> set[str]:
@@ -29,27 +29,13 @@ def hosts_here(file: FleetFile) -> set[str]:
 class FleetLogs:
     """New lines of all hosts of a fleet.
 
-    Parameters
-    ----------
-    file
-        The fleet file.
-    names
-        Processes or vehicles whose logs are read; none for all.
-    joined
-        The fleet, if it is up and other hosts are to be asked.
-
-    Attributes
-    ----------
-    directory
-        Where the logs of this computer are.
-    processes
-        Names of the processes that may have a log.
-    missing
-        Hosts that did not answer.
+    `names` are processes or vehicles, none for all. `joined` is the fleet if it is up; without it only the
+    logs of this computer are read.
     """
 
     def __init__(self, file: FleetFile, names: Sequence[str], joined: Fleet | None) -> None:
         self.directory = run_directory(file.name, file.bus.namespace) / "log"
+        """Logs of this computer."""
         self._here = ProcessLogs(self.directory, names)
         here = hosts_here(file)
         self._label = "+".join(sorted(here)) or "here"
@@ -61,12 +47,14 @@ class FleetLogs:
         alone = joined is None and len(file.hosts) == 1
         self._others = [] if alone else [host for host in file.hosts if host not in here]
         self.missing = [host for host in self._others if self._page(host, {}, ANSWER_S) is None]
-        asked = [host for host in self._others if host not in self.missing]
-        known = {spec.name for host in asked for spec in processes_of(file, host)}
-        self.processes = sorted({*self._here.processes(), *known, *(OTHERS if asked else ())})
+        """Hosts that did not answer."""
+        answering = [host for host in self._others if host not in self.missing]
+        known = {spec.name for host in answering for spec in processes_of(file, host)}
+        self.processes = sorted({*self._here.processes(), *known, *(OTHERS if answering else ())})
+        """Names of processes that may have a log."""
 
     def new_lines(self) -> list[tuple[str, LogLine]]:
-        """Lines that were not seen before with their hosts, in the order of their times."""
+        """Lines since the last call with their hosts, in the order of their times."""
         lines = [(self._label, line) for line in self._here.new_lines()]
         for host in self._others:
             lines += [(host, line) for line in self._lines_of(host)]

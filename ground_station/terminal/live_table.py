@@ -1,6 +1,5 @@
 """The live table of a fleet in a terminal: as many columns as its width has room for."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -12,42 +11,25 @@ from rcopterx.ground_station.report.latency import STAGES, TOTAL
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 
-STALE_S = 0.5
 GAP = 2
 """Blanks between two columns."""
 UNKNOWN = "-"
 FIGURES = ("p50", "p99", "max")
 LATENCY = "latency"
-"""All stages of the latency, as they are typed after `--columns`."""
+"""Name of all latency columns together, for `--columns`."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the table.
-
-    Attributes
-    ----------
-    name
-        As it is typed after `--columns`.
-    heading
-        Words, and in a second line the unit.
-    cell
-        What it says of a vehicle.
-    rank
-        Columns of a lower rank are shown first where there is no room for all.
-    width
-        What its cells need as a rule, so that columns do not come and go with every figure.
-    right
-        Whether figures are aligned on the right.
-    wraps
-        Whether long cells take several lines.
-    """
+    """A column of the table; `name` is for `--columns`, `cell` gives its text for a vehicle."""
 
     name: str
     heading: str
     cell: Callable[[VehicleState], Text | str]
     rank: int
+    """Columns of a lower rank are shown first where there is no room for all."""
     width: int
+    """Usual width of its cells, so that columns do not come and go with every figure."""
     right: bool = False
     wraps: bool = False
 
@@ -63,34 +45,19 @@ def columns_named(names: Sequence[str]) -> tuple[Column, ...]:
     Raises
     ------
     ValueError
-        There is no such column; names all that there are.
+        There is no such column; names the known ones.
     """
-    known = {column.name: column for column in COLUMNS}
-    names = [
-        one
-        for name in names
-        for one in ([f"{stage}-ms" for stage in (TOTAL, *STAGES)] if name == LATENCY else [name])
-    ]
+    known = {column.name: (column,) for column in COLUMNS} | {LATENCY: LATENCY_COLUMNS}
     for name in names:
         if name not in known:
             raise ValueError(f"no column {name!r}, known are {', '.join(known)}")
-    return (COLUMNS[0], *(known[name] for name in names if name != COLUMNS[0].name))
+    return (COLUMNS[0], *(column for name in names if name != COLUMNS[0].name for column in known[name]))
 
 
 def pages(states: Sequence[VehicleState], width: int) -> list[tuple[Column, ...]]:
-    """Distribute all columns over as many pages as a terminal needs.
+    """Distribute all columns over as many pages as a terminal of `width` characters needs.
 
-    Parameters
-    ----------
-    states
-        Present states of the vehicles.
-    width
-        Columns of the terminal.
-
-    Returns
-    -------
-    list of tuple of Column
-        The most important columns are on the first page; each page begins with the vehicle.
+    The most important columns are on the first page; each page begins with the vehicle.
     """
     first, *others = COLUMNS
     waiting = sorted(others, key=lambda column: column.rank)
@@ -100,7 +67,7 @@ def pages(states: Sequence[VehicleState], width: int) -> list[tuple[Column, ...]
         page: list[Column] = []
         for column in waiting:
             needed = GAP + column.needed(states)
-            # One is shown in any case, so that a terminal that is too narrow for it has a last page, too.
+            # At least one column per page, however narrow the terminal is.
             if needed <= room or not page:
                 page.append(column)
                 room -= needed
@@ -110,7 +77,7 @@ def pages(states: Sequence[VehicleState], width: int) -> list[tuple[Column, ...]
 
 
 def fleet_table(fleet: Fleet, width: int) -> Table:
-    """All vehicles of a running fleet, in the most important columns that a terminal has room for."""
+    """All vehicles of a running fleet, in the most important columns that fit."""
     states = [vehicle.state for vehicle in fleet]
     return _table(fleet, states, pages(states, width)[0])
 
@@ -118,20 +85,10 @@ def fleet_table(fleet: Fleet, width: int) -> Table:
 def fleet_view(
     fleet: Fleet, width: int, page: int = 0, columns: Sequence[Column] | None = None, keys: bool = False
 ) -> Group:
-    """The table, and below it what blocks take-off, and what is worth knowing.
+    """The table, and below it problems that block take-off, and notes.
 
-    Parameters
-    ----------
-    fleet
-        A running fleet.
-    width
-        Columns of the terminal.
-    page
-        Which page of the columns; beyond the last one they begin again.
-    columns
-        These instead of what there is room for.
-    keys
-        Whether to tell which keys there are.
+    `columns` replaces the pages of columns that fit into `width`; `keys` adds a line about the keyboard.
+    Pages begin again after the last one.
     """
     states = [vehicle.state for vehicle in fleet]
     shown = pages(states, width) if columns is None else [tuple(columns)]
@@ -166,13 +123,13 @@ def _table(fleet: Fleet, states: Sequence[VehicleState], columns: Sequence[Colum
 
 
 def table_width(fleet: Fleet, columns: Sequence[Column]) -> int:
-    """Columns that a terminal needs for a table."""
+    """Width that a terminal needs for a table."""
     states = [vehicle.state for vehicle in fleet]
     return sum(column.needed(states) + GAP for column in columns)
 
 
 def tracker_line(fleet: Fleet) -> str:
-    """Name of the fleet and what its motion capture does."""
+    """Name of the fleet and state of its motion capture."""
     received = fleet.tracker.latest()
     if received is None:
         return f"{fleet.file.name}: Vicon gateway not responding yet"
@@ -184,8 +141,7 @@ def tracker_line(fleet: Fleet) -> str:
 
 
 def _phase(state: VehicleState) -> Text:
-    stale = state.agent_age_s is None or state.agent_age_s > STALE_S
-    if stale:
+    if state.silent:
         return Text(f"{state.phase} (silent)", style="red")
     return Text(state.phase, style="green" if state.phase == "flying" else "")
 
@@ -216,8 +172,6 @@ def _solve(state: VehicleState) -> str:
 
 
 def _stage(stage: str) -> Callable[[VehicleState], str]:
-    """Cell of a latency column."""
-
     def cell(state: VehicleState) -> str:
         figures = state.latency_ms.get(stage)
         return UNKNOWN if figures is None else " ".join(f"{figures[name]:.1f}" for name in FIGURES)
@@ -225,24 +179,18 @@ def _stage(stage: str) -> Callable[[VehicleState], str]:
     return cell
 
 
-def _stage_column(stage: str, rank: int) -> Column:
-    return Column(f"{stage}-ms", f"{stage} [ms]\np50 p99 max", _stage(stage), rank, 14, right=True)
-
-
 def _events(state: VehicleState) -> Text:
-    """Fallbacks, and messages that were refused, by kind."""
-    counts: Counter[str] = Counter()
-    if state.agent is not None:
-        counts += Counter(state.agent.diagnostics.fallbacks) + Counter(state.agent.diagnostics.rejected)
-    if state.transmitter is not None:
-        counts += Counter(state.transmitter.rejected)
-    return Text(", ".join(f"{kind} {count}" for kind, count in counts.items()) or UNKNOWN)
+    return Text(", ".join(f"{kind} {count}" for kind, count in state.event_counts.items()) or UNKNOWN)
 
 
 def _milliseconds(value_s: float | None) -> str:
     return UNKNOWN if value_s is None else f"{1000 * value_s:.0f}"
 
 
+LATENCY_COLUMNS = tuple(
+    Column(f"{stage}-ms", f"{stage} [ms]\np50 p99 max", _stage(stage), 13 + number, 14, right=True)
+    for number, stage in enumerate((TOTAL, *STAGES))
+)
 COLUMNS = (
     Column("vehicle", "vehicle", lambda state: Text(state.name), 0, 7),
     Column("phase", "phase", _phase, 1, 9),
@@ -277,6 +225,6 @@ COLUMNS = (
         4,
     ),
     Column("events", "fallbacks,\nrejections", _events, 8, 18, wraps=True),
-    *(_stage_column(stage, 13 + number) for number, stage in enumerate((TOTAL, *STAGES))),
+    *LATENCY_COLUMNS,
 )
 """In the order in which they are shown."""

@@ -1,4 +1,4 @@
-"""Warnings about margins from a process that ends: what they take stays out of the one that launches."""
+"""Warnings about margins from a process of their own, so that a launcher needs no numerical libraries."""
 
 import sys
 
@@ -8,7 +8,7 @@ from rcopterx.fleet.snapshot import encoded
 
 
 def warnings_apart(fleet: FleetFile) -> list[str]:
-    """`margins.configured_warnings` in a process of its own; a line that says why if it cannot tell them."""
+    """`margins.configured_warnings` from another process; a line with the reason if it fails."""
     try:
         with begun_behind_others(
             [sys.executable, "-m", "rcopterx.ground_station.terminal.margins"]

@@ -1,12 +1,12 @@
-"""Margins of the vehicles of a fleet: as its file configures them, or as they fly.
+"""Stability margins of the vehicles of a fleet: as its file configures them, or as they fly.
 
-As a program it reads the snapshot of a fleet from its standard input and prints
-`configured_warnings`; see `margin_warnings`.
+As a program it reads the snapshot of a fleet from standard input and prints `configured_warnings`; see
+`margin_warnings`.
 """
 
 import math
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -35,32 +35,21 @@ _NEARLY: Final = 0.999
 
 
 def configured(file: FleetFile, vehicle: str) -> Configuration:
-    """Controller and estimator with which a vehicle starts."""
+    """Controller and estimator that the fleet file configures for a vehicle."""
     control = file.vehicles[vehicle].control
     return Configuration(control.controller, control.estimator, control.settings, control.estimator_settings)
 
 
 def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
-    """Margins of vehicles as their fleet file configures them.
+    """Margins of vehicles as their fleet file configures them, as a JSON document.
 
-    Parameters
-    ----------
-    file
-        The fleet file.
-    vehicles
-        Names.
-
-    Returns
-    -------
-    dict
-        JSON document: `fleet` and `vehicles` by name with `rule`, the margins their models' uncertainty asks
-        for, and `axes`; `axes` is null where margins are not known, and `unknown` then says why. Names carry
-        the units.
+    It has `fleet`, and `vehicles` by name with `rule`, the margins required by the uncertainty of their
+    models, and `axes`; where margins are not known, `axes` is null and `unknown` says why.
 
     Raises
     ------
     FleetError
-        A setting that is not allowed.
+        A setting is not allowed.
     """
     return {"fleet": file.name, "vehicles": {name: _vehicle_margins(file, name) for name in vehicles}}
 
@@ -87,7 +76,7 @@ def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
 
 
 def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of a vehicle's margins, in `COLUMNS`: its axes, and what the rule asks for."""
+    """Rows of the table of a vehicle's margins, in `COLUMNS`: its axes, then the rule."""
     if found["axes"] is None:
         yield name, found["unknown"]
         return
@@ -96,13 +85,11 @@ def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
             name,
             axis,
             _at_most(margin["gain_up"], GAIN_LIMIT, 2),
-            f"{margin['gain_down']:.2f}" if margin["gain_down"] * GAIN_LIMIT > 1.0 / _NEARLY else "any",
+            _at_least(margin["gain_down"], 1.0 / GAIN_LIMIT),
             _at_most(math.degrees(margin["phase_rad"]), math.degrees(PHASE_LIMIT_RAD), 0),
             _at_most(1000 * margin["delay_s"], 1000 * DELAY_LIMIT_S, 0),
             _at_most(margin["frequency_up"], FREQUENCY_LIMIT, 2),
-            f"{margin['frequency_down']:.2f}"
-            if margin["frequency_down"] * FREQUENCY_LIMIT > 1.0 / _NEARLY
-            else "any",
+            _at_least(margin["frequency_down"], 1.0 / FREQUENCY_LIMIT),
             ", ".join(margin["below_rule"]) or "-",
         )
     rule = found["rule"]
@@ -123,8 +110,12 @@ def _at_most(value: float, limit: float, digits: int) -> str:
     return f"{value:.{digits}f}" if value < _NEARLY * limit else f"> {limit:.{digits}f}"
 
 
+def _at_least(value: float, limit: float) -> str:
+    return f"{value:.2f}" if value * _NEARLY > limit else "any"
+
+
 def configured_warnings(file: FleetFile) -> list[str]:
-    """What is below the rule as a fleet file configures its vehicles, a line each."""
+    """A line for every axis below the rule, as a fleet file configures its vehicles."""
     return [
         line
         for name, vehicle in file.vehicles.items()
@@ -133,14 +124,14 @@ def configured_warnings(file: FleetFile) -> list[str]:
 
 
 def flying_warnings(fleet: Fleet) -> list[str]:
-    """What is below the rule as the vehicles of a running fleet are tuned now, a line each."""
+    """A line for every axis below the rule, as the vehicles of a running fleet are tuned now."""
     lines = []
     for vehicle in fleet:
         agent = vehicle.state.agent
         if agent is not None:
-            said = agent.diagnostics
+            used = agent.diagnostics
             configuration = Configuration(
-                said.controller, said.estimator, said.controller_settings, said.estimator_settings
+                used.controller, used.estimator, used.controller_settings, used.estimator_settings
             )
             period_s = fleet.file.vehicles[vehicle.name].control.period_s
             lines += _warnings(vehicle.name, model_of(fleet.file, vehicle.name), period_s, configuration)
@@ -148,18 +139,13 @@ def flying_warnings(fleet: Fleet) -> list[str]:
 
 
 def _warnings(name: str, model: Model, period_s: float, configuration: Configuration) -> list[str]:
-    """Lines about one vehicle; an agent refuses settings that are not allowed itself."""
     if unknown_loops(configuration) is not None:
         return []
-    loops = loops_of(model, period_s, configuration)
-    below: Mapping[str, tuple[str, ...]] = {
-        axis: shortfalls(loop, model.uncertainty) for axis, loop in loops.items()
-    }
     return [
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
         "or identify the vehicle"
-        for axis, names in below.items()
-        if names
+        for axis, loop in loops_of(model, period_s, configuration).items()
+        if (names := shortfalls(loop, model.uncertainty))
     ]
 
 

@@ -1,4 +1,4 @@
-"""Faults for the simulated laboratory: read from words and files, sent to the simulator."""
+"""Faults for the simulated laboratory: parsed from text and files, sent to the simulator."""
 
 import json
 import tomllib
@@ -15,7 +15,7 @@ from rcopterx.simulator.faults import FAULTS, Fault, TimedFault, injected_faults
 
 
 class ScenarioError(ValueError):
-    """A fault that does not exist, or a field it does not have; says what is allowed."""
+    """An unknown fault or field, or a wrong value; says what is allowed."""
 
 
 class FaultRefusedError(RuntimeError):
@@ -23,14 +23,9 @@ class FaultRefusedError(RuntimeError):
 
 
 def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
-    """Fault by its kind.
+    """Fault of a kind of `rcopterx.simulator.faults.FAULTS`, with hyphens or underscores.
 
-    Parameters
-    ----------
-    kind
-        One of `rcopterx.simulator.faults.FAULTS`, with hyphens or underscores.
-    values
-        Its fields; texts are read as numbers where numbers are needed.
+    Texts among the values are converted where numbers are needed.
 
     Raises
     ------
@@ -51,7 +46,7 @@ def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
     return fault
 
 
-def field_from(words: str) -> tuple[str, object]:
+def field_from(text: str) -> tuple[str, object]:
     """Field and value from `FIELD=VALUE`; lists are written `[0, 0, 1]`.
 
     Raises
@@ -59,29 +54,24 @@ def field_from(words: str) -> tuple[str, object]:
     ScenarioError
         There is no equals sign.
     """
-    name, separator, text = words.partition("=")
+    name, separator, value = text.partition("=")
     if not separator:
-        raise ScenarioError(f"{words!r}: must be FIELD=VALUE")
-    if not text.startswith("["):
-        return name, text
+        raise ScenarioError(f"{text!r}: must be FIELD=VALUE")
+    if not value.startswith("["):
+        return name, value
     try:
-        return name, json.loads(text)
+        return name, json.loads(value)
     except json.JSONDecodeError:
-        raise ScenarioError(f"{name}: {text!r} is no list") from None
+        raise ScenarioError(f"{name}: {value!r} is no list") from None
 
 
 def read_scenario(path: Path) -> tuple[TimedFault, ...]:
-    """Faults of a scenario file, by time.
-
-    Parameters
-    ----------
-    path
-        TOML: tables `[[fault]]` with `at_s`, `kind` and the fields of the kind.
+    """Faults of a scenario file by time: TOML tables `[[fault]]` with `at_s`, `kind` and its fields.
 
     Raises
     ------
     ScenarioError
-        Not readable, not TOML, no faults, or a wrong one; names the file and the fault.
+        The file cannot be read, is not TOML, or has no fault or a wrong one.
     """
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -116,12 +106,12 @@ def _line(table: object) -> TimedFault:
 
 
 def inject_faults(session: Session, faults: Fault | Sequence[TimedFault]) -> None:
-    """Let the simulator of a running fleet show faults, one now or several by their times.
+    """Inject faults into the simulator of a running fleet, one now or several by their times.
 
     Raises
     ------
     FaultRefusedError
-        At least one cannot be carried out; none of them will happen.
+        At least one is not possible; none of them will happen.
     RequestFailedError
         There is no simulator.
     """

@@ -1,26 +1,34 @@
-"""The state of a fleet as a table for programs: what `rcopterx status --json` and `check --json` print."""
+"""The state of a fleet as a JSON document, as `rcopterx status --json` and `check --json` print it."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
-from rcopterx.bus.messages import LauncherStatus, LeaderLink
+import msgspec
+
+from rcopterx.bus.messages import LauncherStatus
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 
+SUBJECT_FIELDS: Final = ("subject", "vehicle", "listed", "ambiguous")
+LAUNCHER_FIELDS: Final = ("restarts", "hung", "spare_ready", "watchdog", "forgiven", "flies")
+AGENT_FIELDS: Final = (
+    "following", "assigned", "following_mode", "path_left_s", "set_point", "position_m", "velocity_m_s",
+    "yaw_rad",
+)  # fmt: skip
+DIAGNOSTICS_FIELDS: Final = (
+    "controller", "estimator", "horizon", "effort_factor", "ticks", "missed_ticks", "fallbacks",
+    "avoiding_ticks", "closest_plan_m", "estimator_events", "rejected", "realtime", "process", "remarks",
+)  # fmt: skip
+TRANSMITTER_FIELDS: Final = (
+    "state", "reason", "link", "module", "ready", "lease", "bridging", "counters", "rejected", "realtime",
+)  # fmt: skip
+
 
 def fleet_status(fleet: Fleet) -> dict[str, Any]:
-    """Everything that is known of a running fleet at this moment.
+    """Present state of a running fleet, best after `Fleet.wait_for_status`.
 
-    Parameters
-    ----------
-    fleet
-        A running fleet, best after `Fleet.wait_for_status`.
-
-    Returns
-    -------
-    dict
-        JSON document: `fleet`, `ready`, `problems`, `notes`, `tracker`, `hosts` and `vehicles` by name; what
-        is not known is null. Names carry the units.
+    Keys are `fleet`, `ready`, `problems`, `notes`, `tracker`, `hosts` and `vehicles` by name; unknown values
+    are null.
     """
     problems = fleet.problems()
     return {
@@ -35,17 +43,25 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
 
 
 def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
-    """What blocks take-off: `fleet`, `ready`, `problems` and `notes`, which do not block it."""
+    """Problems that block take-off, and notes that do not: `fleet`, `ready`, `problems` and `notes`."""
     # Margins need numerical libraries that a status does without.
     from rcopterx.ground_station.terminal.margins import flying_warnings
 
     problems, notes = fleet.problems(names), [*fleet.notes(), *flying_warnings(fleet)]
     notes += [
-        f"host {host}: flies about {status.flies} such vehicles"
+        f"host {host}: can fly about {status.flies} such vehicles"
         for host, status in fleet.launchers().items()
         if status.flies is not None and len(status.running) <= status.flies
     ]
     return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": notes}
+
+
+def _fields(source: object, names: tuple[str, ...]) -> dict[str, Any]:
+    """Attributes of a message as they are in a JSON document."""
+    fields: dict[str, Any] = msgspec.json.decode(
+        msgspec.json.encode({name: getattr(source, name) for name in names})
+    )
+    return fields
 
 
 def _tracker(fleet: Fleet) -> dict[str, Any] | None:
@@ -53,45 +69,24 @@ def _tracker(fleet: Fleet) -> dict[str, Any] | None:
     if received is None:
         return None
     status = received.message
-    return {
-        "state": status.state,
+    return _fields(status, ("state", "address", "frame", "latency_s", "counters", "recording")) | {
         "doing": status.trying,
-        "address": status.address,
-        "frame": status.frame,
         "rate_hz": round(1 / status.period_s, 3) if status.period_s else None,
-        "latency_s": status.latency_s,
         "age_s": _rounded(fleet.session.clock() - received.arrived_s),
         "subjects": [
-            {
-                "subject": subject.subject,
-                "vehicle": subject.vehicle,
-                "listed": subject.listed,
-                "ambiguous": subject.ambiguous,
-                "occluded_s": _rounded(subject.occluded_s),
-            }
+            _fields(subject, SUBJECT_FIELDS) | {"occluded_s": _rounded(subject.occluded_s)}
             for subject in status.subjects
         ],
-        "counters": dict(status.counters),
-        "recording": status.recording,
     }
 
 
 def _processes(status: LauncherStatus) -> dict[str, Any]:
-    return {
-        "restarts": dict(status.restarts),
-        "hung": dict(status.hung),
-        "spare_ready": status.spare_ready,
-        "watchdog": status.watchdog,
-        "longest_silence_s": {
-            name: _rounded(silence_s) for name, silence_s in status.longest_silence_s.items()
-        },
-        "forgiven": dict(status.forgiven),
-        "flies": status.flies,
-    }
+    longest_s = {name: _rounded(silence_s) for name, silence_s in status.longest_silence_s.items()}
+    return _fields(status, LAUNCHER_FIELDS) | {"longest_silence_s": longest_s}
 
 
 def vehicle_status(state: VehicleState) -> dict[str, Any]:
-    """Table of one vehicle; `agent` and `transmitter` are null before their first status."""
+    """State of one vehicle; `agent` and `transmitter` are null before their first status."""
     return {
         "phase": state.phase,
         "airborne": state.airborne,
@@ -112,41 +107,11 @@ def _agent(state: VehicleState) -> dict[str, Any] | None:
     return {
         "age_s": _rounded(state.agent_age_s),
         "flown_by": state.flown_by,
-        "controller": figures.controller,
-        "estimator": figures.estimator,
-        "horizon": figures.horizon,
-        "effort_factor": figures.effort_factor,
-        "following": [_link(link) for link in agent.following],
-        "assigned": [_link(link) for link in agent.assigned],
-        "following_mode": agent.following_mode,
         "client": figures.client or None,
-        "path_left_s": agent.path_left_s,
-        "set_point": {"position_m": list(agent.set_point.position_m), "yaw_rad": agent.set_point.yaw_rad},
-        "position_m": None if agent.position_m is None else list(agent.position_m),
-        "velocity_m_s": None if agent.velocity_m_s is None else list(agent.velocity_m_s),
-        "yaw_rad": agent.yaw_rad,
         "plan_age_s": _rounded(figures.plan_age_s),
-        "ticks": figures.ticks,
-        "missed_ticks": figures.missed_ticks,
         "solve_ms": {"p50": figures.solve_ms_p50, "p99": figures.solve_ms_p99, "max": figures.solve_ms_max},
-        "fallbacks": dict(figures.fallbacks),
-        "avoiding_ticks": figures.avoiding_ticks,
-        "closest_plan_m": figures.closest_plan_m,
-        "estimator_events": dict(figures.estimator_events),
-        "rejected": dict(figures.rejected),
-        "realtime": figures.realtime,
-        "process": figures.process,
-        "remarks": list(figures.remarks),
-    }
-
-
-def _link(link: LeaderLink) -> dict[str, Any]:
-    return {
-        "leader": link.leader,
-        "offset_m": list(link.offset_m),
-        "yaw_offset_rad": link.yaw_offset_rad,
-        "frame": link.frame,
-        "weight": link.weight,
+        **_fields(agent, AGENT_FIELDS),
+        **_fields(figures, DIAGNOSTICS_FIELDS),
     }
 
 
@@ -156,17 +121,8 @@ def _transmitter(state: VehicleState) -> dict[str, Any] | None:
         return None
     return {
         "age_s": _rounded(state.transmitter_age_s),
-        "state": transmitter.state,
-        "reason": transmitter.reason,
-        "link": transmitter.link,
-        "module": transmitter.module,
-        "ready": transmitter.ready,
-        "lease": transmitter.lease,
         "command_age_s": _rounded(transmitter.command_age_s),
-        "bridging": transmitter.bridging,
-        "counters": dict(transmitter.counters),
-        "rejected": dict(transmitter.rejected),
-        "realtime": transmitter.realtime,
+        **_fields(transmitter, TRANSMITTER_FIELDS),
     }
 
 

@@ -128,7 +128,7 @@ def test_what_speaks_against_taking_off_is_told_in_words(
     for name, value in change.items():
         setattr(vehicles["h1"], name, value)
     wait_for(lambda: re.match(words, "; ".join(fleet.state_of("h1").problems())), "the problem is not seen")
-    with pytest.raises(NotReachedError, match=f"not ready after 0.05 s: {words}"):
+    with pytest.raises(NotReachedError, match=f"after 0.05 s: not ready: {words}"):
         fleet.wait_ready(timeout_s=0.05)
     fleet.wait_ready(["h2"])
 

@@ -14,7 +14,8 @@ from rcopterx.bus.messages import LauncherStatus, LeaderLink, SubjectState, Trac
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx.ground_station.scripting.state import error_of, launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.scripting.notes import launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.scripting.state import error_of
 from rcopterx.ground_station.terminal.status import fleet_check, fleet_status, readable
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -192,6 +193,6 @@ def test_a_host_with_more_agents_than_it_serves_is_told() -> None:
     for flies in (None, 2, 7):
         assert launcher_notes("main", msgspec.structs.replace(status, flies=flies)) == []
     (line,) = launcher_notes("main", msgspec.structs.replace(status, measuring=True))
-    assert line == "host main: finds out how many vehicles it flies; a take-off waits for that"
+    assert line == "host main: measures how many vehicles it can fly; take-off waits for the result"
     (line,) = launcher_notes("main", msgspec.structs.replace(status, flies=1))
-    assert line.startswith("host main: flies about 1 such vehicles, and the agents of 2 run on it: they")
+    assert line.startswith("host main: can fly about 1 such vehicles, but runs the agents of 2, which")

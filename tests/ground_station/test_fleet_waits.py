@@ -60,7 +60,7 @@ def test_a_formation_waits_for_offsets_that_are_on_their_way(fleet: Fleet, vehic
 
 def test_a_vehicle_that_follows_nobody_is_never_in_formation(fleet: Fleet, vehicles: Vehicles) -> None:
     flying_formation(vehicles)
-    with pytest.raises(NotReachedError, match="h1: follows nobody"):
+    with pytest.raises(NotReachedError, match="h1: does not follow any vehicle"):
         fleet["h1"].wait_for_formation(timeout_s=0.3)
     vehicles["h2"].plan = None
     fleet["h1"].go_to((0.0, 0.0, 1.0))

@@ -1,9 +1,12 @@
 """Promises of the recorder in a script: it keeps what travels, all of it or the newest."""
 
+import time
+
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
+from rcopterx.bus.channels import CHANNELS
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -14,7 +17,7 @@ def test_a_recording_holds_what_travelled_between_start_and_stop(
     recorder = Recorder(fleet.session)
     assert len(recorder.stop()) == 0
     recorder.start()
-    wait_for(lambda: len(recorder._records) > 30, "nothing is recorded")
+    wait_for(lambda: len(recorder) > 30, "nothing is recorded")
     recording = recorder.stop()
     messages = recording.messages(channels.AGENT_STATUS, "h1")
     assert messages
@@ -27,7 +30,16 @@ def test_a_recording_holds_what_travelled_between_start_and_stop(
 def test_a_recorder_with_a_limit_keeps_the_newest(fleet: Fleet) -> None:
     recorder = Recorder(fleet.session, kept=5)
     recorder.start()
-    wait_for(lambda: len(recorder._records) == 5, "nothing is recorded")
-    first = recorder._records[0]
-    wait_for(lambda: recorder._records[0] is not first, "the oldest is kept")
-    assert len(recorder.stop()) == 5
+    wait_for(lambda: len(recorder) == 5, "nothing is recorded")
+    before_s = fleet.session.clock()
+    time.sleep(0.5)
+    recording = recorder.stop()
+    assert len(recording) == 5
+    times = [
+        arrived_s
+        for channel in CHANNELS
+        for unit in recording.units(channel)
+        for _, arrived_s in recording.messages(channel, unit)
+    ]
+    assert times
+    assert min(times) > before_s

@@ -154,7 +154,7 @@ def test_a_fleet_that_is_not_ready_is_a_failure_with_the_reason(
     monkeypatch.setattr(Fleet.wait_ready, "__defaults__", (None, 2.0))
     result = run("fly", "fine", "-f", up)
     assert result.exit_code == 1
-    assert "not ready after 2 s: h2: transmitter not ready" in result.stdout
+    assert "after 2 s: not ready: h2: transmitter not ready" in result.stdout
 
 
 def test_nothing_flown_is_no_success(up: str, table: dict[str, Manoeuvre]) -> None:

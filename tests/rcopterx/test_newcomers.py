@@ -21,7 +21,7 @@ from rcopterx.deploy.hosts.launcher import check_resources
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.ground_station.scripting.state import tracker_problems
+from rcopterx.ground_station.scripting.notes import tracker_problems
 
 Vehicles = dict[str, ScriptedVehicle]
 

@@ -7,7 +7,8 @@ import rcopterx
 from rcopterx.agents.phases import TRANSITIONS
 from rcopterx.bus.messages import SubjectState, TrackerStatus, TransmitterStatus
 from rcopterx.command_line import COMMANDS
-from rcopterx.ground_station.scripting.state import VehicleState, tracker_problems
+from rcopterx.ground_station.scripting.notes import tracker_problems
+from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.ground_station.terminal.live_table import COLUMNS
 
 TEXT = (Path(rcopterx.__file__).parents[1] / "docs" / "operations.md").read_text(encoding="utf-8")

@@ -69,5 +69,5 @@ def test_flights_that_tell_nothing_are_refused() -> None:
         recording_of(flight(poses, []), "h1", "coaxial", 0.02)
     with pytest.raises(IdentificationError, match="the arbiter was hold meanwhile"):
         recording_of(flight(poses, [*inputs, applied(120, state="hold")]), "h1", "coaxial", 0.02)
-    with pytest.raises(IdentificationError, match="the motion capture began anew"):
+    with pytest.raises(IdentificationError, match="the motion capture restarted"):
         recording_of(flight([*poses, pose(1, epoch=2)], inputs), "h1", "coaxial", 0.02)

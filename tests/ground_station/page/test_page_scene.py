@@ -244,7 +244,7 @@ def test_a_formation_is_saved_and_flown_again_leaders_first(
     page.saved.save()
     assert [text for text, refused in notices if refused] == [
         "no formation is saved yet",
-        "nobody who flies follows anybody",
+        "no flying vehicle follows another one",
     ]
     link = LeaderLink(leader="h1", offset_m=(0.0, 1.0, 0.0))
     fly(vehicles)

@@ -18,7 +18,7 @@ from rcopterx.bus.messages import Kill, Plan, Pose, TransmitterStatus
 from rcopterx.bus.requests import Reply, TakeOff
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.flights.mcap_reading import FlightLogError
-from rcopterx.ground_station.page.timeline import Event
+from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.report.document import Html, table
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.logged_flight import LoggedFlight, events_of, logged_flight
@@ -103,9 +103,9 @@ def test_events_are_told_in_order_whoever_saw_them() -> None:
         (2.0, "take_off"),
         (2.1, "ground → takeoff"),
         (3.0, "h1 was killed"),
-        (4.0, "KILL everybody: space bar"),
+        (4.0, "KILL all vehicles: space bar"),
         (4.05, "transmitter killed: by page"),
-        (20.0, "KILL everybody: space bar"),
+        (20.0, "KILL all vehicles: space bar"),
     ]
     assert [event.alarming for event in events] == [True, False, False, False, True, True, True]
 

@@ -3,7 +3,7 @@
 from rcopterx.bus.link_messages import LinkState, RouterStatus
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.ground_station.scripting.daemons import differences
-from rcopterx.ground_station.scripting.hosts import clock_differences
+from rcopterx.ground_station.scripting.notes import clock_differences
 
 
 def answer(host: str, version: str) -> IdentifyReply:

@@ -85,7 +85,7 @@ def test_another_version_of_the_file_is_refused(tmp_path: Path) -> None:
     changed = parse_fleet(path.read_text() + "\n[avoidance]\nenabled = false\n")
     with (
         router_of(path),
-        pytest.raises(WrongFleetError, match=r"^fleet lab is up by another version of its file \(\w{12} on"),
+        pytest.raises(WrongFleetError, match=r"^fleet lab is up with another version of its file \(\w{12}"),
     ):
         Fleet(changed, timeout_s=DEADLINE_S)
 

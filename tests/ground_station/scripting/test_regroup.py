@@ -171,7 +171,7 @@ def test_who_refuses_or_is_not_heard_keeps_everybody_where_they_are(
         assert fleet.links != TREE
         return
     assert fleet.links == TREE
-    if "could not be told to stay" not in told:
+    if "did not confirm to keep" not in told:
         assert "nothing has changed" in told
         with pytest.raises(TimeoutError):
             fleet.wait_until(lambda: fleet.links != TREE, 2.0, "nothing changes")
@@ -201,7 +201,7 @@ def test_who_dies_before_the_frame_has_everybody_go_back() -> None:
         return reply
 
     fleet.request = dying  # type: ignore[method-assign]  # the vehicle dies after it has agreed
-    with pytest.raises(RegroupError, match="h4 did not take the new leaders; everybody is as before"):
+    with pytest.raises(RegroupError, match="h4 did not change leaders; all vehicles are as before"):
         regroup(fleet, change, where, before)  # type: ignore[arg-type]  # no bus
     assert fleet.links == TREE
 
@@ -210,7 +210,7 @@ def test_vehicles_that_do_not_fly_or_are_absent_change_no_roles() -> None:
     grounded = STATUSES | {"h2": status(TREE["h2"], phase="armed")}
     with pytest.raises(RegroupError, match="h2 does not fly, its phase is armed"):
         swapped(grounded, "h1", "h2")
-    with pytest.raises(RegroupError, match="h9 is absent: nothing is heard from its agent"):
+    with pytest.raises(RegroupError, match="h9 is absent: its agent is silent"):
         swapped(STATUSES, "h1", "h9")
 
 

@@ -1,17 +1,15 @@
-"""What is known of a fleet, as HTML for the page; every number with its unit."""
+"""The state of a fleet as HTML for the page; every number with its unit."""
 
 import math
-from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from html import escape
 from typing import Final
 
-from rcopterx.ground_station.page.timeline import Event
+from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.report.latency import STAGES, TOTAL
 from rcopterx.ground_station.scripting.state import VehicleState
 
 EVENTS_SHOWN: Final = 30
-SILENT_S: Final = 0.5
 _ALARM: Final = "color:#fff;background:#c81e1e;border-radius:4px;padding:2px 6px;font-weight:600"
 _TABLE: Final = "font-size:0.8em;line-height:1.45;border-spacing:0;width:100%;overflow-wrap:anywhere"
 _CELL: Final = "color:#777;padding:0 0.8em 0 0.6em;vertical-align:top"
@@ -20,18 +18,8 @@ _SHORT: Final = f"{_CELL};white-space:nowrap;width:1%"
 
 
 def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence[str]) -> str:
-    """Name of the fleet, and below it what nobody may overlook.
-
-    Parameters
-    ----------
-    fleet_name
-        From the fleet file.
-    states
-        Of all vehicles.
-    problems
-        What blocks take-off.
-    """
-    alarms = [f"{state.name}: {told(state)}" for state in states if state.alarming]
+    """Name of the fleet, and below it alarms and the problems that block take-off."""
+    alarms = [f"{state.name}: {transmitter_text(state)}" for state in states if state.alarming]
     alarms += [
         f"{state.name}: {remark}"
         for state in states
@@ -43,7 +31,7 @@ def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence
     return f'<div style="font-size:0.85em;padding:0 0.5em"><b>{escape(fleet_name)}</b>{"".join(lines)}</div>'
 
 
-def told(state: VehicleState) -> str:
+def transmitter_text(state: VehicleState) -> str:
     """State of the transmitter with its reason, which may begin with the state."""
     if state.transmitter is None:
         return state.transmitter_state
@@ -52,7 +40,7 @@ def told(state: VehicleState) -> str:
 
 
 def vehicle_table(state: VehicleState) -> str:
-    """Everything about one vehicle, a row each."""
+    """State of one vehicle, a row for each quantity."""
     rows = "".join(
         f'<tr><td style="{_NAME}">{escape(name)}</td>'
         f'<td style="{_ALARM if alarming else ""}">{escape(text)}</td></tr>'
@@ -74,10 +62,9 @@ def event_list(events: Sequence[Event], now_s: float) -> str:
 
 def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     agent, transmitter = state.agent, state.transmitter
-    silent = state.agent_age_s is None or state.agent_age_s > SILENT_S
-    yield "phase", state.phase + (" (agent does not respond)" if silent else ""), silent
+    yield "phase", state.phase + (" (agent does not respond)" if state.silent else ""), state.silent
     if transmitter is not None:
-        yield "transmitter", told(state), state.alarming
+        yield "transmitter", transmitter_text(state), state.alarming
         yield "radio", f"{transmitter.link}, {transmitter.module}", False
         yield "command age", _milliseconds(transmitter.command_age_s), False
     yield "seen", _milliseconds(state.seen_age_s) + " ago", False
@@ -87,9 +74,11 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     for remark in values.remarks:
         yield "remark", remark, True
     flown_by = f"{values.client} (external program)" if values.client else values.controller
-    yield "flown by", flown_by + _lowered(values.effort_factor), values.effort_factor > 1.0
+    lowered = values.effort_factor != 1.0
+    factor = f", bandwidth lowered (effort × {values.effort_factor:g})" if lowered else ""
+    yield "flown by", flown_by + factor, values.effort_factor > 1.0
     yield "estimator", values.estimator, False
-    yield "follows", ", ".join(state.leaders) or "nobody", False
+    yield "follows", ", ".join(state.leaders) or "-", False
     if agent.following_mode != "follow":
         yield "leader lost", agent.following_mode, True
     yield "position", _metres(agent.position_m), False
@@ -107,23 +96,14 @@ def _rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     yield from _latency_rows(state)
     if agent.path_left_s > 0.0:
         yield "trajectory", f"{agent.path_left_s:.0f} s left", False
-    counts = Counter(values.fallbacks) + Counter(values.rejected)
-    counts += Counter({} if transmitter is None else transmitter.rejected)
-    yield "fallbacks, rejections", _counted(counts), False
+    counts = ", ".join(f"{kind} {count}" for kind, count in state.event_counts.items())
+    yield "fallbacks, rejections", counts or "none", False
 
 
 def _latency_rows(state: VehicleState) -> Iterable[tuple[str, str, bool]]:
     for stage, figures in state.latency_ms.items():
         name = "latency p50 / p99 / max, capture to serial port" if stage == TOTAL else f"· {STAGES[stage]}"
         yield name, f"{figures['p50']:.1f} / {figures['p99']:.1f} / {figures['max']:.1f} ms", False
-
-
-def _lowered(effort_factor: float) -> str:
-    return "" if effort_factor == 1.0 else f", bandwidth lowered (effort × {effort_factor:g})"
-
-
-def _counted(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{kind} {count}" for kind, count in counts.items()) or "none"
 
 
 def _metres(place: Sequence[float] | None) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from support.statuses import flying_status
 
 from rcopterx.bus.messages import LeaderLink, TransmitterStatus
-from rcopterx.ground_station.page.timeline import KEPT, Timeline, changes
+from rcopterx.ground_station.events import KEPT, Timeline, changes
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="ready", ready=True)

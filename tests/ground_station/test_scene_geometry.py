@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support.plans import plan_of
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.ground_station.page.geometry import (
+from rcopterx.ground_station.geometry import (
     arrow,
     box_edges,
     heading_quaternion,

@@ -1,18 +1,17 @@
-"""Shapes of the scene as arrays, and offsets from dragged handles: no page, no bus."""
+"""Lines of the scene as arrays, and offsets from dragged handles."""
 
 import math
 from collections.abc import Sequence
 from typing import Final
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from rcopterx.bus.messages import LeaderLink, Plan
-
-Array = NDArray[np.float64]
+from rcopterx.vehicles.state import Array, heading_matrix
 
 NOWHERE: Final = np.zeros((1, 2, 3))
-"""A line that is not there."""
+"""An invisible line."""
 
 
 def heading_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
@@ -26,7 +25,7 @@ def polyline(points: Array) -> Array:
 
 
 def plan_segments(plan: Plan | None) -> Array:
-    """Line of a plan as segments, shape (stages - 1, 2, 3) [m]; a point without one."""
+    """Line of a plan as segments, shape (stages - 1, 2, 3) [m]; a point without a plan."""
     return NOWHERE if plan is None else polyline(plan.samples()[:, :3])
 
 
@@ -36,33 +35,33 @@ def box_edges(low: Array, high: Array) -> Array:
     return np.array([(corners[i], corners[i | bit]) for bit in (1, 2, 4) for i in range(8) if not i & bit])
 
 
+def inertial_offset(link: LeaderLink, leader_yaw_rad: float) -> Array:
+    """Offset from a leader with this heading in the inertial frame, shape (3,) [m]."""
+    return _turned(link.offset_m, leader_yaw_rad if link.frame == "heading" else 0.0)
+
+
 def place_beside(
     link: LeaderLink, leader_m: Sequence[float], leader_yaw_rad: float
 ) -> tuple[float, float, float]:
-    """Where a follower keeps itself [m]: the leader's place plus the offset, turned if it turns."""
-    x, y, z = np.array(leader_m) + _turned(link.offset_m, leader_yaw_rad if link.frame == "heading" else 0.0)
+    """Place of a follower in the inertial frame [m]."""
+    x, y, z = np.array(leader_m) + inertial_offset(link, leader_yaw_rad)
     return float(x), float(y), float(z)
 
 
 def link_to(
     link: LeaderLink, place_m: Sequence[float], leader_m: Sequence[float], leader_yaw_rad: float
 ) -> LeaderLink:
-    """Link whose follower keeps itself at a place [m]; the inverse of `place_beside`."""
+    """Link that puts its follower at a place [m]; the inverse of `place_beside`."""
     away = np.array(place_m, dtype=float) - np.array(leader_m, dtype=float)
     x, y, z = _turned(away, -leader_yaw_rad if link.frame == "heading" else 0.0)
-    return LeaderLink(
-        leader=link.leader,
-        offset_m=(round(float(x), 3), round(float(y), 3), round(float(z), 3)),
-        yaw_offset_rad=link.yaw_offset_rad,
-        frame=link.frame,
-        weight=link.weight,
-    )
+    offset_m = (round(float(x), 3), round(float(y), 3), round(float(z), 3))
+    return msgspec.structs.replace(link, offset_m=offset_m)
 
 
 def on_level(
     origin_m: Sequence[float], direction: Sequence[float], height_m: float
 ) -> tuple[float, float, float] | None:
-    """Where a ray meets a horizontal plane [m]; None if it does not, or behind its origin."""
+    """Point where a ray meets a horizontal plane [m]; None if it does not, or behind its origin."""
     rise = float(direction[2])
     if abs(rise) < 1e-9:
         return None
@@ -83,6 +82,4 @@ def arrow(start_m: Sequence[float], vector_m: Sequence[float]) -> Array:
 
 
 def _turned(vector: Sequence[float] | Array, yaw_rad: float) -> Array:
-    x, y, z = (float(value) for value in vector)
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    return np.array([cos * x - sin * y, sin * x + cos * y, z])
+    return np.array([*(heading_matrix(yaw_rad) @ vector[:2]), vector[2]])

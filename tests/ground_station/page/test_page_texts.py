@@ -5,8 +5,8 @@ from dataclasses import replace
 from support.statuses import flying_status
 
 from rcopterx.bus.messages import TransmitterStatus
-from rcopterx.ground_station.page.timeline import Event
-from rcopterx.ground_station.page.words import banner, event_list, vehicle_table
+from rcopterx.ground_station.events import Event
+from rcopterx.ground_station.page.texts import banner, event_list, vehicle_table
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="armed: by h1", link="open", module="<b>", ready=True)

@@ -1,0 +1,107 @@
+"""Lines about motion capture, launchers and hosts: problems that block take-off, and notes that do not."""
+
+from collections.abc import Mapping, Sequence
+
+from rcopterx.bus.link_messages import LinkState, RouterStatus
+from rcopterx.bus.messages import LauncherStatus, TrackerStatus
+from rcopterx.ground_station.scripting.state import STALE_S, since
+
+
+def tracker_problems(status: TrackerStatus | None, age_s: float | None, names: Sequence[str]) -> list[str]:
+    """Problems that the Vicon gateway reports for vehicles; `status` is None before the first one."""
+    if status is None or age_s is None or age_s > STALE_S:
+        return [f"Vicon gateway not responding{since(age_s)}"]
+    if status.state != "up":
+        return [f"Tracker: {status.trying}; does it run, and stream at tracker.address?"]
+    listed = ", ".join(repr(subject.subject) for subject in status.subjects if subject.listed)
+    found = []
+    for subject in status.subjects:
+        if subject.vehicle not in names:
+            continue
+        if not subject.listed:
+            missing = f"{subject.vehicle}: subject {subject.subject!r} is not in the Tracker's list"
+            found.append(f"{missing} (it lists: {listed or 'nothing'})")
+        elif subject.ambiguous:
+            found.append(f"{subject.vehicle}: the Tracker lists several subjects {subject.subject!r}")
+    return found
+
+
+def tracker_notes(status: TrackerStatus | None) -> list[str]:
+    """Subjects of no vehicle, and a raw recording of the Tracker's stream."""
+    if status is None:
+        return []
+    notes = [
+        f"subject {subject.subject!r} is in no vehicle"
+        for subject in status.subjects
+        if subject.vehicle is None and subject.listed
+    ]
+    return notes + ([f"raw recording: {status.recording}"] if status.recording else [])
+
+
+def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
+    """Processes of a host that died or hung, a watchdog that is off, more agents than the host serves."""
+    deaths = [
+        f"{name} {restarts}" + (f" ({status.hung[name]} hung)" if status.hung.get(name) else "")
+        for name, restarts in status.restarts.items()
+        if restarts
+    ]
+    notes = [f"host {host}: started again: {', '.join(deaths)}"] if deaths else []
+    if not status.watchdog:
+        notes.append(f"host {host}: the watchdog is off, processes that hang are not replaced")
+    return notes + capacity_notes(host, status)
+
+
+def capacity_notes(host: str, status: LauncherStatus) -> list[str]:
+    """A line if a host runs more agents than it serves without missed periods, or measures that."""
+    if status.measuring:
+        return [f"host {host}: measures how many vehicles it can fly; take-off waits for the result"]
+    if status.crowding <= 1.0:
+        return []
+    return [
+        f"host {host}: can fly about {status.flies} such vehicles, but runs the agents of "
+        f"{len(status.running)}, which therefore control at a lower rate; move some to other hosts, or "
+        "shorten their horizons"
+    ]
+
+
+def link_notes(statuses: Mapping[str, RouterStatus], here: str) -> list[str]:
+    """A line for every link between hosts that is missing, and for every host that is linked with `here`.
+
+    `statuses` are those of the routers, by host.
+    """
+    lines = []
+    missing = set()
+    for host, status in sorted(statuses.items()):
+        for other, state in sorted(status.links.items()):
+            if not state.linked:
+                missing.add(tuple(sorted((host, other))))
+            elif host == here:
+                lines.append(f"host {other}: {_clock(state, here)}{_incidents(state)}")
+    return [f"hosts {first} and {second} are not linked" for first, second in sorted(missing)] + lines
+
+
+def clock_differences(statuses: Mapping[str, RouterStatus], here: str, limit_s: float) -> list[str]:
+    """A line for every host whose clock differs from that of `here` by more than a limit."""
+    links = statuses[here].links if here in statuses else {}
+    return [
+        f"host {other}: {_clock(state, here)}; set the clocks, for instance by chrony"
+        for other, state in sorted(links.items())
+        if state.clock_offset_s is not None and abs(state.clock_offset_s) > limit_s
+    ]
+
+
+def _clock(state: LinkState, here: str) -> str:
+    if state.clock_offset_s is None or state.round_trip_s is None:
+        return "linked"
+    offset_ms, uncertain_ms = 1e3 * state.clock_offset_s, 5e2 * state.round_trip_s
+    side = "ahead of" if offset_ms >= 0 else "behind"
+    return (
+        f"clock {abs(offset_ms):.1f} +- {uncertain_ms:.1f} ms {side} that of {here}, "
+        f"round trip {1e3 * state.round_trip_s:.1f} ms"
+    )
+
+
+def _incidents(state: LinkState) -> str:
+    redialled = f", redials: {state.redials}" if state.redials else ""
+    late = f", late beats: {state.late}" if state.late else ""
+    return redialled + late
