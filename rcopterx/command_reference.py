@@ -10,9 +10,9 @@ from rcopterx.command_line import COMMANDS, app
 HEAD = """\
 # Commands
 
-Generated from the commands by `python -m rcopterx.command_reference`; the option `--help` shows the same text in the
-terminal. Lengths are metres, times seconds, angles on the command line degrees; in
-Python, in the fleet file and on the bus they are radians.
+Generated from the commands by `python -m rcopterx.command_reference`; `--help` shows the same text in the
+terminal. Lengths are metres, times seconds, angles on the command line degrees; in Python, in the fleet file
+and on the bus they are radians.
 """
 
 

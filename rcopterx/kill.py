@@ -1,7 +1,7 @@
-"""`rcopterx kill`: cuts the motors of every fleet that is up, and reports for every vehicle whether its arbiter did.
+"""`rcopterx kill`: cuts the motors of every fleet that is up, and reports whether the arbiters confirm it.
 
-It must work a tenth of a second after it was typed, so nothing here imports the command line, message types or
-numerical libraries: the few bytes of a kill are packed by hand.
+It must work a tenth of a second after it was typed, so nothing here imports the command line, message types
+or numerical libraries: the few bytes of a kill are packed by hand.
 """
 
 import os
@@ -143,8 +143,8 @@ def kill(
 ) -> list[Verdict]:
     """Cut the motors, again and again, until every arbiter reports KILLED or the time is over.
 
-    `fleets` are those whose routers are used; without `vehicles` all are killed. `only` names the only fleet that
-    shall obey; None means every fleet behind these routers.
+    `fleets` are those whose routers are used; without `vehicles` all are killed. `only` names the only fleet
+    that shall obey; None means every fleet behind these routers.
     """
     states, stop = States(), threading.Event()
     target = key(only or EVERY_FLEET, FLEET_UNIT, KILL_TOPIC)

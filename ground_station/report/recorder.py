@@ -67,9 +67,9 @@ class Recorder:
         for topic in ("*",) if only is None else tuple(channel.topic for channel in only):
             session.tap(self._store, topic)
 
-    def _store(self, heard: RawMessage) -> None:
-        if self._active and heard.topic in self._topics:
-            self._records.append(Record(heard.unit, heard.topic, heard.payload, heard.arrived_s))
+    def _store(self, message: RawMessage) -> None:
+        if self._active and message.topic in self._topics:
+            self._records.append(Record(message.unit, message.topic, message.payload, message.arrived_s))
 
     def __len__(self) -> int:
         return len(self._records)
