@@ -1,6 +1,8 @@
-"""What an agent is made of, and who of it knows whom."""
+"""The parts of an agent, and how they are connected."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from rcopterx.agents.flight.guidance import Guidance
@@ -9,7 +11,6 @@ from rcopterx.agents.following.leader_plans import LeaderPlans
 from rcopterx.agents.following.links import followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.peers import PeerStatuses
-from rcopterx.agents.formation.limit_scaling import LimitScaling
 from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.load.load_relief import LoadRelief
 from rcopterx.agents.load.pacing import Pacing, SolveTimer
@@ -21,23 +22,32 @@ from rcopterx.agents.separation.traffic import Traffic
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.takeover.handover import Handover
 from rcopterx.agents.takeover.lease import ControlLease
-from rcopterx.agents.telemetry import DiagnosticsCollector
+from rcopterx.agents.telemetry import EventSource
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus import channels
+from rcopterx.bus.messages import Lease
 from rcopterx.bus.stepping import StepBus
+from rcopterx.bus.subscription import Inbox
 
 TUNED: Final = "tuned"
-"""Note of the thread that prepares another controller."""
+"""Event of the thread that prepares another controller."""
 TRAJECTORY_CHECKED: Final = "trajectory_checked"
-"""Note of the thread that checks a trajectory."""
+"""Event of the thread that checks a trajectory."""
 
 
 @dataclass(frozen=True)
 class AgentParts:
-    """Parts of an agent beside its pilot; what each does is told where it is defined."""
+    """Parts of an agent beside its pilot.
+
+    Attributes
+    ----------
+    event_sources
+        All parts, and the pilot, that count events and rejected messages.
+    """
 
     lease: ControlLease
+    lease_answers: Inbox[Lease]
     observation: Observation
     handover: Handover
     requests: RequestHandler
@@ -46,18 +56,17 @@ class AgentParts:
     traffic: Traffic
     changes: LeaderChanges
     lost: LostLeaders
-    limit_scaling: LimitScaling
     tuning: Tuning
     external: ExternalControl
     guard: OscillationGuard
     relief: LoadRelief
     pacing: Pacing
     solve: SolveTimer
-    diagnostics: DiagnosticsCollector
+    event_sources: Sequence[EventSource]
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
-    """Pilot with the controller, the estimator and the leaders of the settings.
+    """Return a pilot with the controller, the estimator and the leaders of the settings.
 
     Raises
     ------
@@ -87,71 +96,59 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     )
 
 
-def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus, realtime: bool) -> AgentParts:
-    """Parts of an agent, subscribed to what they need.
+def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus) -> AgentParts:
+    """Build the parts of an agent and subscribe to what they need.
 
-    Parameters
-    ----------
-    settings, pilot
-        The vehicle's, the pilot built from the settings.
-    bus
-        The agent's seat on it.
-    realtime
-        Whether the process runs in a real-time scheduling class.
+    Replays find a subscription by its number, so its order counts.
     """
-    vehicle, clock = settings.vehicle, bus.clock
-    pacing, solve = Pacing(settings.period_s, settings.vehicles.index(vehicle)), SolveTimer()
-    poses = bus.subscribe(channels.POSE, vehicle, depth=32)
-    # What was written counts from the next pose on; to wake up for it would double the steps of a leader.
-    applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
+    vehicle, clock, host = settings.vehicle, bus.clock, settings.bus.host
+    pacing = Pacing(settings.period_s, settings.vehicles.index(vehicle))
     lease = ControlLease(bus.life, settings.take_over, clock())
+    # Observation
+    poses = bus.subscribe(channels.POSE, vehicle, depth=32)
+    # It counts from the next pose on: waking up for it would double the steps of a leader.
+    applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
     observation = Observation(pilot, pacing, poses, applied, lease, clock)
-    plans = LeaderPlans(vehicle, lambda name: bus.subscribe(channels.PLAN, name))
-    plans.keep(link.leader for link in settings.following)
-    # Statuses are looked up when they are needed; they wake nobody.
+    # Other vehicles
+    plans = LeaderPlans(vehicle, partial(bus.subscribe, channels.PLAN))
+    plans.subscribe_to(link.leader for link in settings.following)
     statuses = bus.subscribe_all(channels.AGENT_STATUS, waking=False)
     peers = PeerStatuses(vehicle, statuses.inboxes, clock)
-    traffic = Traffic(
-        vehicle, settings.separation, lambda name: bus.subscribe(channels.PLAN, name, waking=False)
-    )
-    tuning = Tuning(
-        settings.configuration, pilot, settings.period_s, settings.limit_scale, lambda: bus.note(TUNED)
-    )
-    external = ExternalControl(
-        vehicle,
-        pilot,
-        bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8),
-        lambda task: bus.publish(channels.CONTROL_TASK, vehicle, task),
-    )
+    traffic = Traffic(vehicle, settings.separation, partial(bus.subscribe, channels.PLAN, waking=False))
     room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
     changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, plans, peers, clock)
     lost = LostLeaders(vehicle, settings.succession, pilot, plans, peers, clock)
-    guard = OscillationGuard(pilot, tuning)
-    requests = RequestHandler(
-        settings, pilot, room, changes, peers, tuning, external, lambda: bus.note(TRAJECTORY_CHECKED)
+    # Controllers
+    tuning = Tuning(
+        settings.configuration, pilot, settings.period_s, settings.limit_scale, partial(bus.note, TUNED)
     )
-    host = settings.bus.host
+    guard = OscillationGuard(pilot, tuning)
+    external_inputs = bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
+    publish_task = partial(bus.publish, channels.CONTROL_TASK, vehicle)
+    external = ExternalControl(vehicle, pilot, external_inputs, publish_task)
+    wake = partial(bus.note, TRAJECTORY_CHECKED)
+    requests = RequestHandler(settings, pilot, room, changes, peers, tuning, external, wake)
+    # Processes
     launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else None
     relief = LoadRelief(bus, settings.period_s, pacing, traffic, launcher)
-    counted = (pilot, observation, plans, traffic, external, lost, changes, guard, requests, relief)
+    handover = Handover(bus, settings, lease, pilot, tuning)
+    lease_answers = bus.subscribe(channels.LEASE, vehicle, depth=16)
     return AgentParts(
         lease=lease,
+        lease_answers=lease_answers,
         observation=observation,
-        handover=Handover(bus, settings, lease, pilot, tuning),
+        handover=handover,
         requests=requests,
         plans=plans,
         peers=peers,
         traffic=traffic,
         changes=changes,
         lost=lost,
-        limit_scaling=LimitScaling(vehicle, settings.models),
         tuning=tuning,
         external=external,
         guard=guard,
         relief=relief,
         pacing=pacing,
-        solve=solve,
-        diagnostics=DiagnosticsCollector(
-            pilot, tuning, pacing, solve, relief, guard, counted, realtime, settings.bus.host
-        ),
+        solve=SolveTimer(),
+        event_sources=(pilot, observation, plans, traffic, external, lost, changes, guard, requests, relief),
     )

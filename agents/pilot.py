@@ -359,7 +359,7 @@ class Pilot:
         if not self._flown_by_controller:
             self.step_guard.reset(controller, estimate, last_input)
             self._flown_by_controller = True
-        if not self.avoidance.tend(neighbours, self.plan, guidance.followable, delay_s):
+        if not self.avoidance.update(neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
         step = self.step_guard.step(controller, estimate, reference, last_input)
         if step.fallback is not None:

@@ -1,9 +1,11 @@
-"""What an agent tells of itself: status for others and for people, intent for its successor."""
+"""Reports of an agent: status for other vehicles and people, intent for its successor."""
 
 import logging
 from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
+from rcopterx.agents.diagnostics import diagnostics_of
+from rcopterx.agents.formation.limit_scaling import LimitScaling
 from rcopterx.agents.load.overload import Relief
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings
@@ -20,55 +22,52 @@ SPARSE: Final = 2
 
 
 class Reporter:
-    """Publishes status and intent of one agent, at its period and soon after a change.
-
-    Parameters
-    ----------
-    settings, pilot
-        The vehicle's.
-    bus
-        The agent's seat on it.
-    parts
-        What the agent is made of.
+    """Publishes status and intent of one agent, periodically and at once after a change.
 
     Attributes
     ----------
-    said
+    last_status
         Newest status that was published; None before the first.
     due_s
         When the next report is due [monotonic s].
     """
 
-    def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts) -> None:
-        self._vehicle, self._pilot, self._bus, self._parts = settings.vehicle, pilot, bus, parts
-        self._remarked: set[str] = set()
+    def __init__(
+        self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts, realtime: bool
+    ) -> None:
+        self._settings, self._pilot, self._bus, self._parts = settings, pilot, bus, parts
+        self._realtime = realtime
+        self._limit_scaling = LimitScaling(settings.vehicle, settings.models)
+        self._logged_remarks: set[str] = set()
+        self.last_status: AgentStatus | None = None
         self.begin()
-        self.said: AgentStatus | None = None
 
     def begin(self) -> None:
         """Report a period from now on: an agent that takes over knows by then whether it flies."""
         self.due_s = self._bus.clock() + REPORT_PERIOD_S
 
-    def soon(self) -> None:
-        """Whoever restarts this agent a moment later must know of a change."""
+    def request_report(self) -> None:
+        """Report in this step, so that a successor of this agent knows of a change."""
         self.due_s = self._bus.clock()
 
     def report(self) -> None:
-        """Publish status and intent; between them leaders are given the limits their followers leave them."""
-        now_s, pilot, parts = self._bus.clock(), self._pilot, self._parts
+        """Publish status and intent; before that, adapt the limits of a leader to its followers."""
+        now_s, pilot, parts, vehicle = self._bus.clock(), self._pilot, self._parts, self._settings.vehicle
         slower = SPARSE if parts.relief.relief >= Relief.STATUSES else 1
         self.due_s = now_s + slower * REPORT_PERIOD_S
-        links = {name: status.following for name, status in parts.peers.statuses().items()}
-        controller, chosen = pilot.controller, parts.tuning.configuration.controller_settings
-        pilot.step_guard.try_call(controller, lambda: parts.limit_scaling.tend(controller, chosen, links))
-        leaders = [link.leader for link in pilot.guidance.followed]
-        plan_age_s = parts.plans.plan_age_s(now_s, leaders)
-        diagnostics = parts.diagnostics.collect(
-            parts.observation.pose_age_s, plan_age_s, parts.external.client
-        )
-        for remark in set(diagnostics.remarks) - self._remarked:
+        self._scale_limits()
+        diagnostics = diagnostics_of(self._settings, pilot, parts, self._realtime, now_s)
+        remarks = set(diagnostics.remarks)
+        for remark in remarks - self._logged_remarks:
             _LOG.warning(remark)
-        self._remarked = set(diagnostics.remarks)
-        self.said = status_message(pilot, parts.lost.following_mode, diagnostics)
-        self._bus.publish(channels.AGENT_STATUS, self._vehicle, self.said)
+        self._logged_remarks = remarks
+        self.last_status = status_message(pilot, parts.lost.following_mode, diagnostics)
+        self._bus.publish(channels.AGENT_STATUS, vehicle, self.last_status)
         parts.handover.publish()
+
+    def _scale_limits(self) -> None:
+        links = {name: status.following for name, status in self._parts.peers.statuses().items()}
+        controller, settings = self._pilot.controller, self._parts.tuning.configuration.controller_settings
+        self._pilot.step_guard.try_call(
+            controller, lambda: self._limit_scaling.update(controller, settings, links)
+        )

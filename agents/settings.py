@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
 from rcopterx.agents.formation.succession import Succession
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
-from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR, Configuration
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.interfaces import FULL_LIMITS, LimitScale
@@ -51,8 +51,8 @@ class AgentSettings:
     model: Model
     volume_min_m: Three
     volume_max_m: Three
-    controller: str = "paper"
-    estimator: str = "extended_kalman"
+    controller: str = DEFAULT_CONTROLLER
+    estimator: str = DEFAULT_ESTIMATOR
     horizon: int = 50
     period_s: float = 0.02
     controller_settings: Mapping[str, object] = field(default_factory=dict)

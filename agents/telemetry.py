@@ -1,8 +1,7 @@
 """Bus messages of an agent, built from what its pilot did."""
 
 import math
-import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final, Protocol
 
 import msgspec
@@ -10,12 +9,8 @@ import msgspec
 from rcopterx.agents.following.leader_plans import LeaderPlans
 from rcopterx.agents.following.links import present_link, target_link
 from rcopterx.agents.following.plan_arrays import packed
-from rcopterx.agents.load.load_relief import LoadRelief
-from rcopterx.agents.load.pacing import Pacing, SolveTimer
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.agents.tuning.changes import Tuning
-from rcopterx.agents.tuning.guard import OscillationGuard, effort_factors
 from rcopterx.bus.message import FloatArray, Setting
 from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
 from rcopterx.bus.rounding import all_rounded, rounded
@@ -27,14 +22,8 @@ from rcopterx.vehicles.tuples import three
 REFERENCE_BITS: Final = 14
 """References are told to a sixteenth of a millimetre."""
 
-DEVIATION_BITS: Final = 17
-"""Standard deviations are told to a hundredth of a millimetre."""
 
-HOVER_THRUST_BITS: Final = 10
-"""Hover thrusts are told to a tenth of a per cent."""
-
-
-class Source(Protocol):
+class EventSource(Protocol):
     """A part of an agent that counts what happens to it."""
 
     @property
@@ -153,90 +142,6 @@ def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) 
     )
 
 
-class DiagnosticsCollector:
-    """Puts together how well an agent works.
-
-    Parameters
-    ----------
-    pilot, tuning, pacing, solve, relief, guard
-        The agent's own.
-    sources
-        All parts of the agent that count what happens to them.
-    realtime
-        Whether the process runs in a real-time scheduling class.
-    host
-        Where it runs; empty where hosts have no names.
-    """
-
-    def __init__(
-        self,
-        pilot: Pilot,
-        tuning: Tuning,
-        pacing: Pacing,
-        solve: SolveTimer,
-        relief: LoadRelief,
-        guard: OscillationGuard,
-        sources: Sequence[Source],
-        realtime: bool,
-        host: str,
-    ) -> None:
-        self._host = host or None
-        self._pilot = pilot
-        self._tuning = tuning
-        self._pacing = pacing
-        self._solve = solve
-        self._relief = relief
-        self._guard = guard
-        self._sources = sources
-        self._realtime = realtime
-
-    def collect(self, pose_age_s: float | None, plan_age_s: float | None, client: str) -> Diagnostics:
-        """Present figures; ages of the newest pose and plan, and the external program that flies, if any."""
-        pilot, times = self._pilot, self._solve.times()
-        configuration = self._tuning.configuration
-        return Diagnostics(
-            controller=configuration.controller,
-            estimator=configuration.estimator,
-            controller_settings=in_message(configuration.controller_settings),
-            estimator_settings=in_message(configuration.estimator_settings),
-            horizon=pilot.controller.horizon,
-            effort_factor=max(effort_factors(configuration)),
-            client=client,
-            pose_age_s=pose_age_s,
-            plan_age_s=plan_age_s,
-            ticks=self._pacing.ticks,
-            missed_ticks=self._pacing.missed_ticks,
-            solve_ms_p50=times.p50,
-            solve_ms_p99=times.p99,
-            solve_ms_max=times.maximum,
-            fallbacks=_summed(source.events for source in self._sources),
-            estimator_events=dict(pilot.estimator.events),
-            rejected=_summed(source.rejected for source in self._sources),
-            avoiding_ticks=pilot.avoidance.ticks,
-            closest_plan_m=pilot.avoidance.closest_m,
-            hover_thrust=_hover_thrust(pilot),
-            wind_m_s2=_wind(pilot),
-            position_deviation_m=_position_deviation(pilot),
-            realtime=self._realtime,
-            process=os.getpid(),
-            host=self._host,
-            remarks=(
-                *pilot.remarks,
-                *filter(None, (self._tuning.remark, self._relief.remark, self._guard.remark)),
-            ),
-            processor_share=self._relief.processor_share(),
-        )
-
-
-def _wind(pilot: Pilot) -> tuple[float, float] | None:
-    """What the estimator takes for wind [m/s^2]; None on the floor, where it estimates none."""
-    if not pilot.guidance.rotor_on:
-        return None
-    estimate = pilot.estimate
-    x, y = estimate.tilt.wind_m_s2 if estimate.has_tilt else estimate.disturbance[:2]
-    return float(x), float(y)
-
-
 def _error_m(pilot: Pilot) -> float | None:
     """Distance of the plan's beginning from the reference [m]; None on the floor."""
     if pilot.plan is None or pilot.reference is None:
@@ -246,43 +151,14 @@ def _error_m(pilot: Pilot) -> float | None:
     )
 
 
-def _hover_thrust(pilot: Pilot) -> float | None:
-    """Share of the largest thrust at which the vehicle hovers; None on the floor."""
-    learnt = pilot.self_check.hover_thrust if pilot.guidance.rotor_on else None
-    return None if learnt is None else rounded(learnt, HOVER_THRUST_BITS)
-
-
-def _position_deviation(pilot: Pilot) -> tuple[float, float, float] | None:
-    """How well the estimator knows where the vehicle is [m]; None on the floor, and if it does not tell."""
-    deviation = pilot.estimator.position_deviation_m() if pilot.guidance.rotor_on else None
-    if deviation is None:
-        return None
-    x, y, z = all_rounded(deviation.tolist(), DEVIATION_BITS)
-    return (x, y, z)
-
-
-class _Settings(msgspec.Struct):
-    """A structure, because msgspec looks at the types of all others again in each conversion."""
-
-    settings: dict[str, Setting]
-
-
-def in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
-    """Settings as they travel: numbers, strings and rows of numbers."""
-    return msgspec.convert({"settings": settings}, _Settings).settings
+def settings_in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
+    """Return settings as they travel: numbers, strings and rows of numbers."""
+    return msgspec.convert(settings, dict[str, Setting])
 
 
 def prefixed(topic: str, counts: Mapping[str, int]) -> dict[str, int]:
     """Counts of refused messages by topic and reason."""
     return {f"{topic}.{kind}": count for kind, count in counts.items()}
-
-
-def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
-    total: dict[str, int] = {}
-    for each in counts:
-        for kind, count in each.items():
-            total[kind] = total.get(kind, 0) + count
-    return total
 
 
 def _inertial_velocity(motion: Array) -> tuple[float, float, float]:

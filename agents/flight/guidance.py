@@ -52,9 +52,9 @@ class Guidance:
     """
 
     def __init__(self, links: Sequence[FollowedLeader] = (), plan_limit_s: float = 0.5) -> None:
+        self.phase = Phase.GROUND
         self.followed = tuple(links)
         """Leaders followed now."""
-        self._enter(Phase.GROUND)
         self.assigned = self.followed
         """Leaders by fleet file or request; others may take their place while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
@@ -71,20 +71,25 @@ class Guidance:
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
 
-    def _enter(self, phase: Phase) -> None:
-        """Set the phase and what follows from it: a control period asks for that often."""
-        self.phase = phase
-        self.rotor_on = phase in AIRBORNE
+    @property
+    def rotor_on(self) -> bool:
         """Whether the vehicle is to be flown by the controller."""
-        self.followable = phase is Phase.FLYING
-        """Whether followers may fly by this vehicle's plan: not while it takes off or lands."""
-        self._keep_following(self.followed)
+        return self.phase in AIRBORNE
 
-    def _keep_following(self, links: Sequence[FollowedLeader]) -> None:
-        """Set who is followed, and what follows from it."""
-        self.followed = tuple(links)
-        self.follows = bool(links) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
+    @property
+    def followable(self) -> bool:
+        """Whether followers may use this vehicle's plan: not while it takes off or lands."""
+        return self.phase is Phase.FLYING
+
+    @property
+    def follows(self) -> bool:
         """Whether the reference comes from leaders now."""
+        return bool(self.followed) and self.phase in (Phase.FLYING, Phase.EMERGENCY)
+
+    @property
+    def leaders(self) -> list[str]:
+        """Names of the leaders followed now."""
+        return [link.leader for link in self.followed]
 
     def go_on(self, estimate: Estimate, time_s: float) -> None:
         """Go on with what the transmitter gateway interrupted, once it is over; a trajectory is given up."""
@@ -120,7 +125,7 @@ class Guidance:
         before, phase = self.phase, next_phase(self.phase, event)
         if phase is before:
             return False
-        self._enter(phase)
+        self.phase = phase
         if self.phase is not Phase.FLYING:
             under_way = self.phase is Phase.EMERGENCY and before in (Phase.TAKEOFF, Phase.LANDING)
             self._interrupted = before if under_way else None
@@ -227,7 +232,7 @@ class Guidance:
     def lead(self, estimate: Estimate) -> None:
         """Follow nobody; a flying vehicle holds its place."""
         self.assigned = ()
-        self._keep_following(())
+        self.followed = ()
         if self.phase is Phase.FLYING:
             self.hold_here(estimate)
 
@@ -241,19 +246,19 @@ class Guidance:
     ) -> None:
         """Follow leaders from now on; offsets move from the present place to where they shall be."""
         self.assigned = tuple(links)
-        self._keep_following(self.assigned)
+        self.followed = self.assigned
         if self.phase is Phase.FLYING:
             self._begin_transitions(plans, estimate, time_s, transition_s)
 
     def take_lead(self, position_m: Array, yaw_rad: float) -> None:
         """Follow nobody from now on; the vehicle's place is given."""
         self.assigned = ()
-        self._keep_following(())
+        self.followed = ()
         self.source = SetPointReference(position_m, yaw_rad)
 
     def follow_instead(self, links: Sequence[FollowedLeader]) -> None:
         """Follow others, or nobody and keep the place, while the assigned leaders are lost."""
-        self._keep_following(links)
+        self.followed = tuple(links)
         self._joined = frozenset()
 
     def rejoin(self) -> None:
@@ -286,7 +291,7 @@ class Guidance:
         """
         self.assigned = task.assigned
         self._joined = task.joined
-        self._keep_following(task.followed)
+        self.followed = task.followed
         if task.phase not in AIRBORNE:
             return
         self._touchdown.floor_m = task.floor_m
@@ -320,7 +325,7 @@ class Guidance:
             duration_s = max(SHORTEST_TRANSITION_S, PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S)
             duration_s = duration_s if transition_s is None else transition_s
             begun.append(replace(link, start=start, start_s=time_s, duration_s=duration_s))
-        self._keep_following(begun)
+        self.followed = tuple(begun)
         self._joined = frozenset(link.leader for link in begun if link.leader in plans)
 
     def reference(

@@ -101,8 +101,8 @@ class LeaderChanges:
                     return
                 waiting = replace(waiting, answered=True)
         self._waiting.append(waiting)
-        self.keep_leaders()
-        self.settle()
+        self.update_subscriptions()
+        self.decide()
 
     def commit(self, request: CommitLeaders) -> str | None:
         """Take the prepared leaders at a frame to come; the refusal, or None."""
@@ -111,7 +111,7 @@ class LeaderChanges:
     def withdraw(self, request: WithdrawLeaders) -> None:
         """Forget the prepared leaders."""
         self._regrouping.withdraw(request.operation)
-        self.keep_leaders()
+        self.update_subscriptions()
 
     def promised(self) -> str | None:
         """Whom the vehicle will follow as soon as their plans are here, in words; None for nobody."""
@@ -125,9 +125,9 @@ class LeaderChanges:
         """Follow nobody."""
         self._forget_promises()
         self._flight.guidance.lead(self._flight.estimate)
-        self.keep_leaders()
+        self.update_subscriptions()
 
-    def settle(self) -> bool:
+    def decide(self) -> bool:
         """Decide on requests whose leaders' plans have arrived or are overdue; True if there was one."""
         if not self._waiting:
             return False
@@ -145,10 +145,10 @@ class LeaderChanges:
                 waiting.incoming.answer(reply_of(refusal, accepted))
             elif refusal is not None:
                 self._events["promised_leader_missing"] += 1
-        self.keep_leaders()
+        self.update_subscriptions()
         return len(self._waiting) < len(undecided)
 
-    def begin_due(self) -> None:
+    def apply_prepared(self) -> None:
         """Take the prepared leaders if their frame has come."""
         flight = self._flight
         change = self._regrouping.due(flight.clock)
@@ -157,7 +157,7 @@ class LeaderChanges:
         if flight.guidance.phase is not Phase.FLYING:
             # It was told to land meanwhile, or the transmitter gateway flies it.
             self._regrouping.events["regrouping_missed"] += 1
-            self.keep_leaders()
+            self.update_subscriptions()
             return
         self._forget_promises()
         if change.links:
@@ -168,13 +168,13 @@ class LeaderChanges:
             flight.guidance.follow(change.links, plans, flight.estimate, flight.clock.time_s, None)
         else:
             flight.guidance.take_lead(change.position_m, change.yaw_rad)
-        self.keep_leaders()
+        self.update_subscriptions()
 
-    def keep_leaders(self) -> None:
+    def update_subscriptions(self) -> None:
         """Hear the leaders of now, those that return perhaps, and those that requests wait for."""
         guidance = self._flight.guidance
         followed = {link.leader for link in (*guidance.followed, *guidance.assigned)}
-        self._plans.keep(
+        self._plans.subscribe_to(
             followed.union(
                 self._regrouping.leaders,
                 *({link.leader for link in waiting.request.following} for waiting in self._waiting),

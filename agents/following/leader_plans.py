@@ -38,7 +38,7 @@ class LeaderPlans:
         self._subscribe = subscribe
         self._inboxes: dict[str, Inbox[Plan]] = {}
 
-    def keep(self, names: Iterable[str]) -> None:
+    def subscribe_to(self, names: Iterable[str]) -> None:
         """Subscribe to exactly these leaders; new ones first, so that nobody is without a plan in between."""
         wanted = set(names)
         for name in wanted - self._inboxes.keys():

@@ -72,7 +72,7 @@ class LostLeaders:
         """Take the leaders for heard of just now: an agent that restarts goes on waiting for them."""
         self._assigned, self._here_s = self._flight.guidance.assigned, self._clock()
 
-    def tend(self, plans: Mapping[str, LeaderPlan]) -> bool:
+    def update(self, plans: Mapping[str, LeaderPlan]) -> bool:
         """Judge the leaders by their newest plans; True if other vehicles are followed from now on."""
         guidance = self._flight.guidance
         if guidance.assigned is not self._assigned or guidance.phase is not Phase.FLYING:

@@ -142,7 +142,7 @@ class LimitScaling:
         self._leaders: dict[str, tuple[str, ...]] = {}
         """Of every vehicle, when the controller was told last."""
 
-    def tend(self, controller: Controller, settings: Mapping[str, object], links: FormationGraph) -> None:
+    def update(self, controller: Controller, settings: Mapping[str, object], links: FormationGraph) -> None:
         """Tell the controller its scale if that, or the controller, is another one than before.
 
         Parameters

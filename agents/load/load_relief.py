@@ -89,7 +89,7 @@ class LoadRelief:
         if overload.observe(late_s, missed) if flying else overload.forget():
             self._bus.note(_EVENTS[overload.relief])
 
-    def settle(self) -> bool:
+    def update(self) -> bool:
         """Leave out what was decided before this step, or do it again; True if that is news.
 
         To be asked in steps that take in notes or what the launcher tells.

@@ -149,7 +149,7 @@ class RequestHandler:
         else:
             incoming.answer(reply_of(f"an agent does not serve {incoming.verb}", ""))
 
-    def settle_tuning(self) -> bool:
+    def finish_tuning(self) -> bool:
         """Let what was prepared take over, and answer who asked for it; True if there was something."""
         outcome = self._tuning.finish()
         if outcome is None:

@@ -72,7 +72,7 @@ class TrajectoryRequests:
             self._asked.answer(reply_of(f"overtaken by a later request: {verb}", ""))
             self._asked = None
 
-    def settle(self) -> bool:
+    def finish(self) -> bool:
         """Begin to fly what has been checked, and answer who asked for it; True if there was something."""
         result = self._work.finish()
         asked, path = self._asked, self._path

@@ -42,7 +42,7 @@ class PlanAvoidance:
         self._period_s, self._stages = controller.period_s, controller.horizon
         self._avoiding = controller if isinstance(controller, AvoidsObstacles) else None
 
-    def tend(
+    def update(
         self, neighbours: Mapping[str, Neighbour], plan: Trajectory | None, free: bool, delay_s: float
     ) -> bool:
         """Look at the plans of others once in a control period.

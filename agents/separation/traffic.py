@@ -78,7 +78,7 @@ class Traffic:
         self._ticks += 1
         return self._ellipsoid is not None and self._ticks % TEND_EVERY_TICKS == 1
 
-    def tend(self, own: AgentStatus, others: Mapping[str, AgentStatus]) -> None:
+    def update(self, own: AgentStatus, others: Mapping[str, AgentStatus]) -> None:
         """Look who could come near, and hear those.
 
         Parameters

@@ -91,7 +91,7 @@ class Handover:
             self.predecessor, self._predecessor_s = reply.intent, self._bus.clock() - reply.age_s
             self._quick_deaths = reply.quick_deaths
 
-    def hear(self) -> bool:
+    def receive_intents(self) -> bool:
         """Take in what a predecessor that still flies means to do; True if that is to be resumed again."""
         again = False
         for received in self.intents.drain():

@@ -9,7 +9,7 @@ from rcopterx.agents.flight.task import Task
 from rcopterx.agents.following.links import followed_leader, target_link
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Phase
-from rcopterx.agents.telemetry import in_message
+from rcopterx.agents.telemetry import settings_in_message
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.intent import FlownBy, Intent, OffsetMove
 from rcopterx.bus.message import FloatArray
@@ -86,9 +86,9 @@ def intent_of(
             if link.start is not None and time_s < link.start_s + link.duration_s
         ),
         controller=configuration.controller,
-        controller_settings=in_message(configuration.controller_settings),
+        controller_settings=settings_in_message(configuration.controller_settings),
         estimator=configuration.estimator,
-        estimator_settings=in_message(configuration.estimator_settings),
+        estimator_settings=settings_in_message(configuration.estimator_settings),
         previous=None if previous is None else _flown_by(previous),
     )
 
@@ -96,9 +96,9 @@ def intent_of(
 def _flown_by(configuration: Configuration) -> FlownBy:
     return FlownBy(
         controller=configuration.controller,
-        controller_settings=in_message(configuration.controller_settings),
+        controller_settings=settings_in_message(configuration.controller_settings),
         estimator=configuration.estimator,
-        estimator_settings=in_message(configuration.estimator_settings),
+        estimator_settings=settings_in_message(configuration.estimator_settings),
     )
 
 

@@ -34,8 +34,6 @@ class ControlLease:
         The lease; 0 before there is one.
     lost
         Another agent commands: this one says and does nothing any more.
-    undisputed
-        The agent commands and has nothing to ask for.
     """
 
     def __init__(self, agent: int, take_over: bool, now_s: float) -> None:
@@ -43,7 +41,6 @@ class ControlLease:
         self.take_over = take_over
         self.number = 0
         self.lost = False
-        self.undisputed = False
         self._began_s = now_s
         self._bid_at_s = now_s
         self._refused_since_s: float | None = None
@@ -59,7 +56,7 @@ class ControlLease:
         """Whether another agent speaks for the vehicle, as far as is known."""
         return not self.held and (self.lost or self.take_over or self._refused_since_s is not None)
 
-    def hear(self, agent: int, number: int, commanding: int, now_s: float) -> None:
+    def on_answer(self, agent: int, number: int, commanding: int, now_s: float) -> None:
         """Take in an answer of the gateway to a bid, of this agent or of another one.
 
         Parameters
@@ -77,18 +74,14 @@ class ControlLease:
             elif not self.held:
                 self._refuse(now_s)
         self._lose_to(commanding)
-        self.undisputed = self.held and self._ignored_since_s is None
 
     def note_applied(self, commanding: int, now_s: float) -> None:
         """Take in whose commands counted when a serial frame was written."""
-        if self.undisputed and commanding == self.number:
-            return
         self._lose_to(commanding)
         if not self.held or commanding == self.number:
             self._ignored_since_s = None
         elif self._ignored_since_s is None:
             self._ignored_since_s = now_s
-        self.undisputed = self.held and self._ignored_since_s is None
 
     def _refuse(self, now_s: float) -> None:
         if self._refused_since_s is None:

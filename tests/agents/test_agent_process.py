@@ -40,7 +40,7 @@ def test_nothing_is_commanded_before_vehicle_and_transmitter_are_known(bench: Be
     bench.step_until(seen, "no pose arrives")
     for _ in range(5):
         bench.see()
-    assert bench.agent._control_by_s is None
+    assert bench.agent.control_by_s is None
     bench.start("disarmed", 0.0)
     assert bench.sent
     first_known = min(command.frame for command in bench.sent)
@@ -100,7 +100,7 @@ def test_a_silent_tracker_is_bridged_by_prediction_up_to_a_limit(bench: Bench) -
     assert not bench.pilot.ready
     bench.clock.advance(0.02)
     bench.agent.step()
-    assert bench.agent._control_by_s is None
+    assert bench.agent.control_by_s is None
     assert 5 <= bench.status().diagnostics.fallbacks["pose_extrapolated"] <= round(BLIND_LIMIT_S / 0.02)
 
 
@@ -119,14 +119,14 @@ def test_an_occluded_vehicle_is_commanded_for_a_while_and_then_left_to_its_gatew
 
 def test_a_command_that_two_frames_at_once_left_no_time_for_is_counted_as_missed(bench: Bench) -> None:
     bench.start()
-    sent, missed = len(bench.sent), bench.agent._parts.pacing.missed_ticks
+    sent, missed = len(bench.sent), bench.agent.parts.pacing.missed_ticks
     bench.clock.advance(0.02)
     for _ in range(2):
         bench.frame += 1
-        bench.agent._parts.observation.poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent.parts.observation.poses.store(encode(bench.pose(publish=False)), bench.clock())
     bench.command_of(bench.frame)
     assert len(bench.sent) == sent + 1
-    assert bench.agent._parts.pacing.missed_ticks == missed + 1
+    assert bench.agent.parts.pacing.missed_ticks == missed + 1
 
 
 @pytest.mark.parametrize("topic", ["pose", "applied"])
@@ -138,7 +138,7 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
 
         def counted() -> bool:
             stranger.put(channels.key("lab", "h9", topic), b"\xc1")
-            return sum(bench.agent._parts.observation.rejected.values()) > 0
+            return sum(bench.agent.parts.observation.rejected.values()) > 0
 
         bench.step_until(counted, "not counted")
     bench.see()
@@ -150,7 +150,7 @@ def test_a_follower_waits_for_its_leaders_plan_of_the_same_frame(follower: Bench
     follower.start()
     missing = follower.pilot.guidance.events["leader_plan_missing"]
     follower.see()
-    assert follower.agent._control_by_s is not None
+    assert follower.agent.control_by_s is not None
     follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame))
     follower.command_of(follower.frame)
     assert follower.pilot.guidance.events["leader_plan_missing"] == missing
@@ -198,17 +198,17 @@ def test_a_pose_that_comes_late_while_its_bridged_frame_waits_for_a_plan_is_no_m
     follower.see()
     follower.clock.advance(0.005)
     follower.command_of(follower.frame)
-    missed = follower.agent._parts.pacing.missed_ticks
+    missed = follower.agent.parts.pacing.missed_ticks
     follower.clock.advance(0.0261)
     bridged = follower.frame + 1
-    follower.step_until(lambda: follower.agent._control_by_s is not None, "the late frame is not bridged")
+    follower.step_until(lambda: follower.agent.control_by_s is not None, "the late frame is not bridged")
     assert follower.pilot.clock.current_frame == bridged
     follower.clock.advance(-0.0199)
     follower.see()
     assert follower.frame == bridged
     follower.clock.advance(0.005)
     follower.command_of(bridged)
-    assert follower.agent._parts.pacing.missed_ticks == missed
+    assert follower.agent.parts.pacing.missed_ticks == missed
 
 
 def test_a_follower_of_a_follower_waits_longer(follower: Bench) -> None:
@@ -217,7 +217,7 @@ def test_a_follower_of_a_follower_waits_longer(follower: Bench) -> None:
     follower.others.publish(channels.PLAN, "h1", plan_of("h1", follower.frame, ancestors=("h3",)))
     follower.command_of(follower.frame)
     follower.see()
-    assert follower.agent._control_by_s == pytest.approx(
+    assert follower.agent.control_by_s == pytest.approx(
         follower.clock() + 2 * follower.settings.leader_wait_s
     )
 
@@ -286,6 +286,6 @@ def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_a
         bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock, wake=woken.set)), realtime=False
     )
     woken.clear()
-    agent._parts.tuning.begin(agent._parts.tuning.configuration.changed("lqr", {}, None, {}))
+    agent.parts.tuning.begin(agent.parts.tuning.configuration.changed("lqr", {}, None, {}))
     assert woken.wait(DEADLINE_S)
-    assert isinstance(agent._parts.tuning.finish(), str)
+    assert isinstance(agent.parts.tuning.finish(), str)

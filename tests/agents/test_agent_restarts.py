@@ -27,7 +27,7 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
     def ask() -> None:
         answers.append(bench.others.request("h9", goal, timeout_s=DEADLINE_S, patience_s=DEADLINE_S).accepted)
 
-    bench.step_until(lambda: bench.agent._speaks, "the agent has no lease")
+    bench.step_until(lambda: bench.agent.serving, "the agent has no lease")
     asker = threading.Thread(target=ask)
     asker.start()
     wait_for(lambda: not bench.agent._bus._session._incoming.empty(), "the request does not arrive")
@@ -66,11 +66,11 @@ def successor(join: Join, address: BusAddress, intent: Intent) -> Bench:
 
         def recalled() -> bool:
             """The agent asked before anybody served; ask again as its successor would."""
-            if bench.agent._parts.handover.predecessor is None:
+            if bench.agent.parts.handover.predecessor is None:
                 bench.agent = Agent(
                     bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock)), realtime=False
                 )
-            return bench.agent._parts.handover.predecessor == intent
+            return bench.agent.parts.handover.predecessor == intent
 
         wait_for(recalled, "the launcher is not found")
     return bench

@@ -3,7 +3,6 @@
 from collections import deque
 
 import numpy as np
-from msgspec.structs import replace
 
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from rcopterx.control.interfaces import ControlStep, Estimate, Measurement
@@ -69,7 +68,7 @@ class Plant:
             # The floor stops it and holds it.
             place = self.state.motion[:4].copy()
             place[2] = self._floor_m
-            moved = replace(moved, motion=np.concatenate((place, REST)))
+            moved = moved._replace(motion=np.concatenate((place, REST)))
         self.state = moved
 
 

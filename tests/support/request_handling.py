@@ -95,7 +95,7 @@ class HandlerBench:
         """Answer a request, also one that is checked ahead."""
         asked = self.begin(request)
         self.handler.trajectories.wait()
-        self.handler.trajectories.settle()
+        self.handler.trajectories.finish()
         return asked
 
     def begin(self, request: Request) -> Asked:
@@ -124,5 +124,5 @@ def follow_at(
     asked = bench.ask(Follow(following=(LeaderLink(leader=leader, offset_m=offset_m),)))
     if not asked.answers:
         bench.plan_bus.deliver(plan_of(leader) if plan is None else plan)
-        bench.changes.settle()
+        bench.changes.decide()
     return asked

@@ -54,13 +54,13 @@ def test_a_leader_without_a_plan_is_refused_after_a_moment_and_the_old_one_stays
     bench.plan_bus.deliver(plan_of("h1"))
     first = bench.ask(follow("h1"))
     bench.plan_bus.deliver(plan_of("h1"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert first.refusal is None
     second = bench.ask(follow("h2"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert second.answers == []
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
-    bench.changes.settle()
+    bench.changes.decide()
     assert second.refusal == "no plan from h2: nothing is heard from its agent"
     assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
     assert bench.plan_bus.open_names() == ["h1"]
@@ -70,10 +70,10 @@ def test_following_begins_as_soon_as_the_plan_is_here(bench: HandlerBench) -> No
     bench.fly()
     asked = bench.ask(follow("h1", "h2", transition_s=3.0))
     bench.plan_bus.deliver(plan_of("h1"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert asked.answers == []
     bench.plan_bus.deliver(plan_of("h2"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert asked.refusal is None
     assert [(link.leader, link.duration_s) for link in bench.pilot.guidance.followed] == [
         ("h1", 3.0),
@@ -85,10 +85,10 @@ def test_requests_that_wait_do_not_take_each_others_plans_away(bench: HandlerBen
     bench.fly()
     first, second = bench.ask(follow("h1")), bench.ask(follow("h2"))
     bench.plan_bus.deliver(plan_of("h1"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert first.refusal is None
     bench.plan_bus.deliver(plan_of("h2"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert second.refusal is None
     assert bench.plan_bus.open_names() == ["h2"]
 
@@ -97,7 +97,7 @@ def test_a_cycle_is_refused_with_the_line_that_leads_back(bench: HandlerBench) -
     bench.fly()
     asked = bench.ask(follow("h1"))
     bench.plan_bus.deliver(plan_of("h1", ancestors=("h2", "h9")))
-    bench.changes.settle()
+    bench.changes.decide()
     assert asked.refusal == "a cycle: h9 follows h1 follows h2 follows h9"
     assert bench.pilot.guidance.followed == ()
     assert bench.plan_bus.open_names() == []
@@ -107,7 +107,7 @@ def test_lead_forgets_the_leaders_and_their_plans(bench: HandlerBench) -> None:
     bench.fly()
     bench.ask(follow("h1"))
     bench.plan_bus.deliver(plan_of("h1"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert bench.ask(Lead()).refusal is None
     assert bench.pilot.guidance.followed == ()
     assert bench.plan_bus.open_names() == []
@@ -124,7 +124,7 @@ def test_several_leaders_are_answered_with_all_of_their_ancestors(bench: Handler
     asked = bench.ask(follow("h1", "h2"))
     bench.plan_bus.deliver(plan_of("h1", ancestors=("h7",)))
     bench.plan_bus.deliver(plan_of("h2", ancestors=("h7", "h8")))
-    bench.changes.settle()
+    bench.changes.decide()
     (answer,) = asked.answers
     assert answer.reason == "h9 follows h1, h2, who follow h7, h8"
 
@@ -188,7 +188,7 @@ def test_an_absent_leader_is_told_from_one_that_sees_nothing(bench: HandlerBench
     asked = bench.ask(follow("h1", "h2"))
     say(bench, "h2", hovering((0.0, 0.0, 0.0), phase="ground"))
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
-    bench.changes.settle()
+    bench.changes.decide()
     words = "no plan from h1: nothing is heard from its agent; no plan from h2: its phase is ground"
     assert asked.refusal == words
 
@@ -199,7 +199,7 @@ def test_a_leader_that_fell_silent_is_not_followed_anew(bench: HandlerBench) -> 
     bench.clock.advance(1.0)
     asked = bench.ask(follow("h1"))
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
-    bench.changes.settle()
+    bench.changes.decide()
     assert asked.refusal is not None
     assert "no plan from h1" in asked.refusal
 
@@ -219,10 +219,10 @@ def test_a_leader_that_says_it_flies_is_accepted_before_its_first_plan(bench: Ha
     assert asked.answers[0].reason == "h9 follows h1"
     assert bench.pilot.guidance.followed == ()
     bench.plan_bus.deliver(plan_of("h1"))
-    assert bench.changes.settle()
+    assert bench.changes.decide()
     assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
     assert len(asked.answers) == 1
-    assert not bench.changes.settle()
+    assert not bench.changes.decide()
 
 
 def test_an_early_answer_names_the_line_of_ancestors(bench: HandlerBench) -> None:
@@ -253,7 +253,7 @@ def test_an_offset_that_leads_out_is_refused_before_the_first_plan(bench: Handle
 def test_a_promised_leader_whose_plan_never_comes_is_counted_and_nothing_changes(bench: HandlerBench) -> None:
     promised(bench, "h1")
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
-    bench.changes.settle()
+    bench.changes.decide()
     assert bench.changes.events["promised_leader_missing"] == 1
     assert bench.pilot.guidance.followed == ()
     assert bench.plan_bus.open_names() == []
@@ -265,12 +265,12 @@ def test_the_last_word_counts_while_a_plan_is_on_its_way(bench: HandlerBench) ->
     assert bench.ask(follow("h2")).refusal is None
     bench.plan_bus.deliver(plan_of("h1"))
     bench.plan_bus.deliver(plan_of("h2"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert [link.leader for link in bench.pilot.guidance.followed] == ["h2"]
     promised(bench, "h1")
     assert bench.ask(Lead()).refusal is None
     bench.plan_bus.deliver(plan_of("h1"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert bench.pilot.guidance.followed == ()
 
 
@@ -287,7 +287,7 @@ def prepared(bench: HandlerBench, ancestors: tuple[str, ...] = ("h9",)) -> None:
     bench.fly()
     asked = bench.ask(prepare(BESIDE))
     bench.plan_bus.deliver(plan_of("h1", bench.frame - 1, ancestors=ancestors))
-    bench.changes.settle()
+    bench.changes.decide()
     assert asked.refusal is None
 
 
@@ -295,11 +295,11 @@ def test_prepared_leaders_are_taken_at_their_frame_and_not_before(bench: Handler
     prepared(bench)
     assert bench.ask(CommitLeaders(operation="swap_1", epoch=1, frame=12)).refusal is None
     for _ in range(2):
-        bench.changes.begin_due()
+        bench.changes.apply_prepared()
         assert bench.pilot.guidance.followed == ()
         bench.see()
     assert bench.pilot.clock.current_frame == 12
-    bench.changes.begin_due()
+    bench.changes.apply_prepared()
     assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
     assert set(bench.leaders.plans(bench.pilot.clock, bench.changes.cycles_from)) == {"h1"}
 
@@ -310,7 +310,7 @@ def test_a_follower_that_shall_lead_keeps_the_place_it_is_given(bench: HandlerBe
     assert bench.ask(prepare(place=(0.2, 0.3, 1.1))).refusal is None
     assert bench.ask(CommitLeaders(operation="swap_1", epoch=1, frame=11)).refusal is None
     bench.see()
-    bench.changes.begin_due()
+    bench.changes.apply_prepared()
     assert bench.pilot.guidance.followed == ()
     assert bench.plan_bus.open_names() == []
     position_m, yaw_rad = bench.pilot.guidance.set_point()
@@ -325,7 +325,7 @@ def test_a_vehicle_that_lands_meanwhile_goes_on_landing(bench: HandlerBench) -> 
     assert bench.ask(Land()).refusal is None
     descent = bench.pilot.guidance.source
     bench.see()
-    bench.changes.begin_due()
+    bench.changes.apply_prepared()
     assert bench.pilot.guidance.phase is Phase.LANDING
     assert bench.pilot.guidance.source is descent
     assert bench.changes.events == {"regrouping_missed": 1}
@@ -336,7 +336,7 @@ def test_withdrawn_leaders_are_never_taken(bench: HandlerBench) -> None:
     bench.ask(CommitLeaders(operation="swap_1", epoch=1, frame=11))
     assert bench.ask(WithdrawLeaders(operation="swap_1")).refusal is None
     bench.see()
-    bench.changes.begin_due()
+    bench.changes.apply_prepared()
     assert bench.pilot.guidance.followed == ()
     assert bench.plan_bus.open_names() == []
 

@@ -26,13 +26,13 @@ def clock_at(frame: int, epoch: int = 1, coasted: int = 0) -> FleetClock:
 
 
 def test_exactly_the_wanted_plans_are_subscribed_to(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1", "h2"])
+    leaders.subscribe_to(["h1", "h2"])
     first = {inbox.name: inbox for inbox in plan_bus.opened}
-    leaders.keep(["h2", "h3"])
+    leaders.subscribe_to(["h2", "h3"])
     assert plan_bus.open_names() == ["h2", "h3"]
     assert first["h1"].closed
     assert [inbox.name for inbox in plan_bus.opened].count("h2") == 1
-    leaders.keep([])
+    leaders.subscribe_to([])
     assert plan_bus.open_names() == []
 
 
@@ -43,7 +43,7 @@ def test_exactly_the_wanted_plans_are_subscribed_to(leaders: LeaderPlans, plan_b
 def test_plans_are_aligned_by_the_difference_of_frames_and_their_own_delay(
     leaders: LeaderPlans, plan_bus: PlanBus, plan_frame: int, start_s: float, ahead_s: float
 ) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", plan_frame, start_s=start_s, position_m=(1.0, 2.0, 3.0)))
     plan = leaders.plans(clock_at(10))["h1"]
     assert plan.ahead_s == pytest.approx(ahead_s)
@@ -53,13 +53,13 @@ def test_plans_are_aligned_by_the_difference_of_frames_and_their_own_delay(
 
 
 def test_frames_that_were_coasted_count(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", 10, start_s=0.0))
     assert leaders.plans(clock_at(13, coasted=3))["h1"].ahead_s == pytest.approx(0.06)
 
 
 def test_plans_of_another_epoch_are_left_out_and_counted(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1", "h2"])
+    leaders.subscribe_to(["h1", "h2"])
     plan_bus.deliver(plan_of("h1", epoch=7))
     plan_bus.deliver(plan_of("h2"))
     assert set(leaders.plans(clock_at(10))) == {"h2"}
@@ -67,7 +67,7 @@ def test_plans_of_another_epoch_are_left_out_and_counted(leaders: LeaderPlans, p
 
 
 def test_a_leader_on_the_floor_says_so(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", airborne=False))
     assert not leaders.plans(clock_at(10))["h1"].followable
 
@@ -77,7 +77,7 @@ def test_plans_are_complete_when_those_of_every_leader_belong_to_this_frame_or_l
 ) -> None:
     epoch = clock_at(10).epoch
     assert leaders.complete(epoch, 10, plan_bus.open_names())
-    leaders.keep(["h1", "h2"])
+    leaders.subscribe_to(["h1", "h2"])
     assert not leaders.complete(epoch, 10, plan_bus.open_names())
     plan_bus.deliver(plan_of("h1", 10))
     assert not leaders.complete(epoch, 10, plan_bus.open_names())
@@ -93,10 +93,10 @@ def test_plans_are_complete_when_those_of_every_leader_belong_to_this_frame_or_l
 def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
     leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", ancestors=("h2", "h3")))
     assert leaders.ancestors(["h1"]) == ("h1", "h2", "h3")
-    leaders.keep(["h1", "h4"])
+    leaders.subscribe_to(["h1", "h4"])
     plan_bus.deliver(plan_of("h4", ancestors=("h3", "h5")))
     assert set(leaders.ancestors(["h1", "h4"])) == {"h1", "h2", "h3", "h4", "h5"}
     assert len(leaders.ancestors(["h1", "h4"])) == 5
@@ -104,7 +104,7 @@ def test_ancestors_are_the_leaders_and_theirs_nearest_first_each_once(
 
 
 def test_a_line_that_leads_back_is_found(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     assert leaders.cycle_through("h1") is None
     plan_bus.deliver(plan_of("h1", ancestors=("h2", "h9", "h3")))
     assert leaders.cycle_through("h1") == ("h1", "h2", "h9")
@@ -116,7 +116,7 @@ def test_a_line_that_leads_back_is_found(leaders: LeaderPlans, plan_bus: PlanBus
 def test_plans_of_a_cycle_that_began_unnoticed_are_left_out_and_counted(
     leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", ancestors=("h9",)))
     assert leaders.plans(clock_at(10)) == {}
     assert leaders.rejected == {"plan.leader_cycle": 1}
@@ -125,10 +125,10 @@ def test_plans_of_a_cycle_that_began_unnoticed_are_left_out_and_counted(
 def test_refused_plans_stay_counted_after_the_leader_has_changed(
     leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.opened[0].store(b"garbage", 0.0)
     assert leaders.newest("h1") is None
-    leaders.keep(["h2"])
+    leaders.subscribe_to(["h2"])
     plan_bus.opened[1].store(b"garbage", 0.0)
     assert leaders.newest("h2") is None
     (count,) = leaders.rejected.values()
@@ -139,7 +139,7 @@ def test_the_age_is_that_of_the_oldest_plan_and_unknown_while_one_is_missing(
     leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
     assert leaders.plan_age_s(100.0, []) is None
-    leaders.keep(["h1", "h2"])
+    leaders.subscribe_to(["h1", "h2"])
     plan_bus.deliver(plan_of("h1"), 99.0)
     assert leaders.plan_age_s(100.0, ["h1", "h2"]) is None
     plan_bus.deliver(plan_of("h2"), 99.5)
@@ -148,7 +148,7 @@ def test_the_age_is_that_of_the_oldest_plan_and_unknown_while_one_is_missing(
 
 
 def test_a_leader_that_takes_off_or_lands_is_not_flown_by(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", followable=False))
     assert not leaders.plans(clock_at(10))["h1"].followable
 
@@ -156,7 +156,7 @@ def test_a_leader_that_takes_off_or_lands_is_not_flown_by(leaders: LeaderPlans, 
 def test_plans_of_frames_before_a_change_of_leaders_may_tell_of_the_old_line(
     leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", 10, ancestors=("h9",)))
     clock = clock_at(11)
     assert set(leaders.plans(clock, cycles_from=(clock.epoch, 11))) == {"h1"}
@@ -166,14 +166,14 @@ def test_plans_of_frames_before_a_change_of_leaders_may_tell_of_the_old_line(
 def test_a_cycle_is_noticed_at_once_in_a_new_epoch_whose_frames_begin_anew(
     leaders: LeaderPlans, plan_bus: PlanBus
 ) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", 10, ancestors=("h9",)))
     clock = clock_at(11)
     assert leaders.plans(clock, cycles_from=(clock.epoch - 1, 5000)) == {}
 
 
 def test_the_level_is_that_of_the_longest_line_of_leaders(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1", "h2"])
+    leaders.subscribe_to(["h1", "h2"])
     assert leaders.level([]) == 0
     assert leaders.level(["h1", "h2"]) == 1
     plan_bus.deliver(plan_of("h2", 10, ancestors=("h4", "h5")))
@@ -182,7 +182,7 @@ def test_the_level_is_that_of_the_longest_line_of_leaders(leaders: LeaderPlans, 
 
 
 def test_a_silent_leader_has_no_fresh_plan(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
-    leaders.keep(["h1"])
+    leaders.subscribe_to(["h1"])
     assert leaders.fresh("h1", 100.0) is None
     plan_bus.deliver(plan_of("h1"), 100.0)
     assert leaders.fresh("h1", 100.05) is not None

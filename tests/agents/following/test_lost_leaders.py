@@ -58,7 +58,7 @@ class Orphan:
         neighbours = PeerStatuses("h9", self.statuses, self.clock)
         succession = Succession(self.policy, 2.0, {"h1": self.successors}, frozenset(self.successors))
         self.lost = LostLeaders("h9", succession, self.pilot, self.leaders, neighbours, self.clock)
-        self.leaders.keep(["h1", "h2"])
+        self.leaders.subscribe_to(["h1", "h2"])
         self.pilot.observe(
             StampedMeasurement(1, self.frame, PERIOD_S, Measurement(np.array([-0.5, 0.0, 1.0]), 0.0))
         )
@@ -78,7 +78,7 @@ class Orphan:
                 self.plan_bus.deliver(plan, self.clock())
             self.fellow()
             found = self.leaders.plans(self.pilot.clock)
-            self.lost.tend(found)
+            self.lost.update(found)
             self.pilot.control(found)
             if self.modes[-1:] != [self.lost.following_mode]:
                 self.modes.append(self.lost.following_mode)

@@ -77,25 +77,25 @@ def test_a_cycle_is_survived() -> None:
 
 def test_the_share_changes_with_the_leader_and_is_told_once() -> None:
     authority, controller = LimitScaling("h4", {}), Sharing()
-    authority.tend(controller, {}, TREE)
-    authority.tend(controller, {}, TREE)
+    authority.update(controller, {}, TREE)
+    authority.update(controller, {}, TREE)
     promoted = TREE | exchanged(TREE, places(TREE, {"h1": np.zeros(4)}), "h1", "h4")
-    authority.tend(controller, {}, promoted)
+    authority.update(controller, {}, promoted)
     assert controller.shares == pytest.approx([1.0, NEXT_LIMIT_SCALE * LEADER_LIMIT_SCALE])
 
 
 def test_another_controller_is_told_too() -> None:
     authority, first, second = LimitScaling("h2", {}), Sharing(), Sharing()
-    authority.tend(first, {}, TREE)
-    authority.tend(second, {}, TREE)
+    authority.update(first, {}, TREE)
+    authority.update(second, {}, TREE)
     assert first.shares == second.shares == pytest.approx([LEADER_LIMIT_SCALE])
 
 
 def test_a_fixed_range_and_an_unknown_formation_change_nothing() -> None:
     controller = Sharing()
-    LimitScaling("h1", {}).tend(controller, {"input_range": 0.5}, TREE)
-    LimitScaling("h1", {}).tend(controller, {}, {"h1": ()})
-    LimitScaling("h1", {}).tend(NotedController(np.zeros((1, 4))), {}, TREE)
+    LimitScaling("h1", {}).update(controller, {"input_range": 0.5}, TREE)
+    LimitScaling("h1", {}).update(controller, {}, {"h1": ()})
+    LimitScaling("h1", {}).update(NotedController(np.zeros((1, 4))), {}, TREE)
     assert controller.shares == []
 
 

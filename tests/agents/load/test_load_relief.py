@@ -57,14 +57,14 @@ class Scene:
 
     def take_effect(self) -> bool:
         self.bus.effective, self.bus.notes = set(self.bus.notes[-1:]), []
-        return self.relief.settle()
+        return self.relief.update()
 
     def hear(self, agents: int, flies: int | None) -> bool:
         """What the launcher tells takes effect at the next step, without a note."""
         status = LauncherStatus(running=tuple(f"h{n}" for n in range(agents)), absent=(), flies=flies)
         self.launcher.store(encode(status), self.bus.now_s)
         self.bus.effective = set()
-        return self.relief.settle()
+        return self.relief.update()
 
     def overload(self) -> None:
         while not self.bus.notes:
@@ -82,7 +82,7 @@ def test_nothing_changes_before_the_note_takes_effect() -> None:
     assert scene.take_effect()
     assert scene.relief.relief is Relief.STATUSES
     scene.bus.effective.clear()
-    assert not scene.relief.settle()
+    assert not scene.relief.update()
 
 
 def test_one_thing_after_the_other_is_left_out_and_counted() -> None:
@@ -130,12 +130,12 @@ def test_the_share_of_a_processor_is_that_since_the_last_look() -> None:
 def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_other(bench: Bench) -> None:
     bench.start()
     bench.agent._bus.note("relief_4")
-    bench.step_until(lambda: bench.agent._parts.pacing.every == 2, "half rate does not begin")
+    bench.step_until(lambda: bench.agent.parts.pacing.every == 2, "half rate does not begin")
     # The second vehicle of the fleet, so its turn is with odd frames.
     if bench.frame % 2 == 0:
         bench.see()
     bench.sent.clear()
-    missed_ticks = bench.agent._parts.pacing.missed_ticks
+    missed_ticks = bench.agent.parts.pacing.missed_ticks
     for _ in range(4):
         bench.see()
         bench.see()
@@ -154,16 +154,16 @@ def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Ben
 
     def told() -> bool:
         bench.others.publish(channels.LAUNCHER, "main", status)
-        return bench.agent._parts.relief.relief is Relief.QUARTER_RATE
+        return bench.agent.parts.relief.relief is Relief.QUARTER_RATE
 
     bench.step_until(told, "the agent does not hear the launcher")
     for _ in range(8):
         bench.see()
-    assert bench.agent._parts.pacing.every == 4
+    assert bench.agent.parts.pacing.every == 4
     rests_s = []
     for _ in range(4):
         bench.see()
-        seen = bench.agent._parts.observation.seen
+        seen = bench.agent.parts.observation.seen
         assert seen is not None
         rests_s.append(bench.agent.rest_until_s - seen.arrived_s)
     assert sorted(rests_s) == pytest.approx([0.0, 0.0, 0.0, 3.5 * 0.02])

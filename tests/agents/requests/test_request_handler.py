@@ -41,7 +41,7 @@ def test_leaders_may_be_changed_before_the_vehicle_was_seen(bench: HandlerBench)
     assert bench.ask(Lead()).refusal is None
     asked = bench.ask(follow("h1"))
     bench.plan_bus.deliver(plan_of("h1"))
-    bench.changes.settle()
+    bench.changes.decide()
     assert asked.refusal is None
     assert bench.plan_bus.open_names() == ["h1"]
 
@@ -104,7 +104,7 @@ def test_set_points_of_followers_are_refused_and_the_leader_named(bench: Handler
     bench.fly()
     bench.ask(follow("h1"))
     bench.plan_bus.deliver(plan_of("h1"))
-    bench.changes.settle()
+    bench.changes.decide()
     refusal = bench.ask(go_to(0, 0, 1)).refusal
     assert refusal is not None
     assert "follows h1" in refusal
@@ -161,7 +161,7 @@ def test_a_trajectory_is_checked_beside_the_loop_and_begins_where_the_vehicle_is
     assert not asked.answers
     assert bench.pilot.guidance.path_left_s(bench.pilot.clock.time_s) == 0.0
     bench.handler.trajectories.wait()
-    assert bench.handler.trajectories.settle()
+    assert bench.handler.trajectories.finish()
     assert asked.refusal is None
     assert bench.pilot.guidance.path_left_s(bench.pilot.clock.time_s) > 300.0
 
@@ -177,7 +177,7 @@ def test_a_later_request_that_was_granted_overtakes_a_trajectory_that_is_still_c
     assert bench.begin(go_to(0.3, 0.0, 1.0)).refusal is None
     assert asked.refusal == "overtaken by a later request: verb"
     bench.handler.trajectories.wait()
-    assert not bench.handler.trajectories.settle()
+    assert not bench.handler.trajectories.finish()
     assert bench.pilot.guidance.set_point()[0] == pytest.approx([0.3, 0.0, 1.0])
 
 
@@ -186,7 +186,7 @@ def test_a_trajectory_that_was_checked_is_refused_if_the_vehicle_lands_meanwhile
     asked = bench.begin(trajectory_to(0.4))
     bench.pilot.guidance.land(bench.pilot.estimate, 0.0)
     bench.handler.trajectories.wait()
-    bench.handler.trajectories.settle()
+    bench.handler.trajectories.finish()
     assert asked.refusal is not None
     assert asked.refusal.endswith("the phase is landing")
 
@@ -280,11 +280,11 @@ def test_who_tunes_a_vehicle_ends_what_the_guard_did_to_it(
         )
     )
     bench.tuning.wait()
-    bench.handler.settle_tuning()
+    bench.handler.finish_tuning()
     assert effort_factors(bench.tuning.configuration) == (27.0, 1.0, 1.0)
     request = bench.ask(Tune(controller_settings=asked))
     bench.tuning.wait()
-    bench.handler.settle_tuning()
+    bench.handler.finish_tuning()
     assert request.refusal is None
     assert effort_factors(bench.tuning.configuration) == (1.0, 1.0, 1.0)
 

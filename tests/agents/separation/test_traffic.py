@@ -40,7 +40,7 @@ class Road:
         self.clock.frames_until(1, 10, 0.02)
 
     def heard(self, own: AgentStatus, **others: AgentStatus) -> list[str]:
-        self.traffic.tend(own, others)
+        self.traffic.update(own, others)
         return self.bus.open_names()
 
 

@@ -23,7 +23,7 @@ def lease_of(take_over: bool = False) -> ControlLease:
 
 def holding() -> ControlLease:
     lease = lease_of()
-    lease.hear(AGENT, 3, commanding=2, now_s=0.01)
+    lease.on_answer(AGENT, 3, commanding=2, now_s=0.01)
     return lease
 
 
@@ -33,7 +33,7 @@ def test_an_agent_asks_at_once_and_until_it_is_answered() -> None:
     assert not lease.bid_due(BID_PERIOD_S / 2)
     assert lease.next_s() == BID_PERIOD_S
     assert lease.bid_due(BID_PERIOD_S)
-    lease.hear(AGENT, 1, commanding=0, now_s=0.02)
+    lease.on_answer(AGENT, 1, commanding=0, now_s=0.02)
     assert lease.held
     assert not lease.quiet
     assert not lease.bid_due(1.0)
@@ -49,7 +49,7 @@ def test_without_an_answer_an_agent_speaks_for_its_vehicle_and_asks_less_often_a
 
 def test_answers_to_others_give_no_lease() -> None:
     lease = lease_of()
-    lease.hear(OTHER, 1, commanding=0, now_s=0.01)
+    lease.on_answer(OTHER, 1, commanding=0, now_s=0.01)
     assert not lease.held
 
 
@@ -59,7 +59,7 @@ def test_an_agent_has_lost_as_soon_as_a_later_lease_commands(told: str) -> None:
     lease.note_applied(3, 0.02)
     assert lease.held
     if told == "answer":
-        lease.hear(OTHER, 4, commanding=4, now_s=0.03)
+        lease.on_answer(OTHER, 4, commanding=4, now_s=0.03)
     else:
         lease.note_applied(4, 0.03)
     assert lease.lost
@@ -70,23 +70,23 @@ def test_an_agent_has_lost_as_soon_as_a_later_lease_commands(told: str) -> None:
 
 def test_a_later_lease_that_does_not_command_yet_changes_nothing() -> None:
     lease = holding()
-    lease.hear(OTHER, 4, commanding=3, now_s=0.03)
+    lease.on_answer(OTHER, 4, commanding=3, now_s=0.03)
     assert lease.held
 
 
 def test_an_agent_whose_vehicle_another_one_flies_keeps_quiet_and_gives_up() -> None:
     lease = lease_of()
-    lease.hear(AGENT, 0, commanding=2, now_s=0.01)
+    lease.on_answer(AGENT, 0, commanding=2, now_s=0.01)
     assert lease.quiet
     assert not lease.lost
-    lease.hear(AGENT, 0, commanding=2, now_s=0.01 + REFUSED_S)
+    lease.on_answer(AGENT, 0, commanding=2, now_s=0.01 + REFUSED_S)
     assert lease.lost
 
 
 def test_a_refusal_that_arrives_late_takes_no_lease_away() -> None:
     lease = holding()
-    lease.hear(AGENT, 0, commanding=2, now_s=0.02)
-    lease.hear(AGENT, 0, commanding=2, now_s=5.0)
+    lease.on_answer(AGENT, 0, commanding=2, now_s=0.02)
+    lease.on_answer(AGENT, 0, commanding=2, now_s=5.0)
     assert lease.held
 
 
@@ -98,7 +98,7 @@ def test_an_agent_that_is_to_take_over_does_so_when_it_is_warm_and_waits_until_t
     assert not lease.takes_over(WARM_S, ready=False)
     assert lease.takes_over(WARM_S, ready=True)
     for now_s in (0.01, 5.0):
-        lease.hear(AGENT, 0, commanding=2, now_s=now_s)
+        lease.on_answer(AGENT, 0, commanding=2, now_s=now_s)
     assert not lease.lost
     assert not lease_of().takes_over(WARM_S, ready=True)
 
@@ -109,6 +109,6 @@ def test_an_agent_whose_lease_the_gateway_has_forgotten_asks_for_another_one() -
     assert not lease.bid_due(1.0 + IGNORED_S / 2)
     lease.note_applied(0, 1.0 + IGNORED_S)
     assert lease.bid_due(1.0 + IGNORED_S)
-    lease.hear(AGENT, 1, commanding=0, now_s=1.4)
+    lease.on_answer(AGENT, 1, commanding=0, now_s=1.4)
     assert (lease.number, lease.held) == (1, True)
     assert not lease.bid_due(2.0)

@@ -1,0 +1,87 @@
+"""How well an agent works, as a part of its status."""
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+from rcopterx.agents.assembly import AgentParts
+from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.telemetry import settings_in_message
+from rcopterx.agents.tuning.guard import effort_factors
+from rcopterx.bus.messages import Diagnostics
+from rcopterx.bus.rounding import all_rounded, rounded
+
+DEVIATION_BITS: Final = 17
+"""Standard deviations are rounded to a hundredth of a millimetre."""
+HOVER_THRUST_BITS: Final = 10
+"""Hover thrusts are rounded to a tenth of a per cent."""
+
+
+def diagnostics_of(
+    settings: AgentSettings, pilot: Pilot, parts: AgentParts, realtime: bool, now_s: float
+) -> Diagnostics:
+    """Return the present figures of an agent; `realtime`: it runs in a real-time scheduling class."""
+    configuration, times, relief = parts.tuning.configuration, parts.solve.times(), parts.relief
+    remarks = (*pilot.remarks, parts.tuning.remark, relief.remark, parts.guard.remark)
+    return Diagnostics(
+        controller=configuration.controller,
+        estimator=configuration.estimator,
+        controller_settings=settings_in_message(configuration.controller_settings),
+        estimator_settings=settings_in_message(configuration.estimator_settings),
+        horizon=pilot.controller.horizon,
+        effort_factor=max(effort_factors(configuration)),
+        client=parts.external.client,
+        pose_age_s=parts.observation.pose_age_s,
+        plan_age_s=parts.plans.plan_age_s(now_s, pilot.guidance.leaders),
+        ticks=parts.pacing.ticks,
+        missed_ticks=parts.pacing.missed_ticks,
+        solve_ms_p50=times.p50,
+        solve_ms_p99=times.p99,
+        solve_ms_max=times.maximum,
+        fallbacks=_summed(source.events for source in parts.event_sources),
+        estimator_events=dict(pilot.estimator.events),
+        rejected=_summed(source.rejected for source in parts.event_sources),
+        avoiding_ticks=pilot.avoidance.ticks,
+        closest_plan_m=pilot.avoidance.closest_m,
+        hover_thrust=_hover_thrust(pilot),
+        wind_m_s2=_wind(pilot),
+        position_deviation_m=_position_deviation(pilot),
+        realtime=realtime,
+        process=os.getpid(),
+        host=settings.bus.host or None,
+        remarks=tuple(filter(None, remarks)),
+        processor_share=relief.processor_share(),
+    )
+
+
+def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
+    total: Counter[str] = Counter()
+    for each in counts:
+        total.update(each)
+    return dict(total)
+
+
+def _hover_thrust(pilot: Pilot) -> float | None:
+    """Share of the largest thrust at which the vehicle hovers; None on the floor."""
+    learnt = pilot.self_check.hover_thrust if pilot.guidance.rotor_on else None
+    return None if learnt is None else rounded(learnt, HOVER_THRUST_BITS)
+
+
+def _wind(pilot: Pilot) -> tuple[float, float] | None:
+    """What the estimator takes for wind [m/s^2]; None on the floor, where it estimates none."""
+    if not pilot.guidance.rotor_on:
+        return None
+    estimate = pilot.estimate
+    x, y = estimate.tilt.wind_m_s2 if estimate.has_tilt else estimate.disturbance[:2]
+    return float(x), float(y)
+
+
+def _position_deviation(pilot: Pilot) -> tuple[float, float, float] | None:
+    """How well the estimator knows where the vehicle is [m]; None on the floor, and if it does not tell."""
+    deviation = pilot.estimator.position_deviation_m() if pilot.guidance.rotor_on else None
+    if deviation is None:
+        return None
+    x, y, z = all_rounded(deviation.tolist(), DEVIATION_BITS)
+    return (x, y, z)
